@@ -1,0 +1,311 @@
+"""The typed schema of ``conf/``: what may be set, of which type, within which bounds.
+
+Values live in the YAML files only; a field without a value there is refused. A new setting is a field
+here and a line in its YAML file.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Literal
+from urllib.parse import urlsplit
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from sidegan.errors import ConfigError
+from sidegan.typed import Bound, Count, Natural, NonNegative, Positive, build
+
+Vector = tuple[float, float, float]
+
+_STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How large an experiment is; the other groups refer to these numbers."""
+
+    name: str
+    seeds: Count
+    seed_steps: Count  # optimiser steps per seed
+    labelled: Count  # samples that the surrogates learn from
+    surrogate_epochs: Count
+    gan_epochs: Count
+    fitness_start: Natural  # first epoch in which the fitness loss counts
+    evaluation: Count  # trajectories per epoch whose true physics is measured
+    generated: Count  # valid generated trajectories in the library
+    long_steps: Count  # optimiser steps of the single long trajectory
+    repeats: Count  # noise realisations
+    tests: Count  # test trajectories
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Which arm: the name of a built-in one, or the path of a URDF."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Keep-out half space normal · x < offset [m]."""
+
+    normal: Vector
+    offset: float
+
+
+@dataclass(frozen=True)
+class Box:
+    """Keep-out box between two corners [m]."""
+
+    lower: Vector
+    upper: Vector
+
+
+@dataclass(frozen=True)
+class Region:
+    """One keep-out region."""
+
+    plane: Plane | None = None
+    box: Box | None = None
+
+    def __post_init__(self) -> None:
+        if (self.plane is None) == (self.box is None):
+            raise ConfigError("a region is either a plane or a box")
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where the arm may move, and whether its torque limits count."""
+
+    torque: bool
+    regions: list[Region]
+
+
+@dataclass(frozen=True)
+class TrajectoryFamily:
+    """The short cyclic trajectories."""
+
+    harmonics: Count
+    period: Positive  # [s]
+    home: list[float] | None  # [rad or m]; null: the robot's zero position
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """The conventional optimiser that makes the seed set."""
+
+    method: Literal["gradient", "paper", "ipopt"]
+    fitness: Literal["eigenvalue", "diagonal"]
+    count: Count
+    samples: Count  # time points per period
+    batch: Count  # trajectories per task
+    steps: Count  # gradient: evaluations; paper: generations of the colony; ipopt: iterations
+    attempts: Count  # starts per seed before giving up
+    ants: Count | None = None  # paper only: size of the colony
+    evaluations: Count | None = None  # paper only: of the compass search
+
+    def __post_init__(self) -> None:
+        if self.method == "paper" and None in (self.ants, self.evaluations):
+            raise ConfigError("method paper needs ants and evaluations; choose it by seeds=paper")
+        if self.method != "paper" and (self.ants, self.evaluations) != (None, None):
+            raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
+
+
+@dataclass(frozen=True)
+class Surrogates:
+    """Success predictor and converter, trained before the GAN."""
+
+    samples: Count
+    epochs: Count
+    width: Count
+    steps: Count  # time points per trajectory at which margins are predicted
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the terms of the generator's loss."""
+
+    adversarial: NonNegative
+    features: NonNegative
+    success: NonNegative
+    fitness: NonNegative
+
+
+@dataclass(frozen=True)
+class GanVariant:
+    """What one SIDE-GAN variant sees and is rewarded for, and how it is trained."""
+
+    features: Literal["none", "spectrum", "diagonal"]
+    weights: Weights
+    body: Literal["conv", "mlp"]
+    width: Count
+    noise: Count
+    epochs: Count
+    steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
+    batch: Annotated[int, Bound("≥", 2)]
+    generator_steps: Count  # per discriminator step
+    fitness_start: Natural  # first epoch in which the fitness loss counts
+    learning_rate: Positive
+    gradient_penalty: NonNegative
+    minibatch: bool  # the discriminators see the spread of a batch
+    scaling: Literal["joint", "range"]
+
+    def __post_init__(self) -> None:
+        if self.features == "none" and (self.weights.features or self.weights.fitness):
+            raise ConfigError("weights.features and weights.fitness need features, which are none")
+        if self.weights.fitness and self.fitness_start >= self.epochs:
+            raise ConfigError(
+                f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
+            )
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """How the library grows from the generator."""
+
+    count: Count
+    batch: Count
+    draws: Count  # most samples drawn before giving up
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The greedy pick."""
+
+    count: Count
+
+
+@dataclass(frozen=True)
+class Long:
+    """The single long trajectory that the short ones are compared with."""
+
+    period: Positive  # [s]
+    harmonics: list[Count]  # one trajectory for each
+    samples: Count
+    steps: Count
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Measurement noise."""
+
+    kind: Literal["multiplicative", "additive"]
+    level: NonNegative
+    torque: bool
+    state: bool
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Simulated measurements and recursive least squares."""
+
+    rate: Positive  # [Hz]
+    prior: Positive  # P₀ = prior · I
+    forgetting: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    weighted: bool  # also with one weight per joint, beside the paper's unweighted
+    noise: NoiseModel
+    repeats: Count
+    tests: Count
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Where MLflow records."""
+
+    enabled: bool
+    uri: str | None  # null: sqlite in the outputs
+
+    def __post_init__(self) -> None:
+        scheme = urlsplit(self.uri or "sqlite:").scheme.partition("+")[0]
+        if scheme not in _STORES and self.uri != "databricks":
+            raise ConfigError(
+                f"uri is {self.uri!r}, expected null or a URI that starts with {', '.join(sorted(_STORES))}"
+            )
+
+
+@dataclass(frozen=True)
+class Parallel:
+    """How the work is spread over cores."""
+
+    workers: Count | None  # null: one per core
+    backend: Literal["loky", "dask"]
+    threads: Count | None  # of the main process; null: one per core
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that can be set."""
+
+    experiment: str
+    stages: list[str]
+    seed: Natural
+    outputs: str
+    named: bool  # folders without a stamp in their name, as a pipeline tool wants them
+    device: str
+    scale: Scale
+    robot: Robot
+    workspace: Workspace
+    trajectory: TrajectoryFamily
+    seeds: Seeds
+    surrogates: Surrogates
+    gan: dict[str, GanVariant]
+    library: Expansion
+    selection: Selection
+    long: Long
+    identification: Identification
+    tracking: Tracking
+    parallel: Parallel
+
+    def __post_init__(self) -> None:
+        for what, name in [("experiment", self.experiment), *(("gan", name) for name in self.gan)]:
+            if not _NAME.fullmatch(name):
+                raise ConfigError(f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'")
+        if not _DEVICE.fullmatch(self.device):
+            raise ConfigError(f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps")
+        if len(set(self.stages)) < len(self.stages):
+            raise ConfigError(f"stages is {self.stages}, expected each stage once")
+        if not self.gan:
+            raise ConfigError("gan is empty, expected one variant or more")
+        self._check_rates()
+        library = self.seeds.count + self.library.count
+        if self.selection.count > library:
+            raise ConfigError(
+                f"selection.count is {self.selection.count}, expected at most "
+                f"seeds.count + library.count = {library}"
+            )
+
+    def _check_rates(self) -> None:
+        """Refuse sampling that cannot see the highest harmonic."""
+        if self.seeds.samples <= 2 * self.trajectory.harmonics:
+            raise ConfigError(
+                f"seeds.samples is {self.seeds.samples}, expected more than two per period of "
+                f"the highest of trajectory.harmonics={self.trajectory.harmonics}"
+            )
+        if not self.long.harmonics or self.long.samples <= 2 * max(self.long.harmonics):
+            raise ConfigError(
+                f"long.samples is {self.long.samples}, expected more than two per period of "
+                f"the highest of long.harmonics={self.long.harmonics}"
+            )
+        highest = max(
+            self.trajectory.harmonics / self.trajectory.period, max(self.long.harmonics) / self.long.period
+        )
+        if self.identification.rate <= 2 * highest:
+            raise ConfigError(
+                f"identification.rate is {self.identification.rate:g} Hz, "
+                f"expected more than twice the highest frequency, {highest:g} Hz"
+            )
+
+
+def validate(cfg: DictConfig) -> Config:
+    """The configuration as typed plain values.
+
+    Raises:
+        ConfigError: unknown or missing keys, wrong types, values out of bounds, impossible combinations.
+    """
+    try:
+        values = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{error.full_key}: {str(error.msg).splitlines()[0]}") from error
+    return build(Config, values)  # type: ignore[arg-type]

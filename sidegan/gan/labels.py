@@ -1,0 +1,98 @@
+"""Exactly labelled samples for the surrogates: labels are cheap because the physics is ours."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.dynamics import gram
+from sidegan.excitation import excitation_of
+from sidegan.gan.scaling import Scaling
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints, check
+
+_DISTANCE = 0.1  # [m] clearance that counts like a whole joint range
+_CLIP = 1.0  # scaled margins beyond this carry no information about validity
+_BATCH = 250
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Samples with their true labels.
+
+    Attributes:
+        c: coefficients, (N, J, H, 2) float32.
+        valid: dense validity, (N,).
+        margins: scaled margins by moment, (N, G, T) float32, clipped to ±1.
+        spectrum: spectrum of YᵀY, (N, p).
+        diagonal: diagonal of YᵀY, (N, p).
+    """
+
+    c: Tensor
+    valid: Tensor
+    margins: Tensor
+    spectrum: Tensor
+    diagonal: Tensor
+
+    def part(self, rows: Tensor) -> "Labelled":
+        """The samples at ``rows``."""
+        return Labelled(self.c[rows], self.valid[rows], self.margins[rows], self.spectrum[rows], self.diagonal[rows])
+
+
+def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """Coefficients (count, J, H, 2) around the seeds, for the surrogates to learn from.
+
+    A third are seeds with noise, a third mixtures of two seeds, a third others (a vanilla GAN's
+    output); all at a random size, so that both sides of every constraint are seen.
+    """
+    scaling = Scaling.fit(seeds)
+
+    def pick(x: Tensor, n: int) -> Tensor:
+        return x[torch.randint(len(x), (n,), generator=generator)]
+
+    def uniform(low: float, high: float, n: int) -> Tensor:
+        draw = torch.rand(n, 1, 1, 1, generator=generator, dtype=torch.float64)
+        return low + (high - low) * draw
+
+    third = count // 3
+    image = torch.randn(third, 2, *seeds.shape[1:3], generator=generator, dtype=torch.float64)
+    noisy = pick(seeds, third) + uniform(0, 0.8, third) * (scaling.coefficients(image) - scaling.mean.view(seeds[0].shape))
+    share = uniform(0, 1, third)
+    mixed = share.sqrt() * pick(seeds, third) + (1 - share).sqrt() * pick(seeds, third)
+    rest = pick(others, count - 2 * third)
+    return torch.cat([noisy, mixed, rest]) * uniform(0.5, 1.1, count)
+
+
+@torch.no_grad()
+def label(
+    constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Progress | None = None
+) -> Labelled:
+    """True labels of coefficients (N, J, H, 2); ``steps`` time points per trajectory for the margins."""
+    parts = []
+    for done, batch in enumerate(c.split(_BATCH)):
+        excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, batch))
+        valid = check(constraints, trajectory, batch).valid
+        margins = scaled_margins(constraints, trajectory, batch, steps)
+        parts.append(Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal))
+        if progress is not None:
+            progress(min(len(c), (done + 1) * _BATCH), len(c))
+    fields = zip(*((p.c, p.valid, p.margins, p.spectrum, p.diagonal) for p in parts))
+    return Labelled(*(torch.cat(field) for field in fields))
+
+
+def scaled_margins(constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int) -> Tensor:
+    """Smallest margin of each constraint by moment, (B, G, T) float32, in shares of its limit."""
+    arm = constraints.arm
+    motion = trajectory.roll_out(c, trajectory.grid(steps))
+    states = [x.reshape(-1, arm.joints) for x in motion[1:]]
+    scale = {
+        "position": (arm.position_upper - arm.position_lower) / 2,
+        "velocity": arm.velocity_limit,
+        "torque": arm.torque_limit,
+    }
+    margins = constraints.margins(*states)
+    rows = [(margins[name] / scale.get(name, _DISTANCE)).amin(1) for name in constraints.labels]
+    return torch.stack(rows, 1).clamp(-_CLIP, _CLIP).float().reshape(len(c), steps, -1).transpose(1, 2)

@@ -1,0 +1,124 @@
+"""Generator and discriminators: four layers, ReLU, on (2, J, H) images."""
+
+import torch
+from torch import Tensor, nn
+
+from sidegan.errors import ConfigError
+
+BODIES = ("conv", "mlp")
+
+
+class Generator(nn.Module):
+    """Images (B, 2, J, H) of noise (B, Z) in [−1, 1], of unit spread from the start.
+
+    Args:
+        joints: J.
+        harmonics: H.
+        noise: Z, dimension of the uniform noise.
+        body: ``conv`` (DCGAN: Radford, Metz, Chintala 2016) or ``mlp``.
+        width: channels of the widest layer, or units of a hidden layer.
+    """
+
+    def __init__(self, joints: int, harmonics: int, noise: int = 100, body: str = "conv", width: int = 128) -> None:
+        super().__init__()
+        self.noise = noise
+        self.shape = (2, joints, harmonics)
+        rows, columns = -(-joints // 2), -(-harmonics // 2)
+        self.layers: nn.Sequential
+        if body == "conv":
+            self.layers = nn.Sequential(
+                nn.Linear(noise, width * rows * columns),
+                nn.ReLU(),
+                nn.Unflatten(1, (width, rows, columns)),
+                nn.ConvTranspose2d(width, width, 4, 2, 1),
+                nn.ReLU(),
+                nn.Conv2d(width, width // 2, 3, padding=1),
+                nn.ReLU(),
+                nn.Conv2d(width // 2, 2, 3, padding=1),
+            )
+        elif body == "mlp":
+            out = 2 * joints * harmonics
+            self.layers = nn.Sequential(*_hidden(noise, width, 3), nn.Linear(width, out), nn.Unflatten(1, self.shape))
+        else:
+            raise ConfigError(f"body {body!r} must be one of {', '.join(BODIES)}")
+        self._unit_spread()
+
+    def forward(self, z: Tensor) -> Tensor:
+        """Images (B, 2, J, H)."""
+        return self.layers(z)[:, :, : self.shape[1], : self.shape[2]]
+
+    def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+        """Noise (count, Z), uniform in [−1, 1], on the network's device."""
+        parameter = next(self.parameters())
+        z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
+        return (2 * z - 1).to(parameter.device)
+
+    @torch.no_grad()
+    def _unit_spread(self) -> None:
+        last = [layer for layer in self.layers if isinstance(layer, (nn.Linear, nn.Conv2d))][-1]
+        spread = self(self.draw(256)).std(0).mean()
+        last.weight /= spread
+        if last.bias is not None:
+            last.bias.zero_()
+
+
+class Discriminator(nn.Module):
+    """Logits (B,) of images (B, 2, J, H) being seeds.
+
+    With ``minibatch`` the mean spread of the batch is fed to the last layer (Karras et al. 2018), so
+    that a generator that repeats itself is told apart.
+    """
+
+    def __init__(
+        self, joints: int, harmonics: int, body: str = "conv", width: int = 128, minibatch: bool = True
+    ) -> None:
+        super().__init__()
+        rows, columns = (joints + 1) // 2, (harmonics + 1) // 2
+        if body == "conv":
+            self.layers = nn.Sequential(
+                nn.Conv2d(2, width // 2, 3, padding=1),
+                nn.ReLU(),
+                nn.Conv2d(width // 2, width, 3, 2, 1),
+                nn.ReLU(),
+                nn.Flatten(),
+                nn.Linear(width * rows * columns, width),
+                nn.ReLU(),
+            )
+        else:
+            self.layers = nn.Sequential(nn.Flatten(), *_hidden(2 * joints * harmonics, width, 3))
+        self.head = _Head(width, minibatch)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Logits (B,)."""
+        return self.head(self.layers(image))
+
+
+class FeatureDiscriminator(nn.Module):
+    """Logits (B,) of standardised features (B, p): the paper's second discriminator."""
+
+    def __init__(self, features: int, width: int = 128, minibatch: bool = True) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(*_hidden(features, width, 3))
+        self.head = _Head(width, minibatch)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Logits (B,)."""
+        return self.head(self.layers(features))
+
+
+class _Head(nn.Module):
+    def __init__(self, width: int, minibatch: bool) -> None:
+        super().__init__()
+        self.minibatch = minibatch
+        self.last = nn.Linear(width + minibatch, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        if self.minibatch:
+            spread = (x.var(0, unbiased=False) + 1e-8).sqrt().mean()
+            x = torch.cat([x, spread.expand(len(x), 1)], 1)
+        return self.last(x)[:, 0]
+
+
+def _hidden(inputs: int, width: int, layers: int) -> list[nn.Module]:
+    sizes = [inputs] + [width] * layers
+    return [m for a, b in zip(sizes, sizes[1:]) for m in (nn.Linear(a, b), nn.ReLU())]

@@ -1,0 +1,54 @@
+"""The roll-out as a fixed first layer: what a surrogate sees of a trajectory."""
+
+import torch
+from torch import Tensor, nn
+
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+
+_PEAKS = 2  # finer time points per step at which the limit use is taken, so that peaks are seen
+_ACCELERATION = 5.0  # [rad/s²] that counts as one
+
+
+class RollOut(nn.Module):
+    """Channels (B, 5 J + 2, T) of coefficients (B, J, H, 2), float32.
+
+    sin and cos of the positions, the used share of the position and velocity ranges, scaled
+    accelerations, and the largest used share over the joints. It has no weights: the basis of the
+    trajectories is linear and known.
+    """
+
+    basis: Tensor
+    home: Tensor
+    middle: Tensor
+    room: Tensor
+    speed: Tensor
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
+        super().__init__()
+        self.channels = 5 * arm.joints + 2
+        times = trajectory.grid(steps * _PEAKS)
+        basis = torch.stack([trajectory.basis(times, order).flatten(1) for order in range(3)])
+        buffers = {
+            "basis": basis,
+            "home": torch.tensor(trajectory.home),
+            "middle": (arm.position_upper + arm.position_lower) / 2,
+            "room": (arm.position_upper - arm.position_lower) / 2,
+            "speed": arm.velocity_limit,
+        }
+        for name, value in buffers.items():
+            self.register_buffer(name, value.float(), persistent=False)
+
+    def forward(self, c: Tensor) -> Tensor:
+        """Channels (B, 5 J + 2, T)."""
+        motion = torch.einsum("dtk,bjk->dbjt", self.basis, c.flatten(2))
+        q = motion[0] + self.home[:, None]
+        used = (q - self.middle[:, None]) / self.room[:, None]
+        rate = motion[1] / self.speed[:, None]
+        peaks = [_pooled(x.abs().amax(1, keepdim=True)) for x in (used, rate)]
+        q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rate, motion[2]))
+        return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
+
+
+def _pooled(x: Tensor) -> Tensor:
+    return nn.functional.max_pool1d(x, _PEAKS)

@@ -1,0 +1,66 @@
+"""The affine map between coefficients and the unit-spread images that the networks see."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+
+_SHRINKAGE = 1e-3  # share of the mean variance added to each covariance: few seeds may span less than 2 H
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Image = (coefficients − mean) whitened, per joint.
+
+    Attributes:
+        mean: mean coefficients [rad/s], (J, 2 H).
+        spread: from image to coefficients, per joint, (J, 2 H, 2 H).
+    """
+
+    mean: Tensor
+    spread: Tensor
+
+    @staticmethod
+    def fit(c: Tensor, kind: str = "joint") -> "Scaling":
+        """Scaling of a seed set (N, J, H, 2).
+
+        Args:
+            c: coefficients of the seeds.
+            kind: ``joint`` whitens each joint's 2 H coefficients; ``range`` only divides each element
+                by its largest absolute value, as the paper does.
+
+        Raises:
+            ShapeError: for fewer than two seeds or an unknown kind.
+        """
+        if len(c) < 2:
+            raise ShapeError(f"scaling needs at least two seeds, got {len(c)}")
+        x = c.flatten(2).double().transpose(0, 1)
+        if kind == "range":
+            return Scaling(torch.zeros_like(x[:, 0]), torch.diag_embed(x.abs().amax(1).clamp_min(1e-9)))
+        if kind != "joint":
+            raise ShapeError(f"scaling kind {kind!r} must be 'joint' or 'range'")
+        mean = x.mean(1)
+        centred = x - mean[:, None]
+        covariance = centred.transpose(1, 2) @ centred / (x.shape[1] - 1)
+        floor = _SHRINKAGE * covariance.diagonal(dim1=1, dim2=2).mean(1).clamp_min(1e-12)
+        eye = torch.eye(x.shape[2], dtype=torch.float64)
+        values, vectors = torch.linalg.eigh(covariance + floor[:, None, None] * eye)
+        return Scaling(mean, vectors @ torch.diag_embed(values.sqrt()) @ vectors.transpose(1, 2))
+
+    def to(self, like: Tensor) -> "Scaling":
+        """The same scaling on the device and dtype of ``like``."""
+        return Scaling(self.mean.to(like), self.spread.to(like))
+
+    def coefficients(self, image: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, J, H)."""
+        x = image.permute(0, 2, 3, 1).flatten(2)
+        c = torch.einsum("bjk,jlk->bjl", x, self.spread) + self.mean
+        return c.reshape(*c.shape[:2], -1, 2)
+
+    def image(self, c: Tensor) -> Tensor:
+        """Images (B, 2, J, H) of coefficients (B, J, H, 2)."""
+        x = (c.flatten(2) - self.mean).transpose(0, 1)
+        whitened = torch.linalg.solve(self.spread, x.transpose(1, 2)).permute(2, 0, 1)
+        return whitened.reshape(c.shape).permute(0, 3, 1, 2)

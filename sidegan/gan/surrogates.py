@@ -1,0 +1,90 @@
+"""Networks that stand for the physics in the generator's loss: success predictor and converter.
+
+Both see the trajectory rolled out in time and work on each time point alike (a convolution of kernel
+one), then pool over time: the worst moment decides validity, the mean makes up YᵀY.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from sidegan.gan.rollout import RollOut
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+
+
+class SuccessPredictor(nn.Module):
+    """Logits that each constraint holds, (B, G), and per-moment margins, of coefficients (B, J, H, 2).
+
+    Args:
+        arm: the arm.
+        trajectory: the family of trajectories.
+        constraints: number of constraint groups G.
+        width: channels of the hidden layers.
+        steps: time points of the roll-out.
+    """
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int = 96, steps: int = 80) -> None:
+        super().__init__()
+        self.roll_out = RollOut(arm, trajectory, steps)
+        self.layers = nn.Sequential(
+            nn.Conv1d(self.roll_out.channels, width, 1),
+            nn.ReLU(),
+            nn.Conv1d(width, width, 1),
+            nn.ReLU(),
+            nn.Conv1d(width, width // 2, 1),
+            nn.ReLU(),
+            nn.Conv1d(width // 2, constraints, 1),
+        )
+        self.gain = nn.Parameter(torch.full((constraints,), 3.0))
+        self.offset = nn.Parameter(torch.zeros(constraints))
+
+    def margins(self, c: Tensor) -> Tensor:
+        """Predicted margins by moment, (B, G, T), in the units of ``labels.scaled_margins``."""
+        return self.layers(self.roll_out(c))
+
+    def forward(self, c: Tensor) -> Tensor:
+        """Log probability of being valid, (B,)."""
+        return self.log_probability(self.margins(c))
+
+    def log_probability(self, margins: Tensor) -> Tensor:
+        """Log probability of being valid, (B,), of predicted margins (B, G, T)."""
+        worst = margins.amin(2)
+        return nn.functional.logsigmoid(self.gain.exp() * (worst - self.offset)).sum(1)
+
+
+class Converter(nn.Module):
+    """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
+
+    mean: Tensor
+    spread: Tensor
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48) -> None:
+        super().__init__()
+        self.roll_out = RollOut(arm, trajectory, steps)
+        self.moments = nn.Sequential(
+            nn.Conv1d(self.roll_out.channels, width, 1), nn.ReLU(), nn.Conv1d(width, width, 1), nn.ReLU()
+        )
+        self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
+        self.register_buffer("mean", torch.zeros(features))
+        self.register_buffer("spread", torch.ones(features))
+
+    def forward(self, c: Tensor) -> Tensor:
+        """Standardised log features, (B, p)."""
+        moments = self.moments(self.roll_out(c))
+        energy = (moments * moments).mean(2)
+        return self.pooled(torch.cat([moments.mean(2), torch.log1p(energy)], 1))
+
+    def standardise(self, features: Tensor) -> Tensor:
+        """Standardised logs of true features (B, p)."""
+        return (features.clamp_min(1e-12).log().float() - self.mean) / self.spread
+
+    def log_features(self, standardised: Tensor) -> Tensor:
+        """Natural logs of features, from standardised ones."""
+        return standardised * self.spread + self.mean
+
+    @torch.no_grad()
+    def fit_standard(self, features: Tensor) -> None:
+        """Set mean and spread from true features (N, p)."""
+        logs = features.clamp_min(1e-12).log().float()
+        self.mean.copy_(logs.mean(0))
+        self.spread.copy_(logs.std(0).clamp_min(1e-3))

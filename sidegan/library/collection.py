@@ -1,0 +1,219 @@
+"""A trajectory library: coefficients with all that was measured about them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import ArtifactError, ShapeError
+from sidegan.library import parquet
+
+if TYPE_CHECKING:
+    from sidegan.robot import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """N trajectories of one robot; tensors are kept as float64 (``valid``: bool) on the CPU.
+
+    Attributes:
+        coefficients: [rad/s], (N, J, H, 2).
+        valid: whether every constraint holds over the whole period, (N,).
+        margins: signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each.
+        fitness: eigenvalue fitness, (N,); infinite where a direction is not excited.
+        diagonal_fitness: (N,); infinite where a base parameter is not excited.
+        spectrum: eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p).
+        diagonal: diagonal of YᵀY / T over the base columns, (N, p).
+        source: where each trajectory comes from, such as ``"seeds"`` or ``"eigen"``, N of them.
+        robot: name of the arm.
+        digest: the arm's digest.
+        period: duration of a trajectory [s].
+        home: joint positions at both ends [rad or m], J of them.
+
+    Raises:
+        ShapeError: when a shape does not fit or a value is not a number.
+    """
+
+    coefficients: Tensor
+    valid: Tensor
+    margins: dict[str, Tensor]
+    fitness: Tensor
+    diagonal_fitness: Tensor
+    spectrum: Tensor
+    diagonal: Tensor
+    source: list[str]
+    robot: str
+    digest: str
+    period: float
+    home: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        c, diagonal = self.coefficients, self.diagonal
+        if c.ndim != 4 or c.shape[3] != 2 or diagonal.ndim != 2:
+            shapes = f"coefficients {tuple(c.shape)} and diagonal {tuple(diagonal.shape)}"
+            raise ShapeError(f"{shapes}, expected (N, J, H, 2) and (N, p)")
+        if len(self.source) != len(c) or len(self.home) != c.shape[1]:
+            found = f"{len(self.source)} sources and {len(self.home)} home positions"
+            raise ShapeError(f"{found} for coefficients {tuple(c.shape)}")
+        if not (np.isfinite(self.home).all() and np.isfinite(self.period) and self.period > 0):
+            raise ShapeError(f"home {self.home} and period {self.period} s must be finite, period positive")
+        columns = {name: _column(name, x, self) for name, x in self.columns().items()}
+        plain = {"home": tuple(map(float, self.home)), "period": float(self.period)}
+        for name, value in {**self._fields(columns), **plain}.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.coefficients)
+
+    def columns(self) -> dict[str, Tensor]:
+        """Every tensor, (N, …), under the name of its column in the file."""
+        return {
+            "coefficients": self.coefficients,
+            "valid": self.valid,
+            **{f"margin_{name}": self.margins[name] for name in sorted(self.margins)},
+            "fitness": self.fitness,
+            "diagonal_fitness": self.diagonal_fitness,
+            "spectrum": self.spectrum,
+            "diagonal": self.diagonal,
+        }
+
+    def family(self) -> dict[str, Any]:
+        """What two libraries must share to be merged, in plain values."""
+        return {
+            "robot": self.robot,
+            "digest": self.digest,
+            "joints": self.coefficients.shape[1],
+            "harmonics": self.coefficients.shape[2],
+            "period": self.period,
+            "home": list(self.home),
+            "parameters": self.diagonal.shape[1],
+            "margins": sorted(self.margins),
+        }
+
+    def take(self, indices: Tensor | Sequence[int]) -> "Library":
+        """The trajectories at ``indices``, (K,), in that order.
+
+        Raises:
+            ShapeError: when an index is not an integer in 0 … N − 1.
+        """
+        index = torch.as_tensor(indices, device="cpu")
+        index = index.long() if index.numel() == 0 else index
+        if index.ndim != 1 or index.is_floating_point() or index.dtype == torch.bool:
+            raise ShapeError(f"indices are {tuple(index.shape)} {index.dtype}, expected integers (K,)")
+        outside = index[(index < 0) | (index >= len(self))]
+        if len(outside):
+            raise ShapeError(f"index {int(outside[0])} is outside a library of {len(self)} trajectories")
+        columns = {name: x[index] for name, x in self.columns().items()}
+        return replace(self, **self._fields(columns), source=[self.source[i] for i in index.tolist()])
+
+    def filter(self, mask: Tensor) -> "Library":
+        """The trajectories where ``mask``, (N,), is true, such as ``library.filter(library.valid)``.
+
+        Raises:
+            ShapeError: when the mask is not boolean or not (N,).
+        """
+        if mask.dtype != torch.bool or mask.shape != (len(self),):
+            raise ShapeError(f"mask is {tuple(mask.shape)} {mask.dtype}, expected bool ({len(self)},)")
+        return self.take(mask.nonzero()[:, 0])
+
+    def merge(self, other: "Library") -> "Library":
+        """These trajectories followed by ``other``'s.
+
+        Raises:
+            ShapeError: when the two differ in anything of ``family``.
+        """
+        mine, theirs = self.family(), other.family()
+        differences = [f"{key} {mine[key]} and {theirs[key]}" for key in mine if mine[key] != theirs[key]]
+        if differences:
+            raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
+        others = other.columns()
+        columns = {name: torch.cat([x, others[name]]) for name, x in self.columns().items()}
+        return replace(self, **self._fields(columns), source=self.source + other.source)
+
+    def describe(self) -> dict[str, Any]:
+        """Summary in plain values; medians over the valid trajectories, None where there are none.
+
+        Raises:
+            ShapeError: when the library is empty.
+        """
+        self._refuse_empty("described")
+        scalars = {name: x[self.valid] for name, x in self.columns().items() if x.ndim == 1}
+        medians = {f"median_{name}": _median(x) for name, x in scalars.items() if name != "valid"}
+        return {
+            **self.family(),
+            "count": len(self),
+            "valid": int(self.valid.sum()),
+            "valid_share": float(self.valid.double().mean()),
+            "sources": dict(Counter(self.source)),
+            **medians,
+        }
+
+    def save(self, path: Path) -> None:
+        """Write one Parquet file, a row per trajectory, whole or not at all.
+
+        Raises:
+            ShapeError: when the library is empty.
+            StorageError: when the folder cannot be written or is full.
+        """
+        self._refuse_empty("saved")
+        parquet.write(path, self.columns(), self.source, self.family())
+
+    @classmethod
+    def load(cls, path: Path, arm: "Arm | None" = None) -> "Library":
+        """Library of a file that ``save`` wrote, to the last bit.
+
+        Args:
+            path: the file.
+            arm: the robot that it must have been made for; any when None.
+
+        Raises:
+            ArtifactError: when the file is missing, damaged, empty, of an unknown format, or for another arm.
+        """
+        columns, source, family = parquet.read(path)
+        if arm is not None and arm.digest != family["digest"]:
+            made_for = f"{family['robot']} (digest {family['digest']})"
+            raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
+        fields: dict[str, Any] = {name: x for name, x in columns.items() if not name.startswith("margin_")}
+        fields["margins"] = {name: columns[f"margin_{name}"] for name in family["margins"]}
+        fields |= {key: family[key] for key in ("robot", "digest", "period", "home")}
+        try:
+            return cls(**fields, source=source)
+        except ShapeError as error:
+            raise ArtifactError(f"{path} contradicts itself: {error}") from error
+
+    def _fields(self, columns: dict[str, Tensor]) -> dict[str, Any]:
+        """Constructor's arguments for these columns."""
+        prefixed = {f"margin_{name}": name for name in self.margins}
+        margins = {prefixed[key]: x for key, x in columns.items() if key in prefixed}
+        return {**{key: x for key, x in columns.items() if key not in prefixed}, "margins": margins}
+
+    def _refuse_empty(self, what: str) -> None:
+        if not len(self):
+            raise ShapeError(f"an empty library of {self.robot} cannot be {what}")
+
+
+def _column(name: str, x: Tensor, library: Library) -> Tensor:
+    """The column as it is kept, after a look at its shape, type and values."""
+    count, parameters = library.diagonal.shape
+    if name == "coefficients":
+        shape = (count, *library.coefficients.shape[1:])
+    else:
+        shape = (count, parameters) if name in ("spectrum", "diagonal") else (count,)
+    if x.shape != shape:
+        raise ShapeError(f"{name} is {tuple(x.shape)}, expected {shape}")
+    if (x.dtype == torch.bool) != (name == "valid"):
+        raise ShapeError(f"{name} is {x.dtype}, expected {'bool' if name == 'valid' else 'numbers'}")
+    # A margin or a fitness may be infinite: no limit stated, or a direction that is not excited.
+    bad = x.isnan() if x.ndim == 1 else ~x.isfinite().flatten(1).all(1)
+    if bad.any():
+        raise ShapeError(f"{name} of trajectory {int(bad.nonzero()[0])} is not finite")
+    return x.detach().to("cpu", torch.bool if name == "valid" else torch.float64)
+
+
+def _median(x: Tensor) -> float | None:
+    return float(np.median(x.numpy())) if len(x) else None

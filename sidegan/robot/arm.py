@@ -1,0 +1,90 @@
+"""An arm as plain tensors."""
+
+import hashlib
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+_FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
+
+
+@dataclass(frozen=True, eq=False)
+class Capsules:
+    """Shapes that enclose the links: all points within a radius [m] of a segment.
+
+    Attributes:
+        link: joint in whose frame the end points are given, (C,), 0..J-1; -1 is the base (world frame).
+        a: one end of the segment [m], (C, 3).
+        b: the other end [m], (C, 3); equal to `a` for a sphere.
+        radius: radius [m], (C,).
+        names: what to call each capsule in a message.
+    """
+
+    link: Tensor
+    a: Tensor
+    b: Tensor
+    radius: Tensor
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A serial chain of J revolute and prismatic joints; float64, SI units.
+
+    Attributes:
+        name: the name that the description gives it.
+        digest: sha256 of all the numbers below; neither names nor the path matter.
+        joint_names: from the base outwards.
+        prismatic: whether a joint slides, (J,) bool.
+        rotation: orientation of joint i's frame in joint i-1's (joint 0: in the world) at q = 0, (J, 3, 3).
+        translation: origin of the same frame [m], (J, 3).
+        axis: unit vector in the joint's own frame, (J, 3).
+        inertial_parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint's frame, (J, 10).
+        position_lower: [rad or m], (J,).
+        position_upper: [rad or m], (J,).
+        velocity_limit: [rad/s or m/s], (J,).
+        torque_limit: [N·m or N], (J,); infinite where the description states none.
+        gravity: [m/s²], (3,), in the world.
+        capsules: shapes that enclose the links.
+        tip: the end effector [m], (3,), in the last joint's frame.
+        urdf: the file all this was read from.
+    """
+
+    name: str
+    digest: str
+    joint_names: tuple[str, ...]
+    prismatic: Tensor
+    rotation: Tensor
+    translation: Tensor
+    axis: Tensor
+    inertial_parameters: Tensor
+    position_lower: Tensor
+    position_upper: Tensor
+    velocity_limit: Tensor
+    torque_limit: Tensor
+    gravity: Tensor
+    capsules: Capsules
+    urdf: Path
+    tip: Tensor
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J."""
+        return len(self.joint_names)
+
+
+def digest_of(numbers: dict[str, Tensor], capsules: Capsules) -> str:
+    """Sha256 (hex) of an arm's numbers; the same on every machine, as rounding errors do not change it.
+
+    The rounding is to a binary fraction: a decimal figure never lies half-way between two of those, where
+    an error in its last bit would decide.
+    """
+    shapes = {f.name: getattr(capsules, f.name) for f in fields(capsules) if f.name != "names"}
+    state = hashlib.sha256()
+    for name, values in sorted((numbers | shapes).items()):
+        rounded = torch.round(values.to(torch.float64) * _FINEST) / _FINEST + 0.0  # no negative zero
+        state.update(f"{name}{tuple(values.shape)}".encode())
+        state.update(rounded.contiguous().numpy().astype("<f8").tobytes())
+    return state.hexdigest()

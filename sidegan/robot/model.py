@@ -1,0 +1,134 @@
+"""From a checked description, through Pinocchio, to numbers."""
+
+import logging
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import BinaryIO
+
+import coal
+import numpy as np
+import pinocchio as pin
+import torch
+from torch import Tensor
+
+from sidegan.errors import RobotError
+from sidegan.robot.arm import Capsules
+from sidegan.robot.description import Description
+from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
+
+_log = logging.getLogger(__name__)
+
+
+def build(description: Description) -> pin.Model:
+    """Pinocchio's model of a serial chain.
+
+    Raises:
+        RobotError: when Pinocchio refuses the description, or the chain branches.
+    """
+    with _pinocchio_speaks(description):
+        model = pin.buildModelFromXML(description.xml)
+    for i in range(1, model.njoints):
+        parent = model.parents[i]
+        if parent != i - 1:
+            one, other = model.names[parent + 1], model.names[i]
+            carrier = f"joint {model.names[parent]!r}" if parent else "the base"
+            raise RobotError(
+                f"{description.path}: joints {one!r} and {other!r} both hang on {carrier}, expected one chain"
+            )
+    return model
+
+
+def kinematics_and_inertias(model: pin.Model) -> dict[str, Tensor]:
+    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`."""
+    joints = range(1, model.njoints)
+    subspaces = np.array([_motion_subspace(model, i) for i in joints])
+    prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
+    return {
+        "prismatic": torch.from_numpy(prismatic),
+        "rotation": _tensor([model.jointPlacements[i].rotation for i in joints]),
+        "translation": _tensor([model.jointPlacements[i].translation for i in joints]),
+        "axis": _tensor(np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:])),
+        "inertial_parameters": _tensor([model.inertias[i].toDynamicParameters() for i in joints]),
+        "gravity": _tensor(model.gravity.linear),
+        "tip": _tensor(_tip(model)),
+    }
+
+
+def enclosing_capsules(model: pin.Model, description: Description) -> Capsules:
+    """Capsules around the collision shapes that a description gives the links."""
+    with _pinocchio_speaks(description):
+        geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
+    shapes = list(geometry.geometryObjects)
+    owners = [model.frames[shape.parentFrame].name for shape in shapes]
+    count = Counter(owners)
+    ends, radii = np.zeros((len(shapes), 2, 3)), np.zeros(len(shapes))
+    for i, shape in enumerate(shapes):
+        local, radii[i] = _enclose(shape.geometry)
+        ends[i] = local @ shape.placement.rotation.T + shape.placement.translation
+    return Capsules(
+        link=torch.tensor([shape.parentJoint - 1 for shape in shapes], dtype=torch.long),
+        a=_tensor(ends[:, 0]),
+        b=_tensor(ends[:, 1]),
+        radius=_tensor(radii),
+        names=tuple(o if count[o] == 1 else shape.name for o, shape in zip(owners, shapes)),
+    )
+
+
+def _motion_subspace(model: pin.Model, joint: int) -> Points:
+    """Linear and angular velocity, (6,), in a joint's frame, at unit speed of the joint."""
+    data = model.joints[joint].createData()
+    model.joints[joint].calc(data, pin.neutral(model))
+    return np.asarray(data.S, dtype=np.float64).reshape(6)
+
+
+def _tip(model: pin.Model) -> Points:
+    """Origin of the link frame furthest from the last joint, among those that the joint carries [m], (3,)."""
+    last = model.njoints - 1
+    carried = [f for f in model.frames if f.parentJoint == last and f.type == pin.FrameType.BODY]
+    return max((f.placement.translation for f in carried), key=lambda point: float(np.linalg.norm(point)))
+
+
+def _enclose(shape: coal.CollisionGeometry) -> Segment:
+    """End points, (2, 3), and radius of a capsule around a shape, in the shape's own frame."""
+    match shape:
+        case coal.Capsule():
+            return np.array([[0.0, 0.0, -shape.halfLength], [0.0, 0.0, shape.halfLength]]), shape.radius
+        case coal.Sphere():
+            return np.zeros((2, 3)), shape.radius
+        case coal.Cylinder():
+            return around_cylinder(shape.radius, shape.halfLength)
+        case coal.Box():
+            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+            return around_points(corners * shape.halfSide)
+    points = shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices()  # a mesh
+    return around_points(np.array(points, dtype=np.float64))
+
+
+def _tensor(values: object) -> Tensor:
+    return torch.from_numpy(np.array(values, dtype=np.float64))
+
+
+@contextmanager
+def _pinocchio_speaks(description: Description) -> Iterator[None]:
+    """Turn Pinocchio's errors into ours, with what its parser writes to the terminal as the reason."""
+    with tempfile.TemporaryFile() as said:
+        terminal = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            yield
+        except (ValueError, RuntimeError, IndexError) as error:
+            reason = " ".join(f"{error} {_read(said)}".split())
+            raise RobotError(f"{description.path}: Pinocchio refuses it: {reason}") from error
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)
+        if complaint := _read(said):
+            _log.warning("%s: %s", description.path, complaint)
+
+
+def _read(file: BinaryIO) -> str:
+    file.seek(0)
+    return file.read().decode(errors="replace").strip()

@@ -1,0 +1,84 @@
+"""XML read with care: no document types, and no number that is not one."""
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from sidegan.errors import RobotError
+
+
+def parse(path: Path) -> ET.Element:
+    """The `<robot>` element of a URDF file.
+
+    Raises:
+        RobotError: when the file cannot be read, is not XML, or is not a URDF.
+    """
+    try:
+        root = ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_PlainTree()))
+    except OSError as error:
+        raise RobotError(f"cannot read {path}: {error.strerror}") from error
+    except _DocumentTypeError as error:
+        raise RobotError(f"{path} declares a document type ({error}), expected plain XML") from None
+    except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
+        raise RobotError(f"{path} is not well-formed XML: {error}") from error
+    if root.tag != "robot":
+        raise RobotError(f"{path} is not a URDF: its root element is <{root.tag}>, expected <robot>")
+    return root
+
+
+def attribute(element: ET.Element, key: str, where: str) -> str:
+    """An attribute that has to be there and not empty."""
+    value = element.get(key, "")
+    if not value:
+        raise RobotError(f"{where}: <{element.tag}> has no {key!r}")
+    return value
+
+
+def child(element: ET.Element, tag: str, where: str) -> ET.Element:
+    """A child that has to be there."""
+    found = element.find(tag)
+    if found is None:
+        raise RobotError(f"{where}: <{element.tag}> has no <{tag}>")
+    return found
+
+
+def number(element: ET.Element, key: str, where: str, default: str | None = None) -> float:
+    """A finite number from an attribute; without a default, the attribute has to be there."""
+    return vector(element, key, where, default, size=1)[0]
+
+
+def positive(element: ET.Element, key: str, where: str, size: int = 1) -> tuple[float, ...]:
+    """Numbers above zero from an attribute, such as the sizes of a box."""
+    values = vector(element, key, where, size=size)
+    if min(values) <= 0:
+        raise RobotError(f"{where}: <{element.tag} {key}={element.get(key)!r}>, expected more than 0")
+    return values
+
+
+def vector(
+    element: ET.Element | None, key: str, where: str, default: str | None = None, size: int = 3
+) -> tuple[float, ...]:
+    """Finite numbers from an attribute; with a default, element and attribute may be absent."""
+    text = element.get(key, default) if element is not None else default
+    tag = element.tag if element is not None else ""
+    if text is None:
+        raise RobotError(f"{where}: <{tag}> has no {key!r}")
+    expected = "a finite number" if size == 1 else f"{size} finite numbers"
+    try:
+        values = tuple(float(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != size or not all(map(math.isfinite, values)):
+        raise RobotError(f"{where}: <{tag} {key}={text!r}>, expected {expected}")
+    return values
+
+
+class _DocumentTypeError(Exception):
+    """A document type was declared; its name."""
+
+
+class _PlainTree(ET.TreeBuilder):
+    """Refuses document types: a robot needs none, and their entities can read files or fill the memory."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        raise _DocumentTypeError(name)

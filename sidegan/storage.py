@@ -1,0 +1,138 @@
+"""Files that appear whole or not at all, and readers that run no code from them."""
+
+import io
+import json
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sidegan.errors import ArtifactError, ShapeError, StorageError
+
+if TYPE_CHECKING:  # pyarrow and torch are slow to import, and `--help` must not wait for them
+    import pyarrow as pa
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Path of a new neighbour that takes the place of ``path`` when the block ends well.
+
+    The content is on the disk before the name changes. After any failure, an interrupt included,
+    the neighbour is gone and ``path`` is what it was.
+
+    Raises:
+        StorageError: when the folder cannot be made or written, or is full.
+    """
+    neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield neighbour
+        _sync(neighbour)
+        neighbour.replace(path)
+        with suppress(OSError):  # some network file systems cannot sync a folder
+            _sync(path.parent)
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):
+            neighbour.unlink()
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_bytes(path: Path, content: bytes | memoryview) -> None:
+    """Write bytes; see ``replacing``."""
+    with replacing(path) as neighbour:
+        neighbour.write_bytes(content)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write plain values as JSON that any reader accepts; see ``replacing``.
+
+    Raises:
+        ShapeError: when a number is not finite, which JSON cannot say.
+    """
+    try:
+        text = json.dumps(content, indent=2, allow_nan=False)
+    except ValueError as error:
+        raise ShapeError(f"cannot write {path} as JSON: {error}") from error
+    write_bytes(path, f"{text}\n".encode())
+
+
+def write_torch(path: Path, content: Any) -> None:
+    """Write tensors and plain containers of them; see ``replacing``."""
+    import torch
+
+    # In memory first: torch turns a full disk into a RuntimeError, a plain write does not.
+    buffer = io.BytesIO()
+    torch.save(content, buffer)
+    write_bytes(path, buffer.getbuffer())
+
+
+def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
+    """Write a table with page checksums, so that a damaged file is noticed; see ``replacing``.
+
+    Args:
+        path: where.
+        table: what.
+        options: for ``pyarrow.parquet.write_table``.
+    """
+    import pyarrow.parquet as pq
+
+    with replacing(path) as neighbour:
+        pq.write_table(table, neighbour, write_page_checksum=True, **options)
+
+
+def read_json(path: Path) -> Any:
+    """Plain values of a JSON file.
+
+    Raises:
+        ArtifactError: when the file is missing, truncated, or not JSON.
+    """
+    with _reading(path, "JSON"):
+        return json.loads(path.read_bytes())
+
+
+def read_torch(path: Path) -> Any:
+    """Tensors and plain containers of them, on the CPU; nothing in the file is run.
+
+    Raises:
+        ArtifactError: when the file is missing, truncated, or holds anything else.
+    """
+    import torch
+
+    with _reading(path, "tensor"):
+        return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+
+
+def read_parquet(path: Path) -> "pa.Table":
+    """Table of a Parquet file, its page checksums verified where it has them.
+
+    Raises:
+        ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
+    """
+    import pyarrow.parquet as pq
+
+    with _reading(path, "Parquet"), pq.ParquetFile(path, page_checksum_verification=True) as file:
+        return file.read()
+
+
+@contextmanager
+def _reading(path: Path, kind: str) -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise ArtifactError(f"there is no file {path}") from error
+    except Exception as error:  # readers answer a foreign file with anything, a KeyError for instance
+        if isinstance(error, OSError) and error.errno is not None:
+            raise StorageError(f"cannot read {path}: {error.strerror or error}") from error
+        reason = str(error).split("\n", 1)[0] or type(error).__name__
+        raise ArtifactError(f"{path} is not a whole {kind} file: {reason}") from error

@@ -1,0 +1,228 @@
+"""Modified Fourier trajectories (Park 2006): coefficients in, joint motion out.
+
+Position, velocity and acceleration are linear in the coefficients, so a roll-out is one matrix
+product with a basis that depends on the time grid alone. The quintic that brings a joint to rest at
+both ends has a closed form on time scaled to [0, 1]; rest is exact at any period.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+
+_CACHED = 1_000_000  # time points × harmonics up to which a basis is kept: 16 MB
+_KEPT = 32  # bases kept: half a gigabyte at worst, a few megabytes for the grids of one run
+_OUTSIDE = 1e-6  # share of the period by which rounding (float32) may put a time outside it
+_SAME = 1e-4  # [rad, rad/s] how far apart ends that are called common may be
+
+# Quintics over s = t / period, coefficients of s⁰ … s⁵. The first has unit slope at both ends, the second
+# unit curvature; their values and other derivatives up to the second vanish there.
+_SLOPE = (0.0, 1.0, 0.0, -10.0, 15.0, -6.0)
+_CURVATURE = (0.0, 0.0, 0.5, -1.0, 0.5, 0.0)
+_QUINTICS = np.array([_SLOPE, _CURVATURE]).T
+
+
+class Motion(NamedTuple):
+    """Joint motion on a time grid: time (T,) [s]; position, velocity, acceleration (B, T, J) [rad, s]."""
+
+    time: Tensor
+    position: Tensor
+    velocity: Tensor
+    acceleration: Tensor
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A family of cyclic trajectories of ``joints`` joints that start and end at rest at ``home``.
+
+    Args:
+        joints: number of joints J.
+        harmonics: number of Fourier harmonics H.
+        period: duration of one cycle [s].
+        home: joint positions [rad or m] at both ends, (J,); zeros when None.
+    """
+
+    joints: int
+    harmonics: int = 6
+    period: float = 16.0
+    home: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.joints < 1 or self.harmonics < 1:
+            raise ShapeError(f"joints and harmonics must be positive, got {self.joints} and {self.harmonics}")
+        if not (np.isfinite(self.period) and self.period > 0):
+            raise ShapeError(f"period must be a positive number of seconds, got {self.period}")
+        home = (0.0,) * self.joints if self.home is None else tuple(float(x) for x in self.home)
+        if len(home) != self.joints or not np.isfinite(home).all():
+            raise ShapeError(f"home {home} must be {self.joints} finite joint positions")
+        object.__setattr__(self, "home", home)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of one trajectory's coefficients, (J, H, 2)."""
+        return (self.joints, self.harmonics, 2)
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values that identify this family, for stamps and file metadata."""
+        return {
+            "joints": self.joints,
+            "harmonics": self.harmonics,
+            "period": self.period,
+            "home": list(self.home or ()),
+        }
+
+    def check(self, c: Tensor) -> None:
+        """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers.
+
+        Raises:
+            ShapeError: with the shape found, or the first trajectory that is not finite.
+        """
+        self._check_shape(c)
+        finite = torch.isfinite(c).flatten(1).all(1)
+        if not finite.all():
+            raise ShapeError(f"coefficients of trajectory {int((~finite).nonzero()[0])} are not finite")
+
+    def _check_shape(self, c: Tensor) -> None:
+        if c.ndim != 4 or c.shape[1:] != self.shape:
+            raise ShapeError(
+                f"coefficients are {tuple(c.shape)}, expected (B, {', '.join(map(str, self.shape))})"
+            )
+
+    def times(self, rate: float) -> Tensor:
+        """Uniform time grid [s] over one period with both ends, (T,), at ``rate`` [Hz].
+
+        Where a period is not a whole number of samples, at the nearest rate for which it is.
+
+        Raises:
+            ShapeError: when the rate leaves no sample in a period.
+        """
+        if not (np.isfinite(rate) and round(self.period * rate) >= 1):
+            raise ShapeError(f"a rate of {rate} Hz gives no sample in {self.period} s")
+        count = round(self.period * rate)
+        return torch.linspace(0.0, self.period, count + 1, dtype=torch.float64)
+
+    def grid(self, count: int) -> Tensor:
+        """Uniform time grid [s] of cell centres over one period, (count,)."""
+        if count < 1:
+            raise ShapeError(f"a time grid needs at least one sample, got {count}")
+        return (torch.arange(count, dtype=torch.float64) + 0.5) * (self.period / count)
+
+    def basis(self, times: Tensor, order: int) -> Tensor:
+        """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2).
+
+        Raises:
+            ShapeError: when a time lies outside the period, where the quintic would run away.
+        """
+        t = times.detach().to("cpu", torch.float64).numpy()
+        if len(t) * self.harmonics > _CACHED:
+            basis = _basis(self.harmonics, self.period, t, order)
+        else:
+            basis = _cached_basis(self.harmonics, self.period, t.tobytes(), order)
+        # A copy: whoever writes to it must not change what the next caller gets.
+        return torch.tensor(basis, device=times.device, dtype=times.dtype)
+
+    def snap_bound(self) -> Tensor:
+        """Largest absolute fourth derivative of each basis function over the period, (H, 2).
+
+        A wave reaches its amplitude; the quintic's fourth derivative is linear, so an end has its peak.
+        """
+        w = _frequencies(self.harmonics, self.period)
+        peaks = np.abs(_power_derivatives(np.array([0.0, 1.0]), 4) @ _QUINTICS).max(0)
+        return torch.from_numpy(w[:, None] ** 3 + peaks * _quintic_scales(w, self.period, 4))
+
+    def roll_out(self, c: Tensor, times: Tensor) -> Motion:
+        """Joint motion, (B, T, J) each, of coefficients [rad/s], (B, J, H, 2), at ``times`` [s], (T,).
+
+        Raises:
+            ShapeError: when the coefficients have the wrong shape or are not finite, or a time lies
+                outside the period.
+
+        Source: Park 2006, eq. 6, with velocity coefficients.
+        """
+        self.check(c)
+        position, velocity, acceleration = (self.derivative(c, times, order) for order in range(3))
+        return Motion(times.to(c.device, c.dtype), position, velocity, acceleration)
+
+    def derivative(self, c: Tensor, times: Tensor, order: int) -> Tensor:
+        """Time derivative ``order`` of the joint position [rad/s^order], (B, T, J)."""
+        self._check_shape(c)
+        basis = self.basis(times, order).to(c.device, c.dtype).flatten(1)
+        out = (c.flatten(2) @ basis.T).transpose(1, 2)
+        return out + c.new_tensor(self.home) if order == 0 else out
+
+
+def concatenate(motion: Motion) -> Motion:
+    """One motion (1, B·(T−1)+1, J) of B cyclic ones executed in sequence.
+
+    The grid must hold both ends (``Trajectory.times``): the shared rest sample is kept once.
+
+    Raises:
+        ShapeError: when there is nothing to join, or the motions do not meet at rest.
+    """
+    batch, count, _ = motion.position.shape
+    if batch < 1 or count < 2:
+        raise ShapeError(f"concatenation needs a motion of two samples or more, got {batch} of {count}")
+    ends, speeds = motion.position[:, [0, -1]], motion.velocity[:, [0, -1]]
+    if not max((ends - ends[0, 0]).abs().max(), speeds.abs().max()) <= _SAME:
+        raise ShapeError(
+            "motions to concatenate must begin and end at rest at one position, see Trajectory.times"
+        )
+    period = motion.time[-1] - motion.time[0]
+    starts = torch.arange(batch, device=motion.time.device, dtype=motion.time.dtype) * period
+    time = (starts[:, None] + motion.time[None, :-1] - motion.time[0]).reshape(-1)
+
+    def join(x: Tensor) -> Tensor:
+        return torch.cat([x[:, :-1].reshape(-1, x.shape[-1]), x[-1:, -1]])[None]
+
+    time = torch.cat([time, (batch * period)[None]])
+    return Motion(time, join(motion.position), join(motion.velocity), join(motion.acceleration))
+
+
+@lru_cache(maxsize=_KEPT)
+def _cached_basis(harmonics: int, period: float, times: bytes, order: int) -> np.ndarray:
+    return _basis(harmonics, period, np.frombuffer(times), order)
+
+
+def _basis(harmonics: int, period: float, times: np.ndarray, order: int) -> np.ndarray:
+    if not ((times >= -_OUTSIDE * period) & (times <= (1 + _OUTSIDE) * period)).all():
+        raise ShapeError(f"times run from {times.min()} to {times.max()} s, expected 0 to {period} s")
+    s = times / period
+    # Whole turns are taken out while they are exact, so that the waves meet the quintic at the very end.
+    angle = 2 * np.pi * (s[:, None] * np.arange(1, harmonics + 1) % 1.0)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    # The waves are sin(kωt)/kω and −cos(kωt)/kω: each derivative turns them by a quarter, times kω.
+    turned = ((sine, -cosine), (cosine, sine), (-sine, cosine), (-cosine, -sine))[order % 4]
+    w = _frequencies(harmonics, period)
+    basis = np.stack(turned, -1) * (w ** (order - 1))[:, None]
+    if order == 0:
+        basis[..., 1] += w**-1
+    quintics = _power_derivatives(s, order) @ _QUINTICS
+    return basis - quintics[:, None] * _quintic_scales(w, period, order)
+
+
+def _frequencies(harmonics: int, period: float) -> np.ndarray:
+    """Angular frequencies kω [rad/s], (H,)."""
+    return 2 * np.pi / period * np.arange(1, harmonics + 1)
+
+
+def _quintic_scales(w: np.ndarray, period: float, order: int) -> np.ndarray:
+    """What the quintics' derivative ``order`` over s is multiplied by, (H, 2).
+
+    Without them a sine wave would leave a velocity of 1 at both ends, a cosine wave an acceleration of kω.
+    """
+    return np.stack([np.full_like(w, period ** (1 - order)), w * period ** (2.0 - order)], -1)
+
+
+def _power_derivatives(s: np.ndarray, order: int) -> np.ndarray:
+    """Derivative ``order`` of the powers 1, s, …, s⁵, (T, 6)."""
+    columns = []
+    for power in range(len(_QUINTICS)):
+        factor = np.prod(np.arange(power - order + 1, power + 1)) if power >= order else 0.0
+        columns.append(factor * s ** max(power - order, 0))
+    return np.stack(columns, -1)

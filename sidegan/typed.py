@@ -1,0 +1,186 @@
+"""Plain mappings → dataclasses, with complaints that name the key, the value and what was expected.
+
+The type hints are the schema: int, float, str, bool, Literal, ``X | None``, list, tuple of fixed length,
+dict, other dataclasses, and ``Annotated`` with the bounds below. A dataclass may refuse
+combinations in ``__post_init__`` by raising ConfigError.
+"""
+
+import dataclasses
+import difflib
+import math
+import operator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from sidegan.errors import ConfigError
+
+T = TypeVar("T")
+
+
+_COMPARISONS = {"≥": operator.ge, "≤": operator.le, ">": operator.gt}
+
+
+@dataclasses.dataclass(frozen=True)
+class Bound:
+    """What a number must be: ≥, ≤ or > ``limit``."""
+
+    sign: Literal["≥", "≤", ">"]
+    limit: float
+
+    def __str__(self) -> str:
+        return f"{self.sign} {self.limit:g}"
+
+    def holds(self, value: float) -> bool:
+        """Whether ``value`` respects the bound."""
+        return bool(_COMPARISONS[self.sign](value, self.limit))
+
+
+Natural = Annotated[int, Bound("≥", 0)]
+Count = Annotated[int, Bound("≥", 1)]
+Positive = Annotated[float, Bound(">", 0)]
+NonNegative = Annotated[float, Bound("≥", 0)]
+Share = Annotated[float, Bound("≥", 0), Bound("≤", 1)]
+
+
+def build(kind: type[T], values: Mapping[str, Any]) -> T:
+    """A dataclass of type ``kind`` from nested plain values.
+
+    Raises:
+        ConfigError: with one line for every unknown or missing key, wrong type and value out of bounds.
+    """
+    reader = _Reader(kind)
+    try:
+        return reader.record(kind, values, "")
+    except _Wrong:
+        problems = reader.problems
+        head = [] if len(problems) == 1 else [f"{len(problems)} settings are wrong"]
+        raise ConfigError("\n  ".join([*head, *problems])) from None
+
+
+def suggest(kind: type, key: str) -> str:
+    """What the user may have meant by the unknown dotted ``key``: "; did you mean …?" or nothing."""
+    known = list(dict.fromkeys(_dotted(kind)))
+    leaf = key.rpartition(".")[2]
+    close = difflib.get_close_matches(key, known, 1, 0.75) or [
+        k for k in known if k.rpartition(".")[2] == leaf
+    ]
+    return f"; did you mean {' or '.join(close[:3])}?" if close else ""
+
+
+class _Wrong(Exception):  # noqa: N818
+    """A value could not be read; the problem is on the list already."""
+
+
+class _Reader:
+    def __init__(self, root: type) -> None:
+        self.root = root
+        self.problems: list[str] = []
+
+    def record(self, kind: type[T], values: Any, path: str) -> T:
+        if not isinstance(values, Mapping):
+            raise self._wrong(path, values, "a group of settings")
+        before = len(self.problems)
+        found = self._fields(kind, values, path)
+        if len(self.problems) > before:
+            raise _Wrong
+        try:
+            return kind(**found)
+        except ConfigError as error:
+            self.problems.append(f"{path}: {error}" if path else str(error))
+            raise _Wrong from error
+
+    def _fields(self, kind: type, values: Mapping[str, Any], path: str) -> dict[str, Any]:
+        hints = get_type_hints(kind, include_extras=True)
+        for key in values:
+            if key not in hints:
+                unknown = _join(path, key)
+                self.problems.append(f"{unknown}: there is no such setting{suggest(self.root, unknown)}")
+        found = {}
+        for field in dataclasses.fields(kind):
+            key = _join(path, field.name)
+            if field.name in values:
+                with suppress(_Wrong):  # go on, so that all problems are told at once
+                    found[field.name] = self.value(hints[field.name], values[field.name], key)
+            elif field.default is dataclasses.MISSING:
+                self.problems.append(f"{key} is missing, expected {_expected(hints[field.name])}")
+        return found
+
+    def value(self, hint: Any, value: Any, path: str) -> Any:
+        plain, bounds = _unwrap(hint)
+        if dataclasses.is_dataclass(plain):
+            return self.record(plain, value, path)  # type: ignore[arg-type]
+        origin, arguments = get_origin(plain), get_args(plain)
+        if origin in (Union, UnionType):
+            return None if value is None else self.value(_without_none(arguments), value, path)
+        if origin is dict and isinstance(value, Mapping):
+            return {str(k): self.value(arguments[1], v, _join(path, str(k))) for k, v in value.items()}
+        if origin is list and isinstance(value, list):
+            return [self.value(arguments[0], v, f"{path}[{i}]") for i, v in enumerate(value)]
+        if origin is tuple and isinstance(value, list) and len(value) == len(arguments):
+            return tuple(self.value(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(arguments, value)))
+        if origin is Literal and value in arguments:
+            return value
+        if _is(plain, value) and all(bound.holds(value) for bound in bounds):
+            return float(value) if plain is float else value
+        raise self._wrong(path, value, _expected(hint))
+
+    def _wrong(self, path: str, value: Any, expected: str) -> _Wrong:
+        self.problems.append(f"{path} is {value!r}, expected {expected}")
+        return _Wrong()
+
+
+def _is(plain: Any, value: Any) -> bool:
+    if plain is float:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if plain is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return plain in (str, bool) and isinstance(value, plain)
+
+
+_NAMES = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+
+
+def _expected(hint: Any) -> str:
+    plain, bounds = _unwrap(hint)
+    origin, arguments = get_origin(plain), get_args(plain)
+    if origin in (Union, UnionType):
+        return f"{_expected(_without_none(arguments))}, or null"
+    if origin is Literal:
+        return f"one of {', '.join(map(str, arguments))}"
+    if origin is list:
+        return f"a list, each item {_expected(arguments[0])}"
+    if origin is tuple:
+        return f"a list of {len(arguments)}, each item {_expected(arguments[0])}"
+    if plain in _NAMES:
+        return " ".join([_NAMES[plain], " and ".join(map(str, bounds))]).strip()
+    return "a group of settings"
+
+
+def _unwrap(hint: Any) -> tuple[Any, list[Any]]:
+    if get_origin(hint) is Annotated:
+        plain, *bounds = get_args(hint)
+        return plain, bounds
+    return hint, []
+
+
+def _without_none(arguments: tuple[Any, ...]) -> Any:
+    return next(a for a in arguments if a is not NoneType)
+
+
+def _join(path: str, key: str) -> str:
+    return f"{path}.{key}" if path else str(key)
+
+
+def _dotted(hint: Any, path: str = "") -> Iterator[str]:
+    plain, _ = _unwrap(hint)
+    if get_origin(plain) in (Union, UnionType):
+        plain = _without_none(get_args(plain))
+    if path:
+        yield path
+    if dataclasses.is_dataclass(plain):
+        for name, inner in get_type_hints(plain, include_extras=True).items():
+            yield from _dotted(inner, _join(path, name))
+    elif get_origin(plain) is dict:
+        yield from _dotted(get_args(plain)[1], _join(path, "<name>"))

@@ -1,0 +1,147 @@
+"""How much a margin can change between a sample and the edge of its cell: rigorous upper bounds.
+
+A cell is a time interval of half width h around a sample. From the sample's velocity and acceleration
+and a bound on the jerk follow bounds on the joints' motion in the cell; from those, bounds on the
+motion of capsules and on the change of torques, by triangle inequalities alone.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+from sidegan.validity.constraints import Constraints
+
+
+@dataclass(frozen=True)
+class CellMotion:
+    """Bounds over a cell, (N, J) each: largest change of position and velocity, largest rates."""
+
+    position_change: Tensor
+    velocity_change: Tensor
+    speed: Tensor
+    acceleration: Tensor
+    jerk: Tensor
+
+
+def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
+    """Upper bound of the absolute jerk [rad/s³] over the whole period, (B, J)."""
+    times = trajectory.grid(cells).to(c.device, c.dtype)
+    snap = torch.einsum("bjhx,hx->bj", c.abs(), trajectory.snap_bound().to(c))
+    return trajectory.derivative(c, times, 3).abs().amax(1) + snap * (trajectory.period / cells / 2)
+
+
+def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, half: float) -> CellMotion:
+    """Bounds over cells of half width ``half`` [s] around samples (N, J), by Taylor's theorem."""
+    change = half * (dq.abs() + half / 2 * (ddq.abs() + half / 3 * jerk))
+    velocity_change = half * (ddq.abs() + half / 2 * jerk)
+    return CellMotion(change, velocity_change, dq.abs() + velocity_change, ddq.abs() + half * jerk, jerk)
+
+
+class Slack:
+    """Largest change of every margin of ``constraints`` within a cell."""
+
+    def __init__(self, constraints: Constraints) -> None:
+        self.arm = constraints.arm
+        self.torque = constraints.torque
+        link = self.arm.capsules.link
+        reach = capsule_reach(self.arm)
+        # Between two capsules only the joints between their links count, and they carry the outer one.
+        first, second = link[constraints.pairs].unbind(1)
+        outer = torch.where(first > second, constraints.pairs[:, 0], constraints.pairs[:, 1])
+        joints = torch.arange(self.arm.joints)
+        between = joints[None] > torch.minimum(first, second)[:, None]
+        self.pair_reach = reach[outer] * between
+        self.region_reach = reach[constraints.guarded[:, 1]]
+
+    def of(self, motion: CellMotion, half: float) -> dict[str, Tensor]:
+        """Upper bounds of the change of each margin in the cell, shaped like the margins."""
+        slack = {"position": motion.position_change, "velocity": motion.velocity_change}
+        if self.torque:
+            slack["torque"] = half * torque_rate_bound(self.arm, motion)
+        slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
+        slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
+        return slack
+
+
+def _travel(arm: Arm) -> Tensor:
+    """Upper bound of the distance [m] between a joint's frame and its parent's, (J,)."""
+    slide = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+    return arm.translation.norm(dim=1) + torch.where(arm.prismatic, slide, torch.zeros_like(slide))
+
+
+def capsule_reach(arm: Arm) -> Tensor:
+    """Largest speed [m per rad or m] that unit speed of a joint gives a point of a capsule's axis, (C, J).
+
+    The distance of a point to a joint's axis is at most that of the next joint's origin (which turning
+    about the axis does not change) plus the lengths from there outwards.
+    """
+    travel = _travel(arm)
+    capsules = arm.capsules
+    ends = torch.maximum(capsules.a.norm(dim=1), capsules.b.norm(dim=1))
+    reach = torch.zeros(len(ends), arm.joints, dtype=torch.float64)
+    for k, link in enumerate(capsules.link.tolist()):
+        for j in range(link + 1):
+            if arm.prismatic[j]:
+                reach[k, j] = 1.0
+            elif j == link:
+                reach[k, j] = torch.maximum(*(_from_axis(arm, j, x) for x in (capsules.a[k], capsules.b[k])))
+            else:
+                step = travel[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
+                reach[k, j] = step + travel[j + 2 : link + 1].sum() + ends[k]
+    return reach
+
+
+def _from_axis(arm: Arm, joint: int, point: Tensor) -> Tensor:
+    return torch.linalg.cross(arm.axis[joint], point).norm()
+
+
+def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:
+    """Upper bound of the absolute rate of every joint torque [N·m/s] in a cell, (N, J).
+
+    The Newton-Euler recursion on norms: each quantity x of a link carries bounds (|x|, |ẋ|), the
+    derivative being that of its components in the link's frame, which turns at the joint's speed.
+    """
+    travel = _travel(arm)
+    mass, first = arm.inertial_parameters[:, 0].abs(), arm.inertial_parameters[:, 1:4].norm(dim=1)
+    inertia = torch.linalg.matrix_norm(_inertia_matrices(arm), ord=2)
+    zero = torch.zeros_like(motion.speed[:, 0])
+    w, dw, al, dal, a, da = zero, zero, zero, zero, zero + arm.gravity.norm().to(zero), zero
+    wrenches = []
+    for i in range(arm.joints):
+        v, acc, jerk = motion.speed[:, i], motion.acceleration[:, i], motion.jerk[:, i]
+        swing, dswing = al + w * w, dal + 2 * w * dw
+        a, da = a + swing * travel[i], da + dswing * travel[i]
+        if arm.prismatic[i]:
+            a, da = a + acc + 2 * w * v, da + swing * v + jerk + 2 * (dw * v + w * acc)
+        else:
+            da = da + v * a
+            dal = dal + v * al + jerk + (dw + v * w) * v + w * acc
+            al = al + acc + w * v
+            dw = dw + v * w + acc
+            w = w + v
+        swing, dswing = al + w * w, dal + 2 * w * dw
+        force, dforce = mass[i] * a + first[i] * swing, mass[i] * da + first[i] * dswing
+        wrenches.append(
+            (force, dforce, first[i] * a + inertia[i] * swing, first[i] * da + inertia[i] * dswing)
+        )
+    f, df, n, dn = zero, zero, zero, zero
+    rates = []
+    for i in reversed(range(arm.joints)):
+        force, dforce, moment, dmoment = wrenches[i]
+        f, df, n, dn = f + force, df + dforce, n + moment, dn + dmoment
+        rates.append(df if arm.prismatic[i] else dn)
+        v = motion.speed[:, i]
+        if arm.prismatic[i]:
+            dn, n = dn + travel[i] * df + v * f, n + travel[i] * f
+        else:
+            df, dn = df + v * f, dn + v * n
+            dn, n = dn + travel[i] * df, n + travel[i] * f
+    return torch.stack(rates[::-1], 1)
+
+
+def _inertia_matrices(arm: Arm) -> Tensor:
+    xx, xy, yy, xz, yz, zz = arm.inertial_parameters[:, 4:].unbind(1)
+    return torch.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], 1).reshape(-1, 3, 3)

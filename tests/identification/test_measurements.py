@@ -1,0 +1,153 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import Measurements, Noise, measure
+from sidegan.identification.measurements import STATES_AT_ONCE, chunks
+from sidegan.trajectory import Motion
+
+
+def stack(measurements):
+    return torch.stack([*measurements.states, measurements.torque])
+
+
+def recording(count, joints=2, start=0):
+    x = torch.arange(start, start + count, dtype=torch.float64)[:, None].expand(count, joints)
+    return Measurements(x, x + 0.1, x + 0.2, x + 0.3)
+
+
+def one_trajectory(motion, i):
+    return Motion(motion.time, *(x[i : i + 1] for x in motion[1:]))
+
+
+def test_without_noise_the_states_and_their_torques_are_measured(body, motion):
+    for noise in (Noise(level=0.0, state=True), Noise(torque=False)):
+        measured = measure(body, motion, noise, np.random.default_rng(0))
+        for x, true in zip(measured.states, motion[1:]):
+            assert torch.equal(x, true.reshape(300, 3))
+        assert torch.equal(measured.torque, body.torque(*measured.states))
+
+
+def test_multiplicative_noise_is_uniform_relative_to_the_signal(body, motion):
+    clean = stack(measure(body, motion, Noise(level=0.0), np.random.default_rng(0)))
+    noise = Noise(level=0.1, state=True)
+    ratio = stack(measure(body, motion, noise, np.random.default_rng(1))) / clean - 1
+    assert 0.0995 < ratio.abs().max() <= 0.1 + 1e-12
+    # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 3600 draws, five standard errors.
+    assert abs(ratio.mean()) < 5 * 0.1 / np.sqrt(3 * 3600)
+    assert ratio.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
+
+
+def test_additive_noise_is_uniform_relative_to_the_signals_deviation(body, motion):
+    clean = stack(measure(body, motion, Noise(level=0.0), np.random.default_rng(0)))
+    noise = Noise("additive", 0.2, state=True)
+    added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
+    deviation = clean.reshape(4, 2, 150, 3).numpy().std(axis=2, keepdims=True)
+    share = added.reshape(4, 2, 150, 3).numpy() / deviation
+    assert 0.199 < np.abs(share).max() <= 0.2 + 1e-9
+    assert share.std() == pytest.approx(0.2 / np.sqrt(3), rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
+def test_only_what_is_said_to_be_noisy_is(body, motion, kind):
+    clean = measure(body, motion, Noise(level=0.0), np.random.default_rng(0))
+    torque = measure(body, motion, Noise(kind), np.random.default_rng(1))
+    state = measure(body, motion, Noise(kind, torque=False, state=True), np.random.default_rng(1))
+    both = measure(body, motion, Noise(kind, state=True), np.random.default_rng(1))
+    assert all(torch.equal(x, y) for x, y in zip(torque.states, clean.states))
+    assert torch.equal(state.torque, clean.torque)  # the torque of the true states
+    # What is noisy in one choice has the same noise in another.
+    assert torch.equal(both.torque, torque.torque)
+    assert all(torch.equal(x, y) for x, y in zip(both.states, state.states))
+    assert not torch.equal(both.position, clean.position)
+
+
+@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
+def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion, kind):
+    noise = Noise(kind, state=True)
+    whole = stack(measure(body, motion, noise, np.random.default_rng(5)))
+    random = np.random.default_rng(5)
+    parts = [stack(measure(body, one_trajectory(motion, i), noise, random)) for i in range(2)]
+    torch.testing.assert_close(whole, torch.cat(parts, 1), rtol=1e-14, atol=1e-14)
+
+
+def test_the_generator_decides_the_noise(body, motion):
+    def torque(seed):
+        return measure(body, motion, Noise(), np.random.default_rng(seed)).torque
+
+    assert torch.equal(torque(1), torque(1)) and not torch.equal(torque(1), torque(2))
+
+
+def test_inverse_dynamics_are_asked_for_a_bounded_number_of_states(body):
+    x = torch.linspace(0, 9, STATES_AT_ONCE + 5, dtype=torch.float64)[None, :, None].expand(1, -1, 3)
+    measured = measure(body, Motion(x[0, :, 0], x, x, x), Noise(level=0.0), np.random.default_rng(0))
+    assert body.largest == STATES_AT_ONCE and len(measured) == STATES_AT_ONCE + 5
+    assert torch.equal(measured.torque, body.torque(x[0], x[0], x[0]))
+
+
+def test_nothing_to_measure_is_refused(body):
+    empty = torch.zeros(0, 10, 3, dtype=torch.float64)
+    with pytest.raises(ShapeError, match="nothing to measure"):
+        measure(body, Motion(empty[:, 0, 0], empty, empty, empty), Noise(), np.random.default_rng(0))
+
+
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=6), st.integers(1, 12))
+def test_chunks_are_the_same_samples_in_order(lengths, samples):
+    starts = np.cumsum([0, *lengths])
+    parts = [recording(n, start=s) for n, s in zip(lengths, starts)]
+    pieces = list(chunks(iter(parts), samples))
+    total = sum(lengths)
+    assert [len(x) for x in pieces] == [samples] * (total // samples) + [total % samples] * (
+        total % samples > 0
+    )
+    if total:
+        joined = torch.cat([stack(x) for x in pieces], 1)
+        assert torch.equal(joined, stack(recording(total)))
+
+
+def test_chunks_of_one_recording():
+    assert [len(x) for x in chunks(recording(7), 3)] == [3, 3, 1]
+
+
+def test_recordings_of_different_arms_are_not_joined():
+    with pytest.raises(ShapeError, match="2 and of 3 joints"):
+        list(chunks([recording(4, 2), recording(4, 3)], 5))
+
+
+def test_no_samples_at_once_is_refused():
+    with pytest.raises(ConfigError, match="got 0"):
+        list(chunks(recording(4), 0))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"velocity": torch.zeros(4, 3)}, r"velocity is \(4, 3\)"),
+        ({"torque": torch.zeros(3, 2)}, "position"),
+        ({"position": torch.zeros(8)}, "position"),
+        (
+            {"acceleration": torch.tensor([[0.0, 0], [0, 0], [0, torch.nan], [0, 0]])},
+            "acceleration of sample 2",
+        ),
+        ({"torque": torch.full((4, 2), torch.inf)}, "torque of sample 0"),
+    ],
+)
+def test_recordings_that_do_not_fit_are_refused(change, named):
+    zeros = torch.zeros(4, 2)
+    fields = {"position": zeros, "velocity": zeros, "acceleration": zeros, "torque": zeros}
+    with pytest.raises(ShapeError, match=named):
+        Measurements(**{**fields, **change})
+
+
+@pytest.mark.parametrize("level", [-0.1, float("nan"), float("inf")])
+def test_a_level_that_is_none_is_refused(level):
+    with pytest.raises(ConfigError, match=str(level)):
+        Noise(level=level)
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(ConfigError, match="'gaussian'"):
+        Noise("gaussian")

@@ -1,0 +1,213 @@
+"""Whatever the URDF says, the tensors and Pinocchio agree on what the arm is."""
+
+import os
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sidegan.robot import built_in_robots, load_robot, pinocchio_model
+from sidegan.robot.arm import digest_of
+
+from .urdf import INERTIA, LIMIT, joint, link, one_joint, robot, two_joints
+
+DATA = Path(os.environ.get("SIDEGAN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+def world_placements(arm, q):
+    """Rotation and origin of each joint's frame in the world, from the tensors alone."""
+    turn, origin = torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
+    for i in range(arm.joints):
+        origin = origin + turn @ arm.translation[i]
+        turn = turn @ arm.rotation[i]
+        if arm.prismatic[i]:
+            origin = origin + turn @ arm.axis[i] * q[i]
+        else:
+            x, y, z = (arm.axis[i] * q[i]).tolist()
+            skew = torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=torch.float64)
+            turn = turn @ torch.linalg.matrix_exp(skew)
+        yield turn, origin
+
+
+def assert_same_motion(arm, seed=0):
+    model = pinocchio_model(arm)
+    data = model.createData()
+    for q in np.random.default_rng(seed).uniform(-2, 2, (5, arm.joints)):
+        pin.forwardKinematics(model, data, q)
+        for placement, (turn, origin) in zip(list(data.oMi)[1:], world_placements(arm, torch.from_numpy(q))):
+            np.testing.assert_allclose(turn, placement.rotation, atol=1e-12)
+            np.testing.assert_allclose(origin, placement.translation, atol=1e-12)
+
+
+numbers = st.floats(-2, 2, allow_subnormal=False)
+vectors = st.tuples(numbers, numbers, numbers)
+joints = st.tuples(
+    st.sampled_from(["revolute", "prismatic", "fixed"]),
+    vectors,
+    vectors,
+    vectors.filter(lambda v: np.linalg.norm(v) > 0.1),
+)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(joints, min_size=1, max_size=9).filter(lambda chain: any(kind != "fixed" for kind, *_ in chain))
+)
+def test_any_chain_moves_as_pinocchio_says(load, chain):
+    def words(v):
+        return " ".join(map(repr, v))
+
+    parts = [link("l0", "")]
+    for i, (kind, xyz, rpy, axis) in enumerate(chain):
+        origin = f'xyz="{words(xyz)}" rpy="{words(rpy)}"'
+        parts.append(joint(f"j{i}", f"l{i}", f"l{i + 1}", kind, origin, f'<axis xyz="{words(axis)}"/>'))
+        parts.append(link(f"l{i + 1}"))
+    arm = load(robot(*parts))
+    moving = [kind for kind, *_ in chain if kind != "fixed"]
+    assert arm.prismatic.tolist() == [kind == "prismatic" for kind in moving]
+    torch.testing.assert_close(arm.axis.norm(dim=1), torch.ones(arm.joints, dtype=torch.float64))
+    assert_same_motion(arm)
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_built_in_robots_move_as_pinocchio_says(name):
+    assert_same_motion(load_robot(name))
+    assert load_robot(name).name == name
+
+
+def test_every_tensor_is_float64_and_has_a_row_per_joint(load):
+    arm = load(two_joints(kind="prismatic"))
+    for field in fields(arm):
+        value = getattr(arm, field.name)
+        if isinstance(value, torch.Tensor):
+            assert value.dtype == (torch.bool if field.name == "prismatic" else torch.float64)
+            assert value.shape[0] == (3 if field.name in ("gravity", "tip") else 2)
+    assert arm.joint_names == ("first", "second")
+    assert arm.joints == 2
+
+
+def test_inertia_is_about_the_joints_frame(load):
+    parameters = load(one_joint()).inertial_parameters[0].numpy()
+    turn = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)
+    about_centre = turn @ np.array([[0.02, 0.001, 0], [0.001, 0.03, 0], [0, 0, 0.01]]) @ turn.T
+    c = np.array([0.01, -0.02, 0.1])
+    about_joint = about_centre + 1.5 * (c @ c * np.eye(3) - np.outer(c, c))
+    np.testing.assert_allclose(parameters[:4], [1.5, *(1.5 * c)], atol=1e-15)
+    np.testing.assert_allclose(
+        parameters[4:], about_joint[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]], atol=1e-15
+    )
+
+
+def test_a_fixed_joint_hands_its_load_to_the_link_that_carries_it(load):
+    tool = joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"') + link("tool")
+    bare = load(one_joint())
+    loaded = load(one_joint().replace("</robot>", tool + "</robot>"))
+    assert loaded.joints == 1
+    assert loaded.inertial_parameters[0, 0].item() == pytest.approx(3.0)
+    assert bare.tip.tolist() == [0, 0, 0]
+    assert loaded.tip.tolist() == [0, 0, 0.5]
+
+
+def test_a_massless_link_is_fine(load):
+    assert load(one_joint(inertial="")).inertial_parameters.abs().max() == 0.0
+    assert load(one_joint(inertial=INERTIA.replace("1.5", "0"))).inertial_parameters[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("effort", ["", 'effort="0"'])
+def test_effort_that_is_not_stated_is_not_limited(load, effort):
+    limit = f'<limit lower="-1" upper="1" velocity="1" {effort}/>'
+    assert load(one_joint(limit=limit)).torque_limit.tolist() == [np.inf]
+
+
+def test_one_limit_that_is_left_out_is_zero_as_urdf_has_it(load):
+    arm = load(one_joint(kind="prismatic", limit='<limit upper="0.3" velocity="1"/>'))
+    assert (arm.position_lower.item(), arm.position_upper.item()) == (0.0, 0.3)
+
+
+def test_what_is_only_for_show_does_no_harm(load):
+    extra = '<visual><geometry><mesh filename="gone.dae"/></geometry></visual>'
+    text = one_joint(collision=extra).replace("</robot>", "<gazebo/><transmission/></robot>")
+    assert load(text).joints == 1
+
+
+def test_a_robot_loads_without_a_word(load, capfd):
+    load(two_joints())
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_pinocchio_says_goes_to_the_log(load, caplog, capfd, monkeypatch):
+    build = pin.buildModelFromXML
+    monkeypatch.setattr(pin, "buildModelFromXML", lambda text: os.write(2, b"odd inertia") and build(text))
+    load(one_joint())
+    assert "robot.urdf: odd inertia" in caplog.text
+    assert capfd.readouterr().err == ""
+
+
+def test_reads_a_real_arm():
+    file = DATA / "ur10e" / "reference.urdf"
+    if not file.is_file():
+        pytest.skip(f"the UR10e is not at {file}; set SIDEGAN_DATA")
+    arm = load_robot(file)
+    assert arm.joints == 6
+    assert_same_motion(arm)
+
+
+def test_pinocchio_is_imported_only_when_a_robot_is_loaded():
+    code = (
+        "import sys; from sidegan.robot import Arm, Capsules, load_robot;"
+        "assert 'pinocchio' not in sys.modules;"
+        "load_robot('planar2'); assert 'pinocchio' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+class TestDigest:
+    def test_does_not_know_names_or_paths(self, load):
+        one = load(one_joint(), "one.urdf")
+        other = load(one_joint(name="another").replace("turn", "rotate"), "other.urdf")
+        assert one.name != other.name
+        assert one.digest == other.digest == load(one_joint(), "one.urdf").digest
+
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            ('value="1.5"', 'value="1.500001"'),
+            ('izz="0.01"', 'izz="0.0100000001"'),
+            ('upper="2"', 'upper="2.1"'),
+            ('velocity="2.5"', 'velocity="2.4"'),
+            ('effort="40"', ""),
+            ('xyz="0.1 0.2 0.3"', 'xyz="0.1 0.2 0.31"'),
+            ('axis xyz="0 0 1"', 'axis xyz="0 1 0"'),
+            ('type="revolute"', 'type="prismatic"'),
+            ("</inertial>", '</inertial><collision><geometry><sphere radius="1"/></geometry></collision>'),
+        ],
+    )
+    def test_knows_every_number(self, load, old, new):
+        text = one_joint()
+        assert old in text
+        assert load(text).digest != load(text.replace(old, new)).digest
+
+    @pytest.mark.parametrize("name", built_in_robots())
+    def test_survives_rounding_errors(self, name):
+        arm = load_robot(name)
+        tensors = {f.name: getattr(arm, f.name) for f in fields(arm)}
+        exact = {key: value for key, value in tensors.items() if isinstance(value, torch.Tensor)}
+        shaken = {
+            key: value if value.dtype == torch.bool else value * (1 + 2e-16) + 1e-17
+            for key, value in exact.items()
+        }
+        capsules = replace(arm.capsules, a=arm.capsules.a - 1e-17)
+        assert digest_of(exact, arm.capsules) == arm.digest
+        assert digest_of(shaken, capsules) == arm.digest
+
+
+def test_limits_come_in_the_order_of_the_joints(load):
+    arm = load(two_joints(limit=LIMIT.replace("40", "7")))
+    assert arm.torque_limit.tolist() == [40, 7]
