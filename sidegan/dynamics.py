@@ -352,5 +352,5 @@ def _gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
         return torch.stack([_gram_of(body, *part) * part[0].shape[1] for part in parts]).sum(0) / count
     columns = body.base.columns.to(q.device)
     y = body._regressor(*body._states(q, dq, ddq))[:, columns]
-    y = y.reshape(joints, len(columns), batch, count).permute(2, 1, 0, 3).reshape(batch, len(columns), -1)
+    y = y.reshape(joints, len(columns), batch, count).permute(2, 1, 0, 3).flatten(2)
     return y @ y.transpose(1, 2) / count

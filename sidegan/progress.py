@@ -129,7 +129,9 @@ def speed(rate: float) -> str:
     """A rate in words, per second or, when slow, per minute; nothing when there is none yet."""
     if not rate:
         return ""
-    return f"{rate:,.3g}/s" if rate >= 0.5 else f"{60 * rate:.3g}/min"
+    if rate < 0.5:
+        return f"{60 * rate:.3g}/min"
+    return f"{rate:.3g}/s" if rate < 100 else f"{rate:,.0f}/s"
 
 
 @contextmanager

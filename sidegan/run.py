@@ -106,7 +106,7 @@ def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], s
     parts = [experiment]
     for override in overrides:
         key, _, value = override.lstrip("+").partition("=")
-        if key not in ("experiment", "outputs", "seed"):
+        if key not in ("experiment", "outputs", "seed", "tracking"):
             parts.append(value if key in groups else f"{key}={value}")
     return " ".join([*parts, f"seed={seed}"])[:200]
 

@@ -45,8 +45,9 @@ class Labelled:
 def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
     """Coefficients (count, J, H, 2) around the seeds, for the surrogates to learn from.
 
-    A third are seeds with noise, a third mixtures of two seeds, a third others (a vanilla GAN's
-    output); all at a random size, so that both sides of every constraint are seen.
+    A quarter each: seeds at 0.94 to 1.06 of their size (optimised seeds sit on the boundary of what is
+    valid), seeds with noise, mixtures of two seeds, and others (a vanilla GAN's output); the last three
+    at a random size, so that both sides of every constraint are seen.
     """
     scaling = Scaling.fit(seeds)
 
@@ -57,13 +58,15 @@ def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator)
         draw = torch.rand(n, 1, 1, 1, generator=generator, dtype=torch.float64)
         return low + (high - low) * draw
 
-    third = count // 3
-    image = torch.randn(third, 2, *seeds.shape[1:3], generator=generator, dtype=torch.float64)
-    noisy = pick(seeds, third) + uniform(0, 0.8, third) * (scaling.coefficients(image) - scaling.mean.view(seeds[0].shape))
-    share = uniform(0, 1, third)
-    mixed = share.sqrt() * pick(seeds, third) + (1 - share).sqrt() * pick(seeds, third)
-    rest = pick(others, count - 2 * third)
-    return torch.cat([noisy, mixed, rest]) * uniform(0.5, 1.1, count)
+    part = count // 4
+    image = torch.randn(part, 2, *seeds.shape[1:3], generator=generator, dtype=torch.float64)
+    noise = scaling.coefficients(image) - scaling.mean.view(seeds[0].shape)
+    noisy = pick(seeds, part) + uniform(0, 0.8, part) * noise
+    share = uniform(0, 1, part)
+    mixed = share.sqrt() * pick(seeds, part) + (1 - share).sqrt() * pick(seeds, part)
+    rest = pick(others, count - 3 * part)
+    broad = torch.cat([noisy, mixed, rest])
+    return torch.cat([pick(seeds, part) * uniform(0.94, 1.06, part), broad * uniform(0.5, 1.1, len(broad))])
 
 
 @torch.no_grad()

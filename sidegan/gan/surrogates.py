@@ -11,14 +11,18 @@ from sidegan.gan.rollout import RollOut
 from sidegan.robot import Arm
 from sidegan.trajectory import Trajectory
 
+LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
 
 class SuccessPredictor(nn.Module):
-    """Logits that each constraint holds, (B, G), and per-moment margins, of coefficients (B, J, H, 2).
+    """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
+
+    Position and velocity limits are linear in the coefficients, so their margins are computed; torque,
+    self-collision and keep-out margins are learned.
 
     Args:
         arm: the arm.
         trajectory: the family of trajectories.
-        constraints: number of constraint groups G.
+        constraints: number of constraints G, position and velocity first.
         width: channels of the hidden layers.
         steps: time points of the roll-out.
     """
@@ -26,21 +30,23 @@ class SuccessPredictor(nn.Module):
     def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int = 96, steps: int = 80) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
+        learned = constraints - LINEAR_CONSTRAINTS
         self.layers = nn.Sequential(
             nn.Conv1d(self.roll_out.channels, width, 1),
             nn.ReLU(),
             nn.Conv1d(width, width, 1),
             nn.ReLU(),
-            nn.Conv1d(width, width // 2, 1),
+            nn.Conv1d(width, width, 1),
             nn.ReLU(),
-            nn.Conv1d(width // 2, constraints, 1),
+            nn.Conv1d(width, learned, 1),
         )
-        self.gain = nn.Parameter(torch.full((constraints,), 3.0))
+        self.log_gain = nn.Parameter(torch.full((constraints,), 3.0))
         self.offset = nn.Parameter(torch.zeros(constraints))
 
     def margins(self, c: Tensor) -> Tensor:
         """Predicted margins by moment, (B, G, T), in the units of ``labels.scaled_margins``."""
-        return self.layers(self.roll_out(c))
+        channels = self.roll_out(c)
+        return torch.cat([1 - channels[:, -LINEAR_CONSTRAINTS:], self.layers(channels)], 1)
 
     def forward(self, c: Tensor) -> Tensor:
         """Log probability of being valid, (B,)."""
@@ -49,7 +55,7 @@ class SuccessPredictor(nn.Module):
     def log_probability(self, margins: Tensor) -> Tensor:
         """Log probability of being valid, (B,), of predicted margins (B, G, T)."""
         worst = margins.amin(2)
-        return nn.functional.logsigmoid(self.gain.exp() * (worst - self.offset)).sum(1)
+        return nn.functional.logsigmoid(self.log_gain.exp() * (worst - self.offset)).sum(1)
 
 
 class Converter(nn.Module):
@@ -62,17 +68,22 @@ class Converter(nn.Module):
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
         self.moments = nn.Sequential(
-            nn.Conv1d(self.roll_out.channels, width, 1), nn.ReLU(), nn.Conv1d(width, width, 1), nn.ReLU()
+            nn.Conv1d(self.roll_out.channels, width, 1),
+            nn.ReLU(),
+            nn.Conv1d(width, width, 1),
+            nn.ReLU(),
+            nn.Conv1d(width, width, 1),
         )
         self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
+        self.linear = nn.Linear(width, features)
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("spread", torch.ones(features))
 
     def forward(self, c: Tensor) -> Tensor:
         """Standardised log features, (B, p)."""
         moments = self.moments(self.roll_out(c))
-        energy = (moments * moments).mean(2)
-        return self.pooled(torch.cat([moments.mean(2), torch.log1p(energy)], 1))
+        log_energy = torch.log(1e-4 + (moments * moments).mean(2))
+        return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
 
     def standardise(self, features: Tensor) -> Tensor:
         """Standardised logs of true features (B, p)."""

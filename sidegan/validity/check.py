@@ -131,7 +131,7 @@ class _Search:
 
     def _state(self, which: Tensor, rows: Tensor, times: Tensor, order: int) -> Tensor:
         if len(which) == len(self.c) * len(times):  # every trajectory on one grid: a single matrix product
-            return self.trajectory.derivative(self.c, times, order).reshape(len(which), -1)
+            return self.trajectory.derivative(self.c, times, order).flatten(0, 1)
         basis = self.trajectory.basis(times, order)[rows].flatten(1)
         state = torch.einsum("nk,njk->nj", basis, self.c.flatten(2)[which])
         return state + self.c.new_tensor(self.trajectory.home) if order == 0 else state

@@ -1,0 +1,80 @@
+"""Random serial chains, as sidegan's arm and as Pinocchio's model with the same numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import torch
+from torch import Tensor
+
+from sidegan.robot import Arm, Capsules
+
+
+def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
+    """A chain with arbitrary axes, placements, gravity and inertias, a third of its joints prismatic."""
+    random = np.random.default_rng([joints, seed])
+    prismatic = random.random(joints) < 1 / 3
+    rotation = np.stack([pin.exp3(random.normal(size=3) * 2) for _ in range(joints)])
+    translation = random.uniform(-0.4, 0.4, (joints, 3))
+    axis = random.normal(size=(joints, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    parameters = np.stack([_inertia(random).toDynamicParameters() for _ in range(joints)])
+    gravity = random.normal(size=3) * 6
+    arm = Arm(
+        name=f"chain{joints}",
+        digest=f"{joints}-{seed}",
+        joint_names=tuple(f"joint{i + 1}" for i in range(joints)),
+        prismatic=torch.from_numpy(prismatic),
+        rotation=torch.from_numpy(rotation),
+        translation=torch.from_numpy(translation),
+        axis=torch.from_numpy(axis),
+        inertial_parameters=torch.from_numpy(parameters),
+        position_lower=torch.from_numpy(np.where(prismatic, -0.2, -2.5)),
+        position_upper=torch.from_numpy(np.where(prismatic, 0.5, 2.0)),
+        velocity_limit=torch.from_numpy(np.where(prismatic, 0.7, 2.5)),
+        torque_limit=torch.full((joints,), 300.0, dtype=torch.float64),
+        gravity=torch.from_numpy(gravity),
+        capsules=_capsules(random, joints),
+        urdf=Path("none.urdf"),
+        tip=torch.zeros(3, dtype=torch.float64),
+    )
+    return arm, _model(arm)
+
+
+def random_states(arm: Arm, count: int, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions and velocities within the limits and accelerations within ±5, (count, J) each."""
+    generator = torch.Generator().manual_seed(seed)
+    q, dq, ddq = torch.rand(3, count, arm.joints, generator=generator, dtype=torch.float64)
+    q = torch.lerp(arm.position_lower, arm.position_upper, q)
+    return q, (2 * dq - 1) * arm.velocity_limit, (2 * ddq - 1) * 5.0
+
+
+def _inertia(random: np.random.Generator) -> pin.Inertia:
+    half = random.normal(size=(3, 3)) * 0.2
+    return pin.Inertia(
+        random.uniform(0.3, 5.0), random.uniform(-0.3, 0.3, 3), half @ half.T + 0.01 * np.eye(3)
+    )
+
+
+def _capsules(random: np.random.Generator, joints: int) -> Capsules:
+    """One on every link, and one on the base."""
+    ends = torch.from_numpy(random.uniform(-0.2, 0.2, (2, joints + 1, 3)))
+    return Capsules(
+        link=torch.arange(-1, joints),
+        a=ends[0],
+        b=ends[1],
+        radius=torch.from_numpy(random.uniform(0.01, 0.05, joints + 1)),
+        names=("base", *(f"link{i + 1}" for i in range(joints))),
+    )
+
+
+def _model(arm: Arm) -> pin.Model:
+    model = pin.Model()
+    model.gravity.linear = arm.gravity.numpy()
+    for i in range(arm.joints):
+        kind = pin.JointModelPrismaticUnaligned if arm.prismatic[i] else pin.JointModelRevoluteUnaligned
+        placement = pin.SE3(arm.rotation[i].numpy(), arm.translation[i].numpy())
+        model.addJoint(i, kind(arm.axis[i].numpy()), placement, arm.joint_names[i])
+        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i].numpy())
+        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
+    return model

@@ -1,0 +1,26 @@
+import pytest
+import torch
+
+from sidegan.robot import Arm, load_robot
+
+torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def arm() -> Arm:
+    """The KUKA LWR IV, seven joints."""
+    return load_robot("kuka_lwr4")
+
+
+@pytest.fixture(scope="session")
+def planar() -> Arm:
+    """The planar arm of two links."""
+    return load_robot("planar2")
+
+
+@pytest.fixture(params=["cpu", "cuda"])
+def device(request: pytest.FixtureRequest) -> torch.device:
+    """Every device at hand."""
+    if request.param == "cuda" and not torch.cuda.is_available():
+        pytest.skip("no CUDA device")
+    return torch.device(request.param)

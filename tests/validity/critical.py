@@ -1,0 +1,92 @@
+"""Trajectories that are critical in one constraint alone, and how bad they are when sampled densely."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from sidegan.robot import Arm, Capsules
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane
+
+KINDS = ("position", "velocity", "torque", "collision", "desk", "box")
+DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
+
+
+def only(capsules: Capsules, which: Tensor) -> Capsules:
+    """Some of an arm's capsules."""
+    names = tuple(capsules.names[k] for k in which.tolist())
+    return Capsules(capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], names)
+
+
+def isolated(arm: Arm, kind: str) -> Constraints:
+    """Constraints of an arm that only one kind can violate within a few turns of every joint."""
+    free = replace(
+        arm,
+        position_lower=1000 * arm.position_lower,
+        position_upper=1000 * arm.position_upper,
+        velocity_limit=1000 * arm.velocity_limit,
+        torque_limit=torch.full_like(arm.torque_limit, torch.inf),
+    )
+    bare = replace(free, capsules=only(arm.capsules, torch.arange(0)))
+    last = replace(free, capsules=only(arm.capsules, torch.tensor([-1])))
+    thick = replace(free, capsules=replace(arm.capsules, radius=arm.capsules.radius + 0.02))
+    match kind:
+        case "position":
+            lower, upper = 0.7 * arm.position_lower, 0.7 * arm.position_upper
+            return Constraints(replace(bare, position_lower=lower, position_upper=upper))
+        case "velocity":
+            return Constraints(replace(bare, velocity_limit=arm.velocity_limit))
+        case "torque":
+            return Constraints(replace(bare, torque_limit=0.4 * arm.torque_limit))
+        case "collision":
+            return Constraints(thick)
+        case "desk":
+            return Constraints(last, [DESK])
+        case "box":
+            return Constraints(last, [BOX])
+    raise ValueError(kind)
+
+
+def named(kind: str) -> str:
+    """The margin that a kind of constraint shows in."""
+    return "keep_out" if kind in ("desk", "box") else kind
+
+
+def margins_at(
+    constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor
+) -> dict[str, Tensor]:
+    """Smallest margin over the elements at each time, (B, T), by constraint."""
+    parts: dict[str, list[Tensor]] = {name: [] for name in constraints.labels}
+    for piece in c.split(max(1, 20_000 // len(times))):
+        motion = trajectory.roll_out(piece, times)
+        margins = constraints.margins(*(x.flatten(0, 1) for x in motion[1:]))
+        for name, margin in margins.items():
+            parts[name].append(margin.amin(1).reshape(len(piece), len(times)))
+    return {name: torch.cat(pieces) for name, pieces in parts.items()}
+
+
+def smallest(constraints: Constraints, trajectory: Trajectory, c: Tensor, rate: float) -> dict[str, Tensor]:
+    """Smallest margin over the period, (B,), by constraint, at a sampling rate [Hz]."""
+    margins = margins_at(constraints, trajectory, c, trajectory.times(rate))
+    return {name: margin.amin(1) for name, margin in margins.items()}
+
+
+def scaled_to(margin: Callable[[Tensor], Tensor], c: Tensor, target: float, most: float = 4.0) -> Tensor:
+    """Each trajectory scaled up from rest until its margin, (B,), first falls to the target.
+
+    The margin stays above the target by a hair. Those that never fall so far are left out.
+    """
+    scales = torch.linspace(0, most, 41, dtype=c.dtype)
+    below = torch.stack([margin(c * s) < target for s in scales])
+    falls = below.any(0) & ~below[0]
+    c, first = c[falls], below.int().argmax(0)[falls]
+    low, high = scales[first - 1], scales[first]
+    everything = torch.ones(len(below[0]), *c.shape[1:], dtype=c.dtype)
+    for _ in range(30):
+        middle = (low + high) / 2
+        everything[falls] = c * middle[:, None, None, None]
+        bad = (margin(everything) < target)[falls]
+        low, high = torch.where(bad, low, middle), torch.where(bad, middle, high)
+    return c * low[:, None, None, None]

@@ -1,0 +1,122 @@
+"""Bounds over a cell are true bounds: everything sampled inside the cell stays below them."""
+
+import pytest
+import torch
+from torch import Tensor
+from torch.autograd.functional import jvp
+
+from sidegan.dynamics import RigidBody
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity.bounds import (
+    CellMotion,
+    Slack,
+    capsule_reach,
+    cell_motion,
+    jerk_bound,
+    torque_rate_bound,
+)
+from sidegan.validity.capsules import capsule_axes
+
+from ..chains import random_chain, random_states
+
+CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(2)]
+REGIONS = (Plane((0.2, -0.1, 1.0), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4)))
+ROUNDING = 1e-9
+
+
+def within_limits(arm: Arm, batch: int, seed: int) -> tuple[Trajectory, Tensor]:
+    """Trajectories that use up to the whole position range, with no regard to speed."""
+    middle = (arm.position_lower + arm.position_upper) / 2
+    trajectory = Trajectory(arm.joints, 5, 3.0, middle)
+    generator = torch.Generator().manual_seed(seed)
+    c = torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
+    reach = (trajectory.roll_out(c, trajectory.times(100)).position - middle).abs().amax(1)
+    return trajectory, c * ((arm.position_upper - arm.position_lower) / 2 / reach)[:, :, None, None]
+
+
+def margins_in_cells(constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor) -> dict:
+    """Margins (B, T, K) by constraint."""
+    motion = trajectory.roll_out(c, times)
+    flat = [x.flatten(0, 1) for x in motion[1:]]
+    return {name: m.reshape(len(c), len(times), -1) for name, m in constraints.margins(*flat).items()}
+
+
+@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
+@pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS[::2]])
+def test_no_margin_changes_by_more_than_its_slack(joints: int, seed: int, half: float, arm: Arm) -> None:
+    arm = random_chain(joints, seed)[0] if joints else arm
+    constraints = Constraints(arm, REGIONS)
+    trajectory, c = within_limits(arm, 8, seed)
+    slack = Slack(constraints)
+    jerk = jerk_bound(trajectory, c, 30)
+    for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
+        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
+        sampled = margins_in_cells(constraints, trajectory, c, times)
+        motion = trajectory.roll_out(c, torch.tensor([centre], dtype=torch.float64))
+        bounds = slack.of(cell_motion(motion.velocity[:, 0], motion.acceleration[:, 0], jerk, half), half)
+        for name, margins in sampled.items():
+            change = (margins - margins[:, 10:11]).abs().amax(1)
+            assert (change <= bounds[name] + ROUNDING).all(), name
+
+
+def test_slack_shrinks_with_the_cell(arm: Arm) -> None:
+    """At the finest cells, 0.1 ms, it hides no more than 1 mm, 1 mrad, 1 mrad/s or 1 N·m."""
+    trajectory = Trajectory(7)
+    c = 0.2 * torch.randn(
+        50, *trajectory.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64
+    )
+    motion = trajectory.roll_out(c, trajectory.grid(40))
+    jerk = jerk_bound(trajectory, c, 160)[:, None].expand_as(motion.velocity).flatten(0, 1)
+    cell = cell_motion(motion.velocity.flatten(0, 1), motion.acceleration.flatten(0, 1), jerk, 5e-5)
+    slack = Slack(Constraints(arm, [Plane((0, 0, 1), 0.1)])).of(cell, 5e-5)
+    assert all(bound.max() < 1e-3 for name, bound in slack.items() if name != "torque")
+    assert slack["torque"].max() < 1.0
+
+
+def test_cell_motion_is_taylors_remainder() -> None:
+    speed, acceleration, jerk = (torch.tensor([[x]], dtype=torch.float64) for x in (-2.0, 3.0, 6.0))
+    motion = cell_motion(speed, acceleration, jerk, half=0.5)
+    bounds = [
+        x.item() for x in (motion.position_change, motion.velocity_change, motion.speed, motion.acceleration)
+    ]
+    assert bounds == pytest.approx([0.5 * 2 + 0.125 * 3 + 6 / 48, 0.5 * 3 + 0.125 * 6, 2 + 2.25, 3 + 3])
+
+
+@pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
+def test_torque_rates_stay_below_their_bound(joints: int, seed: int, arm: Arm) -> None:
+    """The exact rate, by the chain rule, at states within the limits and any jerk."""
+    arm = random_chain(joints, seed)[0] if joints else arm
+    q, dq, ddq = random_states(arm, 300, seed)
+    size = torch.logspace(-2, 2, 300, dtype=torch.float64)[:, None]  # from gravity alone to inertia alone
+    dq, ddq = dq * size, ddq * size.flip(0)
+    jerk = (
+        torch.randn(ddq.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64) * size**2
+    )
+    _, rate = jvp(RigidBody(arm).torque, (q, dq, ddq), (dq, ddq, jerk))
+    still = torch.zeros_like(q)
+    bound = torque_rate_bound(arm, CellMotion(still, still, dq.abs(), ddq.abs(), jerk.abs()))
+    assert (rate.abs() <= bound * (1 + ROUNDING)).all()
+
+
+def test_torque_rate_bound_is_sharp_for_one_slide() -> None:
+    arm = next(a for a in (random_chain(1, seed)[0] for seed in range(20)) if a.prismatic[0])
+    rates = [torch.full((1, 1), x, dtype=torch.float64) for x in (0.0, 0.0, 0.4, 2.0, 30.0)]
+    force_rate = arm.inertial_parameters[0, 0] * 30.0
+    torch.testing.assert_close(torque_rate_bound(arm, CellMotion(*rates))[0, 0], force_rate)
+
+
+@pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
+def test_no_point_of_a_capsule_moves_faster_than_its_reach(joints: int, seed: int, arm: Arm) -> None:
+    arm = random_chain(joints, seed)[0] if joints else arm
+    q = random_states(arm, 200, seed)[0].T.contiguous()
+    reach = capsule_reach(arm)
+    for joint in range(arm.joints):
+        push = torch.zeros_like(q)
+        push[joint] = 1.0
+        _, speeds = jvp(lambda x: capsule_axes(arm, x), q, push)
+        fastest = torch.stack([x.norm(dim=0).amax(1) for x in speeds]).amax(0)
+        assert (fastest <= reach[:, joint] + ROUNDING).all()
+        own = arm.capsules.link == joint  # one joint away the bound is exact
+        torch.testing.assert_close(fastest[own], reach[own, joint])

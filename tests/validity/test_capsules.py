@@ -1,0 +1,157 @@
+"""Capsules and their distances: coal and exact geometry in extended precision as oracles."""
+
+from dataclasses import replace
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from sidegan.robot import Arm, capsule_geometry, pinocchio_model
+from sidegan.validity import Constraints
+from sidegan.validity.capsules import capsule_axes, place_points, segment_distance
+
+from ..chains import random_chain, random_states
+
+Quad = tuple[Tensor, Tensor, Tensor, Tensor]
+
+
+def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    along = b - a
+    length = (along * along).sum(0)
+    s = np.clip(((p - a) * along).sum(0) / np.where(length > 0, length, 1), 0, 1)
+    return np.sqrt(((a + s * along - p) ** 2).sum(0))
+
+
+def exact_distance(*ends: Tensor) -> np.ndarray:
+    """The nearest points are an end and a segment, or lie on the common normal: the least of all cases."""
+    a1, b1, a2, b2 = (x.numpy().astype(np.longdouble) for x in ends)
+    at_ends = [(a1, a2, b2), (b1, a2, b2), (a2, a1, b1), (b2, a1, b1)]
+    distance = np.minimum.reduce([point_to_segment(*case) for case in at_ends])
+    u, v, r = b1 - a1, b2 - a2, a2 - a1
+    normal = np.cross(u, v, axis=0)
+    square = (normal * normal).sum(0)
+    safe = np.where(square > 0, square, 1)
+    s, t = ((np.cross(r, x, axis=0) * normal).sum(0) / safe for x in (v, u))
+    inside = (square > 0) & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    return np.where(inside, np.abs((r * normal).sum(0)) / np.sqrt(safe), distance).astype(float)
+
+
+def random_segments(count: int, seed: int = 0) -> Quad:
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randn(4, 3, count, generator=generator, dtype=torch.float64).unbind()
+
+
+def test_segment_distance_is_exact() -> None:
+    segments = random_segments(50_000)
+    np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=1e-11)
+
+
+@pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-12, 0.0])
+@pytest.mark.parametrize("length", [1e-3, 1.0])
+def test_nearly_parallel_segments_a_hand_apart(angle: float, length: float) -> None:
+    a, b, shift, wobble = random_segments(20_000, seed=1)
+    along = length * b
+    start = a + 0.5 * length * wobble + 0.1 * shift / shift.norm(dim=0)
+    segments = a, a + along, start, start - 1.3 * along + angle * length * wobble
+    np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-7 * length)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 1e-6, 1e-7, 1e-9])
+def test_nearly_parallel_segments_that_cross(angle: float) -> None:
+    middle, along, wobble, _ = random_segments(20_000, seed=2)
+    other = along + angle * wobble
+    distance = segment_distance(middle - along, middle + along, middle - other, middle + other)
+    assert distance.max() < 3e-7
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-200, 1e-9, 1e-5])
+def test_segments_that_are_points(length: float) -> None:
+    a1, b1, a2, b2 = random_segments(2_000, seed=3)
+    dot, other = a1 + length * b1, a2 + length * b2
+    for segments in ((a1, dot, a2, b2), (a2, b2, a1, dot), (a1, dot, a2, other), (a1, dot, a1, dot)):
+        np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
+
+
+coordinate = st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(coordinate, min_size=12, max_size=12))
+def test_segments_on_a_lattice(numbers: list[float]) -> None:
+    """Parallel, collinear, overlapping, touching and degenerate ones by the dozen."""
+    segments = torch.tensor(numbers, dtype=torch.float64).reshape(4, 3, 1).unbind()
+    np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
+    a1, b1, a2, b2 = segments
+    torch.testing.assert_close(
+        segment_distance(a2, b2, b1, a1), segment_distance(a1, b1, a2, b2), atol=1e-12, rtol=0
+    )
+
+
+def test_gradient_of_the_distance_agrees_with_finite_differences() -> None:
+    segments = tuple(x.clone().requires_grad_(True) for x in random_segments(40, seed=4))
+    assert torch.autograd.gradcheck(segment_distance, segments)
+
+
+def test_gradient_is_finite_where_segments_meet() -> None:
+    a, b, c, _ = (x.clone().requires_grad_(True) for x in random_segments(5))
+    segment_distance(a, b, a, c).sum().backward()
+    assert all(torch.isfinite(x.grad).all() for x in (a, b, c))
+
+
+@pytest.mark.parametrize(("joints", "seed"), [(1, 0), (4, 0), (9, 0)])
+def test_points_are_where_pinocchio_puts_them(joints: int, seed: int) -> None:
+    arm, model = random_chain(joints, seed)
+    data, (q, *_) = model.createData(), random_states(arm, 20)
+    a, b = capsule_axes(arm, q.T.contiguous())
+    for n in range(len(q)):
+        pin.forwardKinematics(model, data, q[n].numpy())
+        for k, link in enumerate(arm.capsules.link.tolist()):
+            placement = data.oMi[link + 1]
+            np.testing.assert_allclose(a[:, k, n], placement.act(arm.capsules.a[k].numpy()), atol=1e-13)
+            np.testing.assert_allclose(b[:, k, n], placement.act(arm.capsules.b[k].numpy()), atol=1e-13)
+
+
+def test_points_of_the_base_are_in_the_world(planar: Arm) -> None:
+    point = torch.tensor([[1.0, 2.0, 3.0]], dtype=torch.float64)
+    placed = place_points(planar, torch.ones(2, 4, dtype=torch.float64), point, [-1])
+    assert placed[:, 0].T.tolist() == [[1.0, 2.0, 3.0]] * 4
+
+
+def coal_distances(arm: Arm, constraints: Constraints, q: Tensor) -> np.ndarray:
+    """Signed distances [m] of the constraints' pairs, (N, P)."""
+    model, geometry = pinocchio_model(arm), capsule_geometry(arm)
+    for first, second in constraints.pairs.tolist():
+        geometry.addCollisionPair(pin.CollisionPair(first, second))
+    data, places = model.createData(), geometry.createData()
+    request = coal.DistanceRequest()
+    request.enable_signed_distance = True
+    places.distanceRequests[:] = [request] * len(constraints.pairs)
+    distances = np.zeros((len(q), len(constraints.pairs)))
+    for n, position in enumerate(q.numpy()):
+        pin.computeDistances(model, data, geometry, places, position)
+        distances[n] = [result.min_distance for result in places.distanceResults]
+    return distances
+
+
+@pytest.mark.parametrize("thicker", [0.0, 0.05, 0.15])
+def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
+    """The arm's own capsules hardly ever meet at random; thicker ones do."""
+    arm = replace(arm, capsules=replace(arm.capsules, radius=arm.capsules.radius + thicker))
+    constraints = Constraints(arm)
+    q = random_states(arm, 1_000, seed=7)[0]
+    ours, theirs = constraints.clearances(q)["collision"].numpy(), coal_distances(arm, constraints, q)
+    apart, deep = theirs > 1e-6, theirs < -1e-6
+    assert apart.sum() > 1000 and (thicker < 0.1 or deep.sum() > 1000)
+    np.testing.assert_allclose(ours[apart], theirs[apart], atol=1e-9)
+    assert (ours[deep] < 0).all()
+
+
+def test_gradients_of_clearances_agree_with_finite_differences(arm: Arm) -> None:
+    constraints = Constraints(replace(arm, torque_limit=torch.full((7,), torch.inf)))
+    q = random_states(arm, 3, seed=8)[0].requires_grad_(True)
+    assert torch.autograd.gradcheck(lambda q: constraints.clearances(q)["collision"], (q,), fast_mode=True)

@@ -1,0 +1,146 @@
+"""Constraints of single states: which apply, what their margins are, and what is refused."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.robot import Arm
+from sidegan.validity import Box, Constraints, Plane
+
+from ..chains import random_states
+from .critical import DESK, only
+
+
+def test_pair_that_always_touches_is_excepted(arm: Arm) -> None:
+    """On the LWR that is 5 and 7, found by sampling; every other pair that is not adjacent is checked."""
+    constraints = Constraints(arm)
+    link = arm.capsules.link
+    checked = {tuple(sorted(link[pair].tolist())) for pair in constraints.pairs}
+    far = {(i, j) for i in range(-1, 7) for j in range(i + 2, 7)}
+    assert far - checked == {(4, 6)}  # joints count from 0
+    assert "link_5 – link_7" not in constraints.labels["collision"]
+    assert "link_4 – link_6" in constraints.labels["collision"]
+
+
+def test_excepted_pair_touches_wherever_the_arm_is(arm: Arm) -> None:
+    every = Constraints(arm)
+    every.pairs = torch.tensor([[5, 7]])
+    assert (every.clearances(random_states(arm, 5_000)[0])["collision"] < 0).all()
+
+
+def test_links_that_cannot_leave_the_desk_are_exempt(arm: Arm) -> None:
+    """The base does not move, and link 1 only turns in place."""
+    constraints = Constraints(arm, [DESK])
+    names = [arm.capsules.names[k] for k in constraints.guarded[:, 1].tolist()]
+    assert names == [f"link_{i}" for i in range(2, 8)]
+    assert constraints.labels["keep_out"][0] == "link_2 in region 0"
+
+
+def test_each_region_has_its_own_exemptions(arm: Arm) -> None:
+    constraints = Constraints(arm, [DESK, Box((1.0, -0.1, 0.0), (1.2, 0.1, 0.4))])
+    assert constraints.guarded.tolist() == [[0, k] for k in range(2, 8)] + [[1, k] for k in range(1, 8)]
+
+
+def test_margins_of_limits_are_what_is_left(planar: Arm) -> None:
+    q, dq, ddq = random_states(planar, 50)
+    margins = Constraints(planar).margins(q, dq, ddq)
+    left = torch.minimum(q - torch.tensor([-2.6, -2.9]), torch.tensor([2.6, 2.9]) - q)
+    torch.testing.assert_close(margins["position"], left)
+    torch.testing.assert_close(margins["velocity"], torch.tensor([3.0, 4.0]) - dq.abs(), check_dtype=False)
+    torque = RigidBody(planar).torque(q, dq, ddq).abs()
+    torch.testing.assert_close(margins["torque"], torch.tensor([200.0, 100.0]) - torque, check_dtype=False)
+
+
+def test_margins_of_the_upright_planar_arm(planar: Arm) -> None:
+    """The forearm's axis begins 0.9 m up, 0.4 m above the base sphere's centre."""
+    upright = torch.zeros(1, 2, dtype=torch.float64)
+    clearances = Constraints(planar, [DESK]).clearances(upright)
+    assert clearances["collision"].item() == pytest.approx(0.4 - 0.1 - 0.04)
+    assert clearances["keep_out"][0].tolist() == pytest.approx([0.5 - 0.05 - 0.1, 0.9 - 0.04 - 0.1])
+
+
+def test_torque_counts_only_where_it_is_limited_and_wanted(planar: Arm) -> None:
+    free = replace(planar, torque_limit=torch.tensor([torch.inf, torch.inf], dtype=torch.float64))
+    half = replace(planar, torque_limit=torch.tensor([torch.inf, 3.0], dtype=torch.float64))
+    assert "torque" in Constraints(planar).labels
+    assert "torque" not in Constraints(planar, torque=False).labels
+    assert "torque" not in Constraints(free).labels
+    q = torch.tensor([[1.0, 1.0]], dtype=torch.float64)
+    margin = Constraints(half).margins(q, 0 * q, 0 * q)["torque"][0]
+    assert margin[0] == torch.inf and torch.isfinite(margin[1])
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) -> None:
+    bare = replace(planar, capsules=only(planar.capsules, torch.arange(count)))
+    constraints = Constraints(bare, [DESK])
+    expected = {"position", "velocity", "torque"} | ({"keep_out"} if count == 2 else set())
+    states = random_states(planar, 4)
+    assert set(constraints.labels) == set(constraints.margins(*states)) == expected
+
+
+def test_margins_and_labels_have_the_same_elements(arm: Arm) -> None:
+    constraints = Constraints(arm, [DESK, Plane((1.0, 0.0, 0.0), -0.5)])
+    margins = constraints.margins(*random_states(arm, 9))
+    assert {name: (9, len(labels)) for name, labels in constraints.labels.items()} == {
+        name: tuple(margin.shape) for name, margin in margins.items()
+    }
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_margins_follow_type_and_device(arm: Arm, dtype: torch.dtype, device: torch.device) -> None:
+    constraints = Constraints(arm, [DESK, Box((0.3, 0.3, 0.3), (0.6, 0.6, 0.6))])
+    states = random_states(arm, 30)
+    exact = constraints.margins(*states)
+    for name, margin in constraints.margins(*(x.to(device, dtype) for x in states)).items():
+        assert margin.dtype == dtype and margin.device.type == device.type
+        torch.testing.assert_close(margin.cpu().double(), exact[name], rtol=1e-5, atol=1e-4)
+
+
+def test_margins_can_be_differentiated(arm: Arm) -> None:
+    constraints = Constraints(arm, [DESK])
+    states = tuple(x.requires_grad_(True) for x in random_states(arm, 2, seed=5))
+    assert torch.autograd.gradcheck(
+        lambda *x: tuple(constraints.margins(*x).values()), states, fast_mode=True
+    )
+
+
+def test_a_home_where_the_arm_can_rest_is_accepted(arm: Arm, planar: Arm) -> None:
+    Constraints(arm, [DESK]).refuse_home([0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0])
+    Constraints(planar, [DESK]).refuse_home((0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("home", "message"),
+    [
+        ((2.7, 0.0), r"position of shoulder: margin -0\.1;.*keep_out of forearm in region 0"),
+        ((0.0, -3.0), r"position of elbow: margin -0\.1; collision of base – forearm: margin -0\.08"),
+        ((2.5, 0.0), r"keep_out of forearm in region 0: margin -0\.28"),
+    ],
+)
+def test_an_infeasible_home_is_refused(planar: Arm, home: tuple[float, float], message: str) -> None:
+    with pytest.raises(InfeasibleError, match=message) as error:
+        Constraints(planar, [DESK]).refuse_home(home)
+    assert str(list(home)) in str(error.value)
+
+
+def test_a_home_that_overloads_a_joint_is_refused(planar: Arm) -> None:
+    weak = replace(planar, torque_limit=torch.tensor([5.0, 100.0], dtype=torch.float64))
+    with pytest.raises(InfeasibleError, match="torque of shoulder"):
+        Constraints(weak).refuse_home((1.0, 0.0))
+    Constraints(weak, torque=False).refuse_home((1.0, 0.0))
+
+
+@pytest.mark.parametrize("home", [(0.0,), (0.0, 0.0, 0.0), (0.0, float("nan")), (float("inf"), 0.0), ()])
+def test_a_home_that_is_no_position_is_refused(planar: Arm, home: tuple[float, ...]) -> None:
+    with pytest.raises(ShapeError, match="must be 2 finite joint positions"):
+        Constraints(planar).refuse_home(home)
+
+
+@pytest.mark.parametrize("shapes", [[(3, 6)] * 3, [(7,)] * 3, [(3, 7), (2, 7), (3, 7)], [(1, 3, 7)] * 3])
+def test_states_of_the_wrong_shape_are_refused(arm: Arm, shapes: list[tuple[int, ...]]) -> None:
+    with pytest.raises(ShapeError, match=r"expected three times \(N, 7\)"):
+        Constraints(arm).margins(*(torch.zeros(shape) for shape in shapes))
