@@ -32,6 +32,7 @@ class Scale:
     labelled: Count  # samples that the surrogates learn from
     surrogate_epochs: Count
     gan_epochs: Count
+    gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
     fitness_start: Natural  # first epoch in which the fitness loss counts
     evaluation: Count  # trajectories per epoch whose true physics is measured
     generated: Count  # valid generated trajectories in the library
@@ -114,16 +115,6 @@ class Seeds:
 
 
 @dataclass(frozen=True)
-class Surrogates:
-    """Success predictor and converter, trained before the GAN."""
-
-    samples: Count
-    epochs: Count
-    width: Count
-    steps: Count  # time points per trajectory at which margins are predicted
-
-
-@dataclass(frozen=True)
 class Weights:
     """Weights of the terms of the generator's loss."""
 
@@ -131,6 +122,8 @@ class Weights:
     features: NonNegative
     success: NonNegative
     fitness: NonNegative
+    spread: NonNegative
+    distance: NonNegative
 
 
 @dataclass(frozen=True)
@@ -148,6 +141,9 @@ class GanVariant:
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
+    critic_rate: Positive
+    decay: bool  # both rates fall to nothing over the training
+    gaussian_start: bool  # the generator starts as the Gaussian with the seeds' covariance
     gradient_penalty: NonNegative
     minibatch: bool  # the discriminators see the spread of a batch
     scaling: Literal["joint", "range"]
@@ -159,6 +155,22 @@ class GanVariant:
             raise ConfigError(
                 f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
             )
+
+
+@dataclass(frozen=True)
+class Surrogates:
+    """Success predictor and converter, trained before the GAN."""
+
+    samples: Count
+    epochs: Count
+    width: Count
+    margin_steps: Count  # time points per trajectory at which margins are predicted
+    feature_steps: Count  # time points per trajectory that the converter sees
+    negatives: dict[str, GanVariant]  # whose output the surrogates learn from, beside the seeds
+
+    def __post_init__(self) -> None:
+        if len(self.negatives) != 1:
+            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
 
 
 @dataclass(frozen=True)
@@ -184,7 +196,8 @@ class Long:
     period: Positive  # [s]
     harmonics: list[Count]  # one trajectory for each
     samples: Count
-    steps: Count
+    steps: Count  # evaluations, at least
+    factor: Annotated[float, Bound("≥", 1)]  # CPU time, in that of all short ones of a selection together
 
 
 @dataclass(frozen=True)

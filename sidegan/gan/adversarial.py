@@ -1,17 +1,20 @@
 """The one adversarial loop, as a Lightning module, for all variants."""
 
+import math
 from typing import Any
 
 import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
+from sidegan.gan.diversity import Diversity
 from sidegan.gan.networks import Discriminator, FeatureDiscriminator, Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.variants import Variant
 
-_BETAS = (0.5, 0.9)
+_BETAS = (0.0, 0.9)
+_LAST_RATE = 0.05  # of the first one, at the end of a training with decay
 
 
 class AdversarialLoop(pl.LightningModule):
@@ -23,8 +26,8 @@ class AdversarialLoop(pl.LightningModule):
 
     Args:
         variant: losses and schedule.
-        scaling: between coefficients and images.
-        shape: (J, H, 2) of the coefficients.
+        seeds: coefficients of the seed set [rad/s], (N, J, H, 2).
+        steps: discriminator steps of the whole training, for the decay of the rates.
         predictor: frozen success predictor, where the variant weighs success.
         converter: frozen converter, where the variant has features.
     """
@@ -32,22 +35,29 @@ class AdversarialLoop(pl.LightningModule):
     def __init__(
         self,
         variant: Variant,
-        scaling: Scaling,
-        shape: tuple[int, int, int],
+        seeds: Tensor,
+        steps: int,
         predictor: SuccessPredictor | None = None,
         converter: Converter | None = None,
     ) -> None:
         super().__init__()
         self.automatic_optimization = False
         self.variant, self.predictor, self.converter = variant, predictor, converter
-        joints, harmonics, _ = shape
-        self.generator = Generator(joints, harmonics, variant.noise, variant.body, variant.width)
+        self.steps = steps
+        joints, harmonics = seeds.shape[1:3]
+        scaling = Scaling.fit(seeds, variant.scaling)
+        self.generator = Generator(
+            joints, harmonics, variant.noise, variant.body, variant.width, variant.gaussian_start
+        )
         self.critic = Discriminator(joints, harmonics, variant.body, variant.width, variant.minibatch)
         self.feature_critic: FeatureDiscriminator | None = None
         if converter is not None:
             self.feature_critic = FeatureDiscriminator(len(converter.mean), variant.width, variant.minibatch)
         self.register_buffer("mean", scaling.mean.float())
         self.register_buffer("spread", scaling.spread.float())
+        self.diversity = Diversity(seeds)
+        if variant.gaussian_start:
+            self.generator.start_from(scaling.image(seeds.double()))
         self.history: list[dict[str, float]] = []
 
     @property
@@ -72,14 +82,25 @@ class AdversarialLoop(pl.LightningModule):
             generator.zero_grad()
             self.manual_backward(self._generator_loss(len(real)))
             generator.step()
+        for schedule in self.lr_schedulers():  # type: ignore[union-attr]
+            schedule.step()
 
-    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
+    def configure_optimizers(self) -> tuple[list[torch.optim.Optimizer], list[Any]]:
         """Adam for the generator, and for both discriminators."""
         critics = list(self.critic.parameters())
         if self.feature_critic is not None:
             critics += list(self.feature_critic.parameters())
-        rate = self.variant.learning_rate
-        return [torch.optim.Adam(p, rate, _BETAS) for p in (self.generator.parameters(), critics)]
+        adams: list[torch.optim.Optimizer] = [
+            torch.optim.Adam(self.generator.parameters(), self.variant.learning_rate, _BETAS),
+            torch.optim.Adam(critics, self.variant.critic_rate, _BETAS),
+        ]
+        schedules = [torch.optim.lr_scheduler.LambdaLR(adam, self._rate) for adam in adams]
+        return adams, schedules
+
+    def _rate(self, step: int) -> float:
+        if not self.variant.decay:
+            return 1.0
+        return _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + math.cos(math.pi * min(1.0, step / self.steps)))
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the history of metrics with the weights."""
@@ -121,4 +142,8 @@ class AdversarialLoop(pl.LightningModule):
             if weights.fitness > 0 and self.current_epoch >= self.variant.fitness_start:
                 logs = self.converter.log_features(features)
                 loss = loss + weights.fitness * (logs.amax(1) - logs.amin(1)).mean()
+        if weights.spread > 0:
+            loss = loss + weights.spread * self.diversity.spread_loss(c)
+        if weights.distance > 0:
+            loss = loss + weights.distance * self.diversity.distance_loss(c)
         return loss

@@ -39,7 +39,9 @@ class Labelled:
 
     def part(self, rows: Tensor) -> "Labelled":
         """The samples at ``rows``."""
-        return Labelled(self.c[rows], self.valid[rows], self.margins[rows], self.spectrum[rows], self.diagonal[rows])
+        return Labelled(
+            self.c[rows], self.valid[rows], self.margins[rows], self.spectrum[rows], self.diagonal[rows]
+        )
 
 
 def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:

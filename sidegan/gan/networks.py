@@ -6,6 +6,7 @@ from torch import Tensor, nn
 from sidegan.errors import ConfigError
 
 BODIES = ("conv", "mlp")
+_WHISPER = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
 
 
 class Generator(nn.Module):
@@ -17,11 +18,32 @@ class Generator(nn.Module):
         noise: Z, dimension of the uniform noise.
         body: ``conv`` (DCGAN: Radford, Metz, Chintala 2016) or ``mlp``.
         width: channels of the widest layer, or units of a hidden layer.
+        shortcut: whether a linear path runs beside the layers (``start_from``).
     """
 
-    def __init__(self, joints: int, harmonics: int, noise: int = 100, body: str = "conv", width: int = 128) -> None:
+    def __init__(
+        self,
+        joints: int,
+        harmonics: int,
+        noise: int = 100,
+        body: str = "mlp",
+        width: int = 256,
+        shortcut: bool = False,
+    ) -> None:
         super().__init__()
         self.noise = noise
+        self.settings = {
+            "joints": joints,
+            "harmonics": harmonics,
+            "noise": noise,
+            "body": body,
+            "width": width,
+            "shortcut": shortcut,
+        }
+        self.shortcut = nn.Linear(noise, 2 * joints * harmonics) if shortcut else None
+        if self.shortcut is not None:
+            nn.init.zeros_(self.shortcut.weight)
+            nn.init.zeros_(self.shortcut.bias)
         self.shape = (2, joints, harmonics)
         rows, columns = -(-joints // 2), -(-harmonics // 2)
         self.layers: nn.Sequential
@@ -38,14 +60,39 @@ class Generator(nn.Module):
             )
         elif body == "mlp":
             out = 2 * joints * harmonics
-            self.layers = nn.Sequential(*_hidden(noise, width, 3), nn.Linear(width, out), nn.Unflatten(1, self.shape))
+            self.layers = nn.Sequential(
+                *_hidden(noise, width, 3), nn.Linear(width, out), nn.Unflatten(1, self.shape)
+            )
         else:
             raise ConfigError(f"body {body!r} must be one of {', '.join(BODIES)}")
         self._unit_spread()
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, J, H)."""
-        return self.layers(z)[:, :, : self.shape[1], : self.shape[2]]
+        image = self.layers(z)[:, :, : self.shape[1], : self.shape[2]]
+        return image if self.shortcut is None else image + self.shortcut(z).view(-1, *self.shape)
+
+    @torch.no_grad()
+    def start_from(self, images: Tensor) -> None:
+        """Make the shortcut yield the mean and covariance of ``images`` (N, 2, J, H), and the layers little.
+
+        Noise dimensions beyond the image's stay free for the layers; fewer than those keep the leading
+        principal directions.
+        """
+        if self.shortcut is None:
+            raise ConfigError("a generator without a shortcut cannot start from a covariance")
+        x = images.flatten(1).double()
+        values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
+        count = min(self.noise, x.shape[1])
+        # Noise that is uniform on [−1, 1] has variance 1/3.
+        root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()
+        self.shortcut.weight.zero_()
+        self.shortcut.weight[:, :count] = root.to(self.shortcut.weight)
+        self.shortcut.bias.copy_(x.mean(0))
+        self._last().weight *= _WHISPER
+
+    def _last(self) -> nn.Linear | nn.Conv2d:
+        return [layer for layer in self.layers if isinstance(layer, (nn.Linear, nn.Conv2d))][-1]
 
     def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
         """Noise (count, Z), uniform in [−1, 1], on the network's device."""
@@ -55,7 +102,7 @@ class Generator(nn.Module):
 
     @torch.no_grad()
     def _unit_spread(self) -> None:
-        last = [layer for layer in self.layers if isinstance(layer, (nn.Linear, nn.Conv2d))][-1]
+        last = self._last()
         spread = self(self.draw(256)).std(0).mean()
         last.weight /= spread
         if last.bias is not None:

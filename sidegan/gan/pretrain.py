@@ -21,7 +21,11 @@ def split(labelled: Labelled, generator: torch.Generator) -> tuple[Labelled, Lab
 
 
 def train_predictor(
-    predictor: SuccessPredictor, data: Labelled, epochs: int, generator: torch.Generator, progress: Progress | None = None
+    predictor: SuccessPredictor,
+    data: Labelled,
+    epochs: int,
+    generator: torch.Generator,
+    progress: Progress | None = None,
 ) -> None:
     """Fit the success predictor to margins by moment and to the labels."""
 

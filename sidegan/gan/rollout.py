@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from sidegan.robot import Arm
 from sidegan.trajectory import Trajectory
 
-_PEAKS = 2  # finer time points per step at which the limit use is taken, so that peaks are seen
+_PEAKS = 4  # finer time points per step at which the limit use is taken, so that peaks are seen
 _ACCELERATION = 5.0  # [rad/s²] that counts as one
 
 

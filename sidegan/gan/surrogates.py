@@ -13,6 +13,7 @@ from sidegan.trajectory import Trajectory
 
 LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
 
+
 class SuccessPredictor(nn.Module):
     """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
 
@@ -27,7 +28,9 @@ class SuccessPredictor(nn.Module):
         steps: time points of the roll-out.
     """
 
-    def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int = 96, steps: int = 80) -> None:
+    def __init__(
+        self, arm: Arm, trajectory: Trajectory, constraints: int, width: int = 96, steps: int = 80
+    ) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
         learned = constraints - LINEAR_CONSTRAINTS
@@ -64,7 +67,9 @@ class Converter(nn.Module):
     mean: Tensor
     spread: Tensor
 
-    def __init__(self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48) -> None:
+    def __init__(
+        self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48
+    ) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
         self.moments = nn.Sequential(

@@ -10,12 +10,18 @@ FEATURES = ("none", "spectrum", "diagonal")
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the generator's losses; a zero switches a part off."""
+    """Weights of the generator's losses; a zero switches a part off.
+
+    ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The other two
+    keep a batch as diverse as the seeds: ``spread`` in every direction, ``distance`` on the average.
+    """
 
     adversarial: float = 1.0
     features: float = 0.0
     success: float = 0.0
     fitness: float = 0.0
+    spread: float = 0.0
+    distance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,11 @@ class Variant:
         noise: dimension of the generator's noise.
         body: ``conv`` or ``mlp``.
         width: width of generator and discriminators.
-        learning_rate: of Adam, for all networks.
+        learning_rate: of the generator's Adam.
+        critic_rate: of the discriminators' Adam.
+        decay: whether both rates fall to nothing over the training, along a cosine.
+        gaussian_start: whether the generator starts as the Gaussian with the seeds' mean and covariance,
+            through a linear path beside its layers.
         gradient_penalty: weight of the R1 penalty (Mescheder, Geiger, Nowozin 2018) on D1 and D2.
         minibatch: whether discriminators see the spread of a batch.
         scaling: ``joint`` or ``range`` (``Scaling.fit``).
@@ -50,16 +60,21 @@ class Variant:
     generator_steps: int = 2
     fitness_start: int = 10
     noise: int = 100
-    body: str = "conv"
-    width: int = 128
-    learning_rate: float = 2e-4
+    body: str = "mlp"
+    width: int = 256
+    learning_rate: float = 3e-3
+    critic_rate: float = 2e-3
+    decay: bool = True
+    gaussian_start: bool = True
     gradient_penalty: float = 1.0
     minibatch: bool = True
     scaling: str = "joint"
 
     def __post_init__(self) -> None:
         if self.features not in FEATURES:
-            raise ConfigError(f"features {self.features!r} of {self.name} must be one of {', '.join(FEATURES)}")
+            raise ConfigError(
+                f"features {self.features!r} of {self.name} must be one of {', '.join(FEATURES)}"
+            )
         if self.body not in BODIES:
             raise ConfigError(f"body {self.body!r} of {self.name} must be one of {', '.join(BODIES)}")
         if self.features == "none" and (self.weights.features or self.weights.fitness):

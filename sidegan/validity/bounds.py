@@ -14,6 +14,8 @@ from sidegan.robot import Arm
 from sidegan.trajectory import Trajectory
 from sidegan.validity.constraints import Constraints
 
+_SAMPLES_AT_ONCE = 200_000  # of the jerk: 11 MB for seven joints
+
 
 @dataclass(frozen=True)
 class CellMotion:
@@ -28,9 +30,11 @@ class CellMotion:
 
 def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
     """Upper bound of the absolute jerk [rad/s³] over the whole period, (B, J)."""
-    times = trajectory.grid(cells).to(c.device, c.dtype)
+    times = trajectory.grid(cells)
     snap = torch.einsum("bjhx,hx->bj", c.abs(), trajectory.snap_bound().to(c))
-    return trajectory.derivative(c, times, 3).abs().amax(1) + snap * (trajectory.period / cells / 2)
+    parts = c.split(max(1, _SAMPLES_AT_ONCE // cells))
+    sampled = torch.cat([trajectory.derivative(part, times, 3).abs().amax(1) for part in parts])
+    return sampled + snap * (trajectory.period / cells / 2)
 
 
 def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, half: float) -> CellMotion:

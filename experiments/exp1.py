@@ -1,0 +1,102 @@
+"""Experiment 1 (Table I): one long trajectory / 35 seeds / 35 of seeds and generated ones, of equal length.
+
+Source: Jegorova et al. 2020, section V-C.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from sidegan.config import Config
+from sidegan.report import figures, tables
+from sidegan.report.export import show, write_table
+from sidegan.storage import write_parquet
+from sidegan.tracking import Tracker
+
+SIMULATOR, WEIGHTED, PLANT = "Simulator", "Simulator, weighted RLS", "Real robot"
+PAPER_ROWS = {
+    "Paper, simulator": {"long": "0.2248 ± 0.056", "seeds": "0.0063 ± 0.002", "generated": "0.0028 ± 0.001"},
+    "Paper, real robot": {"long": "8.509 ± 9.906", "seeds": "0.0239 ± 0.017", "generated": "0.0210 ± 0.016"},
+}
+RAW = "exp1.parquet"
+
+
+@dataclass(frozen=True)
+class Material:
+    """What the table is made from.
+
+    Attributes:
+        results: nMSE by set, repeat, weighted, joint.
+        sets: covariance norm and condition by set and repeat.
+        histories: metrics after every epoch, by variant.
+        generators: validity, fitness and diversity of the seeds and of every generator.
+        config: the run's configuration.
+    """
+
+    results: pd.DataFrame
+    sets: pd.DataFrame
+    histories: dict[str, list[dict[str, float | None]]]
+    generators: dict[str, dict[str, Any]]
+    config: Config
+
+
+def present(material: Material, folder: Path, tracker: Tracker) -> None:
+    """Print, write and record Table I, what stands behind it, and its figures."""
+    config = material.config
+    raw = material.results.assign(seed=config.seed).merge(material.sets, on=["set", "repeat"])
+    write_parquet(folder / RAW, tables.arrow(raw))
+    over = f"mean ± standard deviation over {config.identification.repeats} noise draws, seed {config.seed}"
+    made = {
+        "table1": (table1(raw, "repeat"), f"Table I: nMSE of torque prediction, mean over joints ({over})"),
+        "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
+        "sets": (tables.excitation_sets(raw), "The excitation sets"),
+        "generators": (tables.generators(material.generators), "Seeds and generators, true physics"),
+    }
+    for name, (table, caption) in made.items():
+        write_table(table, folder / name, caption)
+        show(table, caption)
+        tracker.log_table(table, name)
+        for suffix in (".csv", ".md"):
+            tracker.log_artifact((folder / name).with_suffix(suffix), "tables")
+    for name, figure in {
+        "training": figures.training(material.histories, material.generators["seeds"]),
+        "nmse": figures.errors(raw),
+    }.items():
+        for path in figures.save(figure, folder / name):
+            tracker.log_artifact(path, "figures")
+
+
+def table1(raw: pd.DataFrame, over: str) -> pd.DataFrame:
+    """Table I with the paper's rows beside ours; the spread is taken over the column ``over``."""
+    rows = {}
+    for label, weighted in ((SIMULATOR, False), (WEIGHTED, True)):
+        part = raw[raw.weighted == weighted]
+        means = part.groupby(["set", over]).nmse.mean().groupby("set")
+        rows[label] = {name: tables.spread(group) for name, group in means}
+    columns = tables.ordered(raw["set"].unique())
+    rows[PLANT] = dict.fromkeys(columns, "—")
+    for label, paper in PAPER_ROWS.items():
+        rows[label] = {
+            name: paper["long" if name.startswith("long") else name if name == "seeds" else "generated"]
+            for name in columns
+        }
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
+    table.columns = [tables.title(name) for name in columns]
+    return table.rename_axis("nMSE")
+
+
+def aggregate(folders: list[Path], sweep: Path) -> pd.DataFrame | None:
+    """Table I over all jobs of a sweep: mean ± standard deviation over the seeds of the whole experiment."""
+    found = [pd.read_parquet(folder / RAW) for folder in folders if (folder / RAW).exists()]
+    if not found:
+        return None
+    raw = pd.concat(found).drop_duplicates(["seed", "set", "repeat", "weighted", "joint"])
+    table = table1(raw, "seed")
+    caption = (
+        f"Table I over {raw.seed.nunique()} seeds of the whole experiment: nMSE, mean ± standard deviation"
+    )
+    write_table(table, sweep / "table1", caption)
+    show(table, caption)
+    return table

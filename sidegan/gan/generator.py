@@ -1,0 +1,96 @@
+"""The trained generator on its own: what it takes to make trajectories, in one file."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ArtifactError, ShapeError
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
+from sidegan.robot import Arm
+from sidegan.storage import read_torch, write_torch
+from sidegan.trajectory import Trajectory
+
+_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class TrajectoryGenerator:
+    """A generator with its scale, the trajectories' family and the robot that it was trained for.
+
+    Attributes:
+        network: noise → images.
+        scaling: images → coefficients.
+        trajectory: the family of trajectories.
+        robot: name of the arm.
+        digest: of the arm's numbers.
+        variant: name of the variant.
+    """
+
+    network: Generator
+    scaling: Scaling
+    trajectory: Trajectory
+    robot: str
+    digest: str
+    variant: str
+
+    @torch.no_grad()
+    def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
+        """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed.
+
+        Raises:
+            ShapeError: when count is not positive.
+        """
+        if count < 1:
+            raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
+        generator = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
+        images = self.network(self.network.draw(count, generator))
+        return self.scaling.to(images).coefficients(images).double().cpu()
+
+    def save(self, path: Path) -> None:
+        """Write one file of tensors and plain values."""
+        network = self.network
+        meta = {
+            "format": _FORMAT,
+            "robot": self.robot,
+            "digest": self.digest,
+            "variant": self.variant,
+            "trajectory": self.trajectory.describe(),
+            "network": network.settings,
+        }
+        tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread}
+        write_torch(path, {"meta": json.dumps(meta), "weights": network.state_dict(), **tensors})
+
+    @classmethod
+    def load(cls, path: Path, arm: Arm | None = None) -> "TrajectoryGenerator":
+        """Generator of a file that ``save`` wrote; no code in the file is run.
+
+        Args:
+            path: the file.
+            arm: when given, the generator must have been trained for this arm.
+
+        Raises:
+            ArtifactError: for a truncated or foreign file, or another arm.
+        """
+        content = read_torch(path)
+        try:
+            meta: dict[str, Any] = json.loads(content["meta"])
+            if meta["format"] != _FORMAT:
+                raise ArtifactError(f"{path} has format {meta['format']}, expected {_FORMAT}")
+            network = Generator(**meta["network"])
+            network.load_state_dict(content["weights"])
+            scaling = Scaling(content["mean"], content["spread"])
+            family = Trajectory(**meta["trajectory"])
+            made = cls(network.eval(), scaling, family, meta["robot"], meta["digest"], meta["variant"])
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise ArtifactError(f"{path} does not hold a trajectory generator: {error}") from error
+        if arm is not None and arm.digest != made.digest:
+            raise ArtifactError(
+                f"{path} was trained for {made.robot} (digest {made.digest[:12]}), "
+                f"not for {arm.name} (digest {arm.digest[:12]})"
+            )
+        return made

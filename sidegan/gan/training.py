@@ -1,0 +1,148 @@
+"""Training a variant with Lightning: resumable, with the true physics measured after every epoch."""
+
+import logging
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytorch_lightning as pl
+import torch
+from pytorch_lightning.callbacks import ModelCheckpoint
+from torch import Tensor
+from torch.utils.data import DataLoader, RandomSampler, TensorDataset
+
+from sidegan.dynamics import gram
+from sidegan.errors import ShapeError, SideganError
+from sidegan.excitation import excitation_of
+from sidegan.gan.adversarial import AdversarialLoop
+from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.metrics import measure
+from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.gan.variants import Variant
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints
+
+EpochEnd = Callable[[int, dict[str, float]], None]
+
+_LAST = "last.ckpt"
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A trained generator and its metrics after every epoch."""
+
+    generator: TrajectoryGenerator
+    history: list[dict[str, float]]
+
+
+def train_variant(
+    variant: Variant,
+    constraints: Constraints,
+    trajectory: Trajectory,
+    seeds: Tensor,
+    work: Path,
+    *,
+    seed: int,
+    evaluation: int = 200,
+    predictor: SuccessPredictor | None = None,
+    converter: Converter | None = None,
+    device: str = "cpu",
+    epoch_end: EpochEnd | None = None,
+) -> Trained:
+    """A generator trained on a seed set.
+
+    Args:
+        variant: losses and schedule.
+        constraints: the arm in its workspace, for the metrics.
+        trajectory: the family of trajectories.
+        seeds: coefficients [rad/s], (N, J, H, 2).
+        work: folder of the checkpoint from which an interrupted training goes on.
+        seed: of weights, noise and batches.
+        evaluation: trajectories whose true physics is measured after every epoch; 0: none.
+        predictor: frozen, when the variant weighs success.
+        converter: frozen, when the variant has features.
+        device: where the networks run.
+        epoch_end: told (epoch, metrics) after every epoch.
+
+    Raises:
+        ShapeError: when the seeds do not fit.
+        SideganError: when the training diverges.
+    """
+    trajectory.check(seeds)
+    if len(seeds) < 2:
+        raise ShapeError(f"training needs at least two seeds, got {len(seeds)}")
+    steps = variant.steps or -(-len(seeds) // variant.batch)
+    pl.seed_everything(seed, verbose=False)
+    loop = AdversarialLoop(variant, seeds, steps * variant.epochs, predictor, converter)
+    data = TensorDataset(*_tensors(loop, constraints, trajectory, seeds))
+    sampler = RandomSampler(data, replacement=True, num_samples=steps * variant.batch)
+    loader = DataLoader(data, variant.batch, sampler=sampler)
+    watch = _Watch(constraints, trajectory, evaluation, seed, epoch_end)
+    trainer = _trainer(variant.epochs, work, watch, device)
+    last = work / _LAST
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*num_workers.*|.*does not have many workers.*")
+        trainer.fit(loop, loader, ckpt_path=str(last) if last.exists() else None, weights_only=True)
+    if trainer.interrupted:
+        raise KeyboardInterrupt
+    network = loop.generator.eval().cpu()
+    scaling = loop.cpu().scaling
+    arm = constraints.arm
+    generator = TrajectoryGenerator(network, scaling, trajectory, arm.name, arm.digest, variant.name)
+    return Trained(generator, loop.history)
+
+
+def _tensors(
+    loop: AdversarialLoop, constraints: Constraints, trajectory: Trajectory, seeds: Tensor
+) -> list[Tensor]:
+    tensors = [loop.scaling.image(seeds.float())]
+    if loop.converter is not None:
+        excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
+        spectrum = loop.variant.features == "spectrum"
+        tensors.append(loop.converter.standardise(excitation.spectrum if spectrum else excitation.diagonal))
+    return tensors
+
+
+def _trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    kind, _, index = device.partition(":")
+    keep = ModelCheckpoint(work, filename="epoch", save_last=True, save_top_k=0, every_n_epochs=1)
+    return pl.Trainer(
+        max_epochs=epochs,
+        accelerator={"cuda": "gpu"}.get(kind, kind),
+        devices=[int(index)] if index else 1,
+        callbacks=[watch, keep],
+        logger=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        default_root_dir=work,
+    )
+
+
+class _Watch(pl.Callback):
+    """Measures after every epoch, and stops a training that diverges."""
+
+    def __init__(
+        self,
+        constraints: Constraints,
+        trajectory: Trajectory,
+        count: int,
+        seed: int,
+        epoch_end: EpochEnd | None,
+    ) -> None:
+        self.constraints, self.trajectory = constraints, trajectory
+        self.count, self.seed, self.epoch_end = count, seed, epoch_end
+
+    def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        loop = pl_module
+        if not isinstance(loop, AdversarialLoop):
+            raise TypeError(f"expected an AdversarialLoop, got {type(loop).__name__}")
+        noise = torch.Generator().manual_seed(self.seed * 1_000_003 + trainer.current_epoch)
+        c = loop.sample(max(2, self.count), noise)
+        if not torch.isfinite(c).all():
+            raise SideganError(f"{loop.variant.name} diverged in epoch {trainer.current_epoch}: not a number")
+        metrics = measure(self.constraints, self.trajectory, c) if self.count else {}
+        loop.history.append(metrics)
+        if self.epoch_end is not None:
+            self.epoch_end(trainer.current_epoch, metrics)

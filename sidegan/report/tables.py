@@ -1,0 +1,81 @@
+"""Tables for people, from the results of runs."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+
+_FIRST = ("long-6", "long-210", "seeds", "vanilla", "eigen", "diagonal")
+_GENERATORS = {
+    "valid_share": "valid share",
+    "condition": "median cond(YᵀY)",
+    "condition_valid": "… of the valid",
+    "distance": "mean distance",
+    "nearest": "nearest distance",
+    "rank": "effective rank",
+    "distance_diagonal": "mean distance of diag(YᵀY)",
+}
+
+
+def arrow(frame: pd.DataFrame) -> pa.Table:
+    """The frame as an Arrow table."""
+    return pa.Table.from_pandas(frame, preserve_index=False)
+
+
+def ordered(sets: Iterable[str]) -> list[str]:
+    """Names of sets in the order of the paper's table; unknown ones last."""
+    names = list(sets)
+    return sorted(names, key=lambda name: (_FIRST.index(name) if name in _FIRST else len(_FIRST), name))
+
+
+def title(name: str) -> str:
+    """Name of a set for people."""
+    if name.startswith("long-"):
+        return f"single long, {name.removeprefix('long-')} harmonics"
+    return "seeds" if name == "seeds" else f"seeds + {name}"
+
+
+def spread(values: pd.Series) -> str:
+    """Mean ± standard deviation, three significant digits; the mean alone of a single value."""
+    mean, deviation = values.mean(), values.std()
+    return f"{mean:.3g}" if len(values) < 2 else f"{mean:.3g} ± {deviation:.2g}"
+
+
+def joints(raw: pd.DataFrame) -> pd.DataFrame:
+    """Mean nMSE by joint and set, unweighted."""
+    part = raw[~raw.weighted]
+    table = part.groupby(["joint", "set"], sort=False).nmse.mean().unstack("set")
+    table = table[ordered(table.columns)].map(lambda x: f"{x:.3g}")
+    return table.rename(columns=title)
+
+
+def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
+    """Length, conditioning of the stack and covariance norm of every excitation set."""
+    once = raw.drop_duplicates(["seed", "set"]).set_index("set")
+    names = ordered(once.index.unique())
+    rows = {
+        name: {
+            "duration [s]": f"{once.loc[[name]].duration.mean():g}",
+            "samples": f"{once.loc[[name]].samples.mean():.0f}",
+            "cond(YᵀY) of the stack": f"{once.loc[[name]].condition.mean():.4g}",
+            "‖diag P‖": f"{once.loc[[name]].covariance_norm.mean():.4g}",
+        }
+        for name in names
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename(index=title).rename_axis("set")
+
+
+def generators(known: dict[str, dict[str, Any]]) -> pd.DataFrame:
+    """Validity, fitness and diversity of the seeds and of every generator."""
+    rows = {}
+    for name in ordered(known):
+        row = dict(known[name])
+        row.setdefault("valid_share", row.get("success", row.get("valid")))
+        row.setdefault("condition_valid", row["condition"])
+        rows[name] = {label: _number(row.get(key)) for key, label in _GENERATORS.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("generator")
+
+
+def _number(value: float | None) -> str:
+    return "—" if value is None else f"{value:.3g}"

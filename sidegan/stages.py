@@ -1,0 +1,456 @@
+"""One short function per stage: load artifacts, call the rooms below, save artifacts.
+
+Each takes (configuration, store, tracker) and may be run alone: what it needs must be there already.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import torch
+from torch import Tensor
+
+from sidegan import config
+from sidegan.artifacts import Store
+from sidegan.config import Config, GanVariant
+from sidegan.errors import InfeasibleError
+from sidegan.excitation import excite
+from sidegan.identification import Noise, study
+from sidegan.library import Library
+from sidegan.parallel import Report, cores, run_jobs
+from sidegan.plan import Task, variant
+from sidegan.progress import bar
+from sidegan.selection import greedy
+from sidegan.stamp import Stamp
+from sidegan.storage import read_json, write_json
+from sidegan.tracking import Tracker
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints, check
+
+log = logging.getLogger(__name__)
+
+LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
+RESULTS, SETS = "results.parquet", "sets.parquet"
+SAMPLES = 200  # time points at which stored excitation is taken: finer than any optimiser's
+LABEL_SHARES = 8
+TEST_REACH = 0.8  # of the tightest joint limit, that a test trajectory uses
+_BATCH = 250
+
+
+def seeds(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Make the seed set by the configured optimiser."""
+    from sidegan.seeds import make_seeds
+
+    task = Task(cfg, store)
+    task.constraints  # noqa: B018 - an infeasible home is refused before any work
+
+    def make(folder: Path, work: Path) -> None:
+        settings = cfg.seeds
+        with bar(f"seeds ({settings.method})", settings.count) as told:
+            batch = make_seeds(
+                task.constraints,
+                task.trajectory,
+                settings,
+                random=task.random("seeds"),
+                work=work,
+                workers=cores(cfg.parallel.workers),
+                progress=told,
+            )
+        measured(task.constraints, task.trajectory, batch.coefficients, settings.method).save(
+            folder / LIBRARY
+        )
+        write_json(folder / REPORT, batch.report())
+
+    folder = store.produce(task.seeds, make)
+    library, report = Library.load(folder / LIBRARY, task.arm), read_json(folder / REPORT)
+    log.info("seeds: %s", words(summary(library) | report))
+    tracker.log_metrics(
+        {f"seeds/{key}": value for key, value in (numbers(summary(library)) | report).items()}
+    )
+
+
+def surrogates(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Train success predictor and converters on exactly labelled samples."""
+    task = Task(cfg, store)
+    _train_variants(task, cfg.surrogates.negatives)
+    report = read_json(store.produce(task.surrogates, partial(_surrogates, task)) / REPORT)
+    series = {key: value for key, value in report.items() if isinstance(value, list)}
+    log.info("surrogates: %s", words(numbers(report)))
+    tracker.log_metrics({f"surrogates/{key}": value for key, value in numbers(report).items()})
+    tracker.log_history({f"surrogates/{key}": value for key, value in series.items()})
+
+
+def gan(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Train the configured variants."""
+    task = Task(cfg, store)
+    _train_variants(task, cfg.gan)
+    for name, settings in cfg.gan.items():
+        history = read_json(store.require(task.gan(name, settings)) / HISTORY)
+        epochs = {key: [row[key] for row in history] for key in history[0]}
+        known = {key: [(i, v) for i, v in enumerate(x) if v is not None] for key, x in epochs.items()}
+        for key, pairs in known.items():
+            tracker.log_history({f"{name}/{key}": [v for _, v in pairs]}, [i for i, _ in pairs])
+        log.info("%s after %d epochs: %s", name, len(history), words(history[-1]))
+
+
+def library(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Draw from each generator and keep what is valid."""
+    task = Task(cfg, store)
+    for name in cfg.gan:
+        folder = store.produce(task.library(name), partial(_expand, task, name))
+        report = read_json(folder / REPORT)
+        log.info("library of %s: %s", name, words(report))
+        tracker.log_metrics({f"library/{name}/{key}": value for key, value in numbers(report).items()})
+
+
+def long(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Optimise the single long trajectory in each of its readings."""
+    task = Task(cfg, store)
+    stamps = [task.long(h) for h in cfg.long.harmonics]
+    _produce_all(task, "long trajectories", stamps, [partial(_long, task, h) for h in cfg.long.harmonics])
+    for h, stamp in zip(cfg.long.harmonics, stamps):
+        report = read_json(store.require(stamp) / REPORT)
+        log.info("long trajectory, %d harmonics: %s", h, words(report))
+        tracker.log_metrics({f"long/{h}/{key}": value for key, value in numbers(report).items()})
+
+
+def selection(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Pick the excitation sets greedily: from the seeds, and from the seeds and each library."""
+    task = Task(cfg, store)
+    seed_set = _seeds(task)
+    for name in ["seeds", *cfg.gan]:
+        pool = seed_set
+        if name != "seeds":
+            pool = seed_set.merge(Library.load(store.require(task.library(name)) / LIBRARY, task.arm))
+
+        def make(folder: Path, work: Path, pool: Library = pool) -> None:
+            pool.take(greedy(pool.diagonal, cfg.selection.count)).save(folder / LIBRARY)
+
+        chosen = Library.load(store.produce(task.selection(name), make) / LIBRARY, task.arm)
+        new = sum(source != cfg.seeds.method for source in chosen.source)
+        log.info("selection from %s: %d of %d, %d of them generated", name, len(chosen), len(pool), new)
+        tracker.log_metrics({f"selection/{name}/generated": new})
+
+
+def identification(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Identify the arm from each excitation set and predict test torques with the result."""
+    task = Task(cfg, store)
+    settings = cfg.identification
+
+    def make(folder: Path, work: Path) -> None:
+        sets = _excitation_sets(task)
+        tests = (task.trajectory, _tests(task))
+        random = task.random("identification")
+        with bar("identification", settings.repeats * len(sets)) as told:
+            results, facts = study.compare(task.body, sets, tests, study_settings(settings), random, told)
+        results.to_parquet(folder / RESULTS)
+        facts.to_parquet(folder / SETS)
+
+    folder = store.produce(task.identification, make)
+    frame = pd.read_parquet(folder / RESULTS)
+    mean = frame.groupby(["set", "weighted"]).nmse.mean()
+    tracker.log_metrics(
+        {f"nmse/{name}/{'weighted' if w else 'unweighted'}": v for (name, w), v in mean.items()}
+    )
+
+
+def table(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Print, write and record the experiment's table and figures."""
+    import importlib
+
+    task = Task(cfg, store)
+    experiment = importlib.import_module(f"experiments.{cfg.experiment}")
+    folder = store.require(task.identification)
+    material = experiment.Material(
+        results=pd.read_parquet(folder / RESULTS),
+        sets=pd.read_parquet(folder / SETS),
+        histories={
+            name: read_json(store.require(task.gan(name, s)) / HISTORY) for name, s in cfg.gan.items()
+        },
+        generators=_generators(task),
+        config=cfg,
+    )
+    experiment.present(material, store.run_folder, tracker)
+
+
+STAGES = {
+    "seeds": seeds,
+    "surrogates": surrogates,
+    "gan": gan,
+    "library": library,
+    "long": long,
+    "selection": selection,
+    "identification": identification,
+    "table": table,
+}
+
+
+def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
+    """A library of coefficients (N, J, H, 2) with everything measured about them."""
+    parts = []
+    for batch in c.split(_BATCH):
+        validity = check(constraints, trajectory, batch)
+        excitation = excite(constraints.body, trajectory, batch, SAMPLES)
+        parts.append(
+            Library(
+                coefficients=batch,
+                valid=validity.valid,
+                margins=validity.margins,
+                fitness=excitation.eigenvalue_fitness,
+                diagonal_fitness=excitation.diagonal_fitness,
+                spectrum=excitation.spectrum,
+                diagonal=excitation.diagonal,
+                source=[source] * len(batch),
+                robot=constraints.arm.name,
+                digest=constraints.arm.digest,
+                period=trajectory.period,
+                home=tuple(trajectory.home or ()),
+            )
+        )
+    merged = parts[0]
+    for part in parts[1:]:
+        merged = merged.merge(part)
+    return merged
+
+
+def summary(library: Library) -> dict[str, float]:
+    """Validity, fitness and diversity of a library."""
+    from sidegan.excitation import Excitation
+    from sidegan.gan.metrics import diversity
+
+    return {
+        "count": len(library),
+        "valid": float(library.valid.double().mean()),
+        "condition": float(library.fitness.median()),
+        "diagonal_ratio": float(library.diagonal_fitness.median()),
+        **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
+    }
+
+
+def numbers(report: dict[str, object]) -> dict[str, float]:
+    """The numeric entries of a report."""
+    return {key: float(value) for key, value in report.items() if isinstance(value, (int, float))}
+
+
+def _seeds(task: Task) -> Library:
+    return Library.load(task.store.require(task.seeds) / LIBRARY, task.arm)
+
+
+def words(report: dict[str, Any]) -> str:
+    """A report as one line for people."""
+    return ", ".join(
+        f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
+        for key, value in report.items()
+    )
+
+
+def study_settings(settings: config.Identification) -> study.Settings:
+    """The comparison's settings as plain values."""
+    noise = Noise(**asdict(settings.noise))
+    common = (settings.rate, settings.prior, settings.forgetting, settings.weighted)
+    return study.Settings(*common, noise, settings.repeats)
+
+
+def _seeds(task: Task) -> Library:
+    return Library.load(task.store.require(task.seeds) / LIBRARY, task.arm)
+
+
+def _produce_all(task: Task, what: str, stamps: list[Stamp], makes: list[Callable[..., None]]) -> None:
+    """Produce artifacts side by side, each in a process of its own; ``make(folder, work, report)``."""
+    missing = [(stamp, make) for stamp, make in zip(stamps, makes) if task.store.find(stamp) is None]
+    if missing:
+        run_jobs(what, [partial(_produce, task.store, *one) for one in missing], task.cfg.parallel.workers)
+
+
+def _produce(store: Store, stamp: Stamp, make: Callable[..., None], report: Report) -> None:
+    store.produce(stamp, partial(make, report=report))
+
+
+def _train_variants(task: Task, variants: dict[str, GanVariant]) -> None:
+    stamps = [task.gan(name, settings) for name, settings in variants.items()]
+    makes = [partial(_train, task, name, settings) for name, settings in variants.items()]
+    _produce_all(task, f"training {', '.join(variants)}", stamps, makes)
+
+
+def _train(task: Task, name: str, settings: GanVariant, folder: Path, work: Path, report: Report) -> None:
+    from sidegan.gan import jobs
+    from sidegan.gan.training import train_variant
+
+    wanted = variant(name, settings)
+    predictor = converter = None
+    if wanted.surrogates:
+        source = task.store.require(task.surrogates)
+        predictor = jobs.load_predictor(source, task.arm, task.trajectory)
+        if wanted.features != "none":
+            converter = jobs.load_converter(source, wanted.features, task.arm, task.trajectory)
+    trained = train_variant(
+        wanted,
+        task.constraints,
+        task.trajectory,
+        _seeds(task).coefficients,
+        work,
+        seed=task.number(f"gan {name}"),
+        evaluation=task.cfg.scale.evaluation,
+        predictor=predictor,
+        converter=converter,
+        device=task.cfg.device,
+        epoch_end=lambda epoch, _: report(epoch + 1, wanted.epochs),
+    )
+    trained.generator.save(folder / GENERATOR)
+    write_json(folder / HISTORY, [finite(row) for row in trained.history])
+
+
+def _surrogates(task: Task, folder: Path, work: Path) -> None:
+    from sidegan.gan import TrajectoryGenerator, jobs
+
+    wanted, workers = task.cfg.surrogates, task.cfg.parallel.workers
+    ((name, settings),) = wanted.negatives.items()
+    vanilla = TrajectoryGenerator.load(task.store.require(task.gan(name, settings)) / GENERATOR, task.arm)
+    negatives = vanilla.sample(max(wanted.samples // 2, 600), task.number("negatives"))
+    known, _ = jobs.training_seeds(_seeds(task).coefficients)
+    count = -(-wanted.samples // LABEL_SHARES)
+    shares = [work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
+    physics = (task.constraints, task.trajectory)
+    labelling = [
+        partial(
+            _call,
+            jobs.label_share,
+            *physics,
+            known,
+            negatives[:-500],
+            count,
+            wanted.margin_steps,
+            path,
+            task.number(f"labels {i}"),
+        )
+        for i, path in enumerate(shares)
+    ]
+    run_jobs("labels", labelling, workers)
+    sizes = jobs.Sizes(wanted.width, wanted.margin_steps, wanted.feature_steps)
+    common = (shares, sizes, wanted.epochs, folder)
+    seed_set = _seeds(task).coefficients
+    trainings = [
+        partial(_call, jobs.train_success, *physics, seed_set, negatives, *common, task.number("success")),
+        partial(
+            _call,
+            jobs.train_features,
+            task.arm,
+            task.trajectory,
+            "spectrum",
+            *common,
+            task.number("spectrum"),
+        ),
+        partial(
+            _call,
+            jobs.train_features,
+            task.arm,
+            task.trajectory,
+            "diagonal",
+            *common,
+            task.number("diagonal"),
+        ),
+    ]
+    parts = run_jobs("surrogates", trainings, workers)
+    write_json(folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
+
+
+def _call(function: Callable[..., Any], *arguments: Any) -> Any:
+    """``function(*arguments)``; the last argument, the report, comes from the job that runs it."""
+    return function(*arguments)
+
+
+def _expand(task: Task, name: str, folder: Path, work: Path) -> None:
+    """Sample, check and keep until the library is full."""
+    from sidegan.gan import TrajectoryGenerator
+
+    wanted = task.cfg.library
+    path = task.store.require(task.gan(name, task.cfg.gan[name])) / GENERATOR
+    generator = TrajectoryGenerator.load(path, task.arm)
+    noise = torch.Generator().manual_seed(task.number(f"library {name}"))
+    kept: list[Tensor] = []
+    drawn = count = 0
+    with bar(f"library of {name}", wanted.count) as told:
+        while count < wanted.count and drawn < wanted.draws:
+            c = generator.sample(wanted.batch, noise)
+            kept.append(c[check(task.constraints, task.trajectory, c).valid])
+            drawn, count = drawn + len(c), count + len(kept[-1])
+            told(min(count, wanted.count), wanted.count)
+    if count < wanted.count:
+        log.warning(
+            "%s gave %d valid trajectories in %d draws, %d were wanted", name, count, drawn, wanted.count
+        )
+    if not count:
+        raise InfeasibleError(f"none of {drawn} trajectories drawn from {name} is valid")
+    made = measured(task.constraints, task.trajectory, torch.cat(kept)[: wanted.count], name)
+    made.save(folder / LIBRARY)
+    share = {"drawn": drawn, "valid_share": count / drawn}
+    write_json(folder / REPORT, share | {k: v for k, v in summary(made).items() if k != "valid"})
+
+
+def _long(task: Task, harmonics: int, folder: Path, work: Path, report: Report) -> None:
+    from sidegan.seeds import make_long
+
+    settings, count = task.cfg.long, task.cfg.selection.count
+    facts = read_json(task.store.require(task.seeds) / REPORT)
+    made = make_long(
+        task.constraints,
+        task.long_trajectory(harmonics),
+        samples=settings.samples,
+        steps=settings.steps,
+        seconds=settings.factor * count * facts["cpu_seconds"] / facts["count"],
+        random=task.random(f"long {harmonics}"),
+        progress=report,
+    )
+    library = measured(
+        task.constraints, task.long_trajectory(harmonics), made.coefficients, f"long-{harmonics}"
+    )
+    library.save(folder / LIBRARY)
+    write_json(folder / REPORT, made.report() | {"condition": float(library.fitness[0])})
+
+
+def _excitation_sets(task: Task) -> dict[str, tuple[Trajectory, Tensor]]:
+    """Family and coefficients of every set that is compared."""
+    sets = {}
+    for h in task.cfg.long.harmonics:
+        library = Library.load(task.store.require(task.long(h)) / LIBRARY, task.arm)
+        sets[f"long-{h}"] = (task.long_trajectory(h), library.coefficients)
+    for name in ["seeds", *task.cfg.gan]:
+        library = Library.load(task.store.require(task.selection(name)) / LIBRARY, task.arm)
+        sets[name] = (task.trajectory, library.coefficients)
+    return sets
+
+
+def _tests(task: Task) -> Tensor:
+    """Random valid trajectories that no compared set contains or generated."""
+    from sidegan.seeds.problem import SeedProblem
+
+    problem = SeedProblem(task.constraints, task.trajectory)
+    generator = torch.Generator().manual_seed(task.number("tests"))
+    found: list[Tensor] = []
+    for _ in range(100):
+        c = problem.start(task.cfg.identification.tests, generator, TEST_REACH)
+        found.append(c[check(task.constraints, task.trajectory, c).valid])
+        if sum(map(len, found)) >= task.cfg.identification.tests:
+            return torch.cat(found)[: task.cfg.identification.tests]
+    raise InfeasibleError(
+        "random trajectories are almost never valid in this workspace: there is nothing to test on"
+    )
+
+
+def _generators(task: Task) -> dict[str, dict[str, Any]]:
+    """What is known of the seeds and of every generator."""
+    known = {"seeds": summary(_seeds(task))}
+    for name, settings in task.cfg.gan.items():
+        history = read_json(task.store.require(task.gan(name, settings)) / HISTORY)
+        known[name] = history[-1] | read_json(task.store.require(task.library(name)) / REPORT)
+    return known
+
+
+def finite(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with None in place of what is not a finite number, as JSON wants it."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
