@@ -5,7 +5,7 @@ Each takes (configuration, store, tracker) and may be run alone: what it needs m
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.excitation import excite
 from sidegan.identification import Noise, study
 from sidegan.library import Library
-from sidegan.parallel import Report, cores, run_jobs
+from sidegan.parallel import Report, run_jobs
 from sidegan.plan import Task, variant
 from sidegan.progress import bar
 from sidegan.selection import greedy
@@ -44,34 +44,13 @@ _BATCH = 250
 
 def seeds(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Make the seed set by the configured optimiser."""
-    from sidegan.seeds import make_seeds
-
     task = Task(cfg, store)
-    task.constraints  # noqa: B018 - an infeasible home is refused before any work
-
-    def make(folder: Path, work: Path) -> None:
-        settings = cfg.seeds
-        with bar(f"seeds ({settings.method})", settings.count) as told:
-            batch = make_seeds(
-                task.constraints,
-                task.trajectory,
-                settings,
-                random=task.random("seeds"),
-                work=work,
-                workers=cores(cfg.parallel.workers),
-                progress=told,
-            )
-        measured(task.constraints, task.trajectory, batch.coefficients, settings.method).save(
-            folder / LIBRARY
-        )
-        write_json(folder / REPORT, batch.report())
-
-    folder = store.produce(task.seeds, make)
+    task.constraints.refuse_home(task.trajectory.home or ())
+    folder = store.produce(task.seeds, partial(_seed_set, task))
     library, report = Library.load(folder / LIBRARY, task.arm), read_json(folder / REPORT)
-    log.info("seeds: %s", words(summary(library) | report))
-    tracker.log_metrics(
-        {f"seeds/{key}": value for key, value in (numbers(summary(library)) | report).items()}
-    )
+    facts = summary(library) | numbers(report)
+    log.info("seeds: %s", words(facts))
+    tracker.log_metrics({f"seeds/{key}": value for key, value in facts.items()})
 
 
 def surrogates(cfg: Config, store: Store, tracker: Tracker) -> None:
@@ -153,9 +132,12 @@ def identification(cfg: Config, store: Store, tracker: Tracker) -> None:
 
     folder = store.produce(task.identification, make)
     frame = pd.read_parquet(folder / RESULTS)
-    mean = frame.groupby(["set", "weighted"]).nmse.mean()
+    mean = frame.groupby(["set", "weighted"], as_index=False).nmse.mean()
     tracker.log_metrics(
-        {f"nmse/{name}/{'weighted' if w else 'unweighted'}": v for (name, w), v in mean.items()}
+        {
+            f"nmse/{name}/{'weighted' if weighted else 'unweighted'}": value
+            for name, weighted, value in mean.itertuples(index=False)
+        }
     )
 
 
@@ -232,13 +214,9 @@ def summary(library: Library) -> dict[str, float]:
     }
 
 
-def numbers(report: dict[str, object]) -> dict[str, float]:
+def numbers(report: Mapping[str, object]) -> dict[str, float]:
     """The numeric entries of a report."""
     return {key: float(value) for key, value in report.items() if isinstance(value, (int, float))}
-
-
-def _seeds(task: Task) -> Library:
-    return Library.load(task.store.require(task.seeds) / LIBRARY, task.arm)
 
 
 def words(report: dict[str, Any]) -> str:
@@ -256,11 +234,29 @@ def study_settings(settings: config.Identification) -> study.Settings:
     return study.Settings(*common, noise, settings.repeats)
 
 
+def _seed_set(task: Task, folder: Path, work: Path) -> None:
+    from sidegan.seeds import SeedProblem, Tasks, make_seeds, method_of
+
+    wanted, diagonal = task.cfg.seeds, task.cfg.seeds.fitness == "diagonal"
+    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations}
+    options = {key: value for key, value in extra.items() if value is not None}
+    method = method_of(wanted.method, wanted.steps, wanted.attempts, **options)
+    problem = SeedProblem(task.constraints, task.trajectory, wanted.samples, diagonal)
+    tasks = Tasks(wanted.count, wanted.batch, work, task.cfg.parallel.workers)
+    batch = make_seeds(problem, method, tasks, task.random("seeds"))
+    library = measured(task.constraints, task.trajectory, batch.coefficients, wanted.method)
+    library.save(folder / LIBRARY)
+    report = {"attempts": batch.attempts, "failed": batch.failed, "cpu_seconds": batch.cpu_seconds}
+    write_json(folder / REPORT, {"count": len(batch), **report, "faults": batch.faults})
+
+
 def _seeds(task: Task) -> Library:
     return Library.load(task.store.require(task.seeds) / LIBRARY, task.arm)
 
 
-def _produce_all(task: Task, what: str, stamps: list[Stamp], makes: list[Callable[..., None]]) -> None:
+def _produce_all(
+    task: Task, what: str, stamps: Sequence[Stamp], makes: Sequence[Callable[..., None]]
+) -> None:
     """Produce artifacts side by side, each in a process of its own; ``make(folder, work, report)``."""
     missing = [(stamp, make) for stamp, make in zip(stamps, makes) if task.store.find(stamp) is None]
     if missing:
@@ -393,24 +389,17 @@ def _expand(task: Task, name: str, folder: Path, work: Path) -> None:
 
 
 def _long(task: Task, harmonics: int, folder: Path, work: Path, report: Report) -> None:
-    from sidegan.seeds import make_long
+    from sidegan.seeds import SeedProblem, make_long
 
-    settings, count = task.cfg.long, task.cfg.selection.count
+    settings, trajectory = task.cfg.long, task.long_trajectory(harmonics)
     facts = read_json(task.store.require(task.seeds) / REPORT)
-    made = make_long(
-        task.constraints,
-        task.long_trajectory(harmonics),
-        samples=settings.samples,
-        steps=settings.steps,
-        seconds=settings.factor * count * facts["cpu_seconds"] / facts["count"],
-        random=task.random(f"long {harmonics}"),
-        progress=report,
-    )
-    library = measured(
-        task.constraints, task.long_trajectory(harmonics), made.coefficients, f"long-{harmonics}"
-    )
+    seconds = settings.factor * task.cfg.selection.count * facts["cpu_seconds"] / facts["count"]
+    problem = SeedProblem(task.constraints, trajectory, settings.samples)
+    made = make_long(problem, settings.steps, seconds, task.random(f"long {harmonics}"), report)
+    library = measured(task.constraints, trajectory, made.coefficients, f"long-{harmonics}")
     library.save(folder / LIBRARY)
-    write_json(folder / REPORT, made.report() | {"condition": float(library.fitness[0])})
+    known = {"condition": float(library.fitness[0]), "starts": made.attempts}
+    write_json(folder / REPORT, {**known, "cpu_seconds": made.cpu_seconds, "allotted_seconds": seconds})
 
 
 def _excitation_sets(task: Task) -> dict[str, tuple[Trajectory, Tensor]]:
@@ -447,7 +436,9 @@ def _generators(task: Task) -> dict[str, dict[str, Any]]:
     known = {"seeds": summary(_seeds(task))}
     for name, settings in task.cfg.gan.items():
         history = read_json(task.store.require(task.gan(name, settings)) / HISTORY)
-        known[name] = history[-1] | read_json(task.store.require(task.library(name)) / REPORT)
+        last, kept = history[-1], read_json(task.store.require(task.library(name)) / REPORT)
+        # A library holds what is valid: its condition is not that of all that the generator makes.
+        known[name] = last | kept | {"condition": last["condition"], "condition_valid": kept["condition"]}
     return known
 
 

@@ -7,6 +7,7 @@ import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
+from sidegan.errors import ConfigError
 from sidegan.gan.diversity import Diversity
 from sidegan.gan.networks import Discriminator, FeatureDiscriminator, Generator
 from sidegan.gan.scaling import Scaling
@@ -30,6 +31,9 @@ class AdversarialLoop(pl.LightningModule):
         steps: discriminator steps of the whole training, for the decay of the rates.
         predictor: frozen success predictor, where the variant weighs success.
         converter: frozen converter, where the variant has features.
+
+    Raises:
+        ConfigError: when the variant needs a surrogate that is not given.
     """
 
     def __init__(
@@ -41,6 +45,10 @@ class AdversarialLoop(pl.LightningModule):
         converter: Converter | None = None,
     ) -> None:
         super().__init__()
+        if variant.features != "none" and converter is None:
+            raise ConfigError(f"{variant.name} needs a converter to {variant.features}")
+        if variant.weights.success > 0 and predictor is None:
+            raise ConfigError(f"{variant.name} needs a predictor of success")
         self.automatic_optimization = False
         self.variant, self.predictor, self.converter = variant, predictor, converter
         self.steps = steps
@@ -74,7 +82,7 @@ class AdversarialLoop(pl.LightningModule):
     def training_step(self, batch: list[Tensor], _: int) -> None:
         """One discriminator step, then the generator's."""
         real, features = batch[0], batch[1] if len(batch) > 1 else None
-        generator, critic = self.optimizers()  # type: ignore[misc]
+        generator, critic = self.optimizers()  # type: ignore[attr-defined]
         critic.zero_grad()
         self.manual_backward(self._critic_loss(real, features))
         critic.step()

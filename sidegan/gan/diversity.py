@@ -26,7 +26,7 @@ class Diversity(nn.Module):
         self.target = _SHARE * mean_distance(x[:_PAIRS])
 
     def spread_loss(self, c: Tensor) -> Tensor:
-        """Divergence of the batch's Gaussian from the seeds' per direction, 0 when their covariances agree."""
+        """Divergence of the batch's Gaussian from the seeds', per direction; 0 for equal covariances."""
         y = c.flatten(1) @ self.directions
         eye = torch.eye(y.shape[1]).to(y)
         covariance = torch.cov(y.T).reshape(eye.shape) + _RIDGE * eye

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.errors import ArtifactError, ShapeError
+from sidegan.errors import ArtifactError, ShapeError, SideganError
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.robot import Arm
@@ -77,6 +77,8 @@ class TrajectoryGenerator:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
         content = read_torch(path)
+        if not isinstance(content, dict):
+            raise ArtifactError(f"{path} does not hold a trajectory generator")
         try:
             meta: dict[str, Any] = json.loads(content["meta"])
             if meta["format"] != _FORMAT:
@@ -86,7 +88,9 @@ class TrajectoryGenerator:
             scaling = Scaling(content["mean"], content["spread"])
             family = Trajectory(**meta["trajectory"])
             made = cls(network.eval(), scaling, family, meta["robot"], meta["digest"], meta["variant"])
-        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        except ArtifactError:
+            raise
+        except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
             raise ArtifactError(f"{path} does not hold a trajectory generator: {error}") from error
         if arm is not None and arm.digest != made.digest:
             raise ArtifactError(

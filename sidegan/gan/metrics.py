@@ -30,7 +30,7 @@ def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict
 
 
 def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
-    """The paper's two mean distances, over batches as the paper's, and two measures that modes cannot fool."""
+    """The paper's two mean distances, over batches, and two measures that modes cannot fool."""
     batch = max(2, len(c) // NOISE_BATCHES)
     pairs = [
         (mean_distance(x), mean_distance(y))

@@ -1,5 +1,7 @@
 """Generator and discriminators: four layers, ReLU, on (2, J, H) images."""
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 
@@ -7,6 +9,7 @@ from sidegan.errors import ConfigError
 
 BODIES = ("conv", "mlp")
 _WHISPER = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
+_DRAWS = 1024  # over which the layers' mean is taken
 
 
 class Generator(nn.Module):
@@ -69,15 +72,19 @@ class Generator(nn.Module):
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, J, H)."""
-        image = self.layers(z)[:, :, : self.shape[1], : self.shape[2]]
+        image = self._cut(z)
         return image if self.shortcut is None else image + self.shortcut(z).view(-1, *self.shape)
+
+    def _cut(self, z: Tensor) -> Tensor:
+        """What the layers yield; those of ``conv`` round J and H up to even numbers."""
+        return self.layers(z)[:, :, : self.shape[1], : self.shape[2]]
 
     @torch.no_grad()
     def start_from(self, images: Tensor) -> None:
-        """Make the shortcut yield the mean and covariance of ``images`` (N, 2, J, H), and the layers little.
+        """Make the network yield the mean of ``images`` (N, 2, J, H), and its shortcut their covariance.
 
-        Noise dimensions beyond the image's stay free for the layers; fewer than those keep the leading
-        principal directions.
+        The layers only whisper beside it. Noise dimensions beyond the image's stay free for them; fewer
+        than those keep the leading principal directions.
         """
         if self.shortcut is None:
             raise ConfigError("a generator without a shortcut cannot start from a covariance")
@@ -88,8 +95,9 @@ class Generator(nn.Module):
         root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()
         self.shortcut.weight.zero_()
         self.shortcut.weight[:, :count] = root.to(self.shortcut.weight)
-        self.shortcut.bias.copy_(x.mean(0))
         self._last().weight *= _WHISPER
+        whisper = self._cut(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
+        self.shortcut.bias.copy_(x.mean(0) - whisper.flatten(1).mean(0))
 
     def _last(self) -> nn.Linear | nn.Conv2d:
         return [layer for layer in self.layers if isinstance(layer, (nn.Linear, nn.Conv2d))][-1]
@@ -168,4 +176,4 @@ class _Head(nn.Module):
 
 def _hidden(inputs: int, width: int, layers: int) -> list[nn.Module]:
     sizes = [inputs] + [width] * layers
-    return [m for a, b in zip(sizes, sizes[1:]) for m in (nn.Linear(a, b), nn.ReLU())]
+    return [m for a, b in pairwise(sizes) for m in (nn.Linear(a, b), nn.ReLU())]

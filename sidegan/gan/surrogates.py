@@ -12,6 +12,7 @@ from sidegan.robot import Arm
 from sidegan.trajectory import Trajectory
 
 LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
+_START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
 
 
 class SuccessPredictor(nn.Module):
@@ -34,22 +35,25 @@ class SuccessPredictor(nn.Module):
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
         learned = constraints - LINEAR_CONSTRAINTS
-        self.layers = nn.Sequential(
-            nn.Conv1d(self.roll_out.channels, width, 1),
-            nn.ReLU(),
-            nn.Conv1d(width, width, 1),
-            nn.ReLU(),
-            nn.Conv1d(width, width, 1),
-            nn.ReLU(),
-            nn.Conv1d(width, learned, 1),
-        )
-        self.log_gain = nn.Parameter(torch.full((constraints,), 3.0))
+        self.layers: nn.Sequential | None = None  # an arm may have nothing to learn about
+        if learned:
+            self.layers = nn.Sequential(
+                nn.Conv1d(self.roll_out.channels, width, 1),
+                nn.ReLU(),
+                nn.Conv1d(width, width, 1),
+                nn.ReLU(),
+                nn.Conv1d(width, width, 1),
+                nn.ReLU(),
+                nn.Conv1d(width, learned, 1),
+            )
+        self.log_gain = nn.Parameter(torch.full((constraints,), _START_GAIN))
         self.offset = nn.Parameter(torch.zeros(constraints))
 
     def margins(self, c: Tensor) -> Tensor:
         """Predicted margins by moment, (B, G, T), in the units of ``labels.scaled_margins``."""
         channels = self.roll_out(c)
-        return torch.cat([1 - channels[:, -LINEAR_CONSTRAINTS:], self.layers(channels)], 1)
+        known = 1 - channels[:, -LINEAR_CONSTRAINTS:]
+        return known if self.layers is None else torch.cat([known, self.layers(channels)], 1)
 
     def forward(self, c: Tensor) -> Tensor:
         """Log probability of being valid, (B,)."""

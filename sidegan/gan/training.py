@@ -1,6 +1,7 @@
 """Training a variant with Lightning: resumable, with the true physics measured after every epoch."""
 
 import logging
+import signal
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,24 +9,28 @@ from pathlib import Path
 
 import pytorch_lightning as pl
 import torch
-from pytorch_lightning.callbacks import ModelCheckpoint
 from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.dynamics import gram
-from sidegan.errors import ShapeError, SideganError
+from sidegan.errors import ArtifactError, ShapeError, SideganError
 from sidegan.excitation import excitation_of
 from sidegan.gan.adversarial import AdversarialLoop
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.metrics import measure
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.variants import Variant
+from sidegan.storage import read_torch
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints
+
+log = logging.getLogger(__name__)
 
 EpochEnd = Callable[[int, dict[str, float]], None]
 
 _LAST = "last.ckpt"
+# Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
+_NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
 
 
 @dataclass(frozen=True)
@@ -78,14 +83,10 @@ def train_variant(
     data = TensorDataset(*_tensors(loop, constraints, trajectory, seeds))
     sampler = RandomSampler(data, replacement=True, num_samples=steps * variant.batch)
     loader = DataLoader(data, variant.batch, sampler=sampler)
-    watch = _Watch(constraints, trajectory, evaluation, seed, epoch_end)
+    watch = _Watch(constraints, trajectory, evaluation, seed, work / _LAST, epoch_end)
     trainer = _trainer(variant.epochs, work, watch, device)
-    last = work / _LAST
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*num_workers.*|.*does not have many workers.*")
-        trainer.fit(loop, loader, ckpt_path=str(last) if last.exists() else None, weights_only=True)
-    if trainer.interrupted:
-        raise KeyboardInterrupt
+    last = _whole(work / _LAST)
+    _fit(trainer, loop, loader, last)
     network = loop.generator.eval().cpu()
     scaling = loop.cpu().scaling
     arm = constraints.arm
@@ -104,15 +105,38 @@ def _tensors(
     return tensors
 
 
+def _whole(path: Path) -> Path | None:
+    """The checkpoint to go on from; None when there is none, or it is damaged."""
+    if not path.exists():
+        return None
+    try:
+        read_torch(path)
+    except ArtifactError as error:
+        log.warning("%s: the training begins anew", error)
+        return None
+    return path
+
+
+def _fit(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader, last: Path | None) -> None:
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=_NOISE)
+            trainer.fit(loop, loader, ckpt_path=last, weights_only=True)
+    except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
+        signal.signal(signal.SIGINT, handler)
+        raise KeyboardInterrupt from error
+
+
 def _trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     kind, _, index = device.partition(":")
-    keep = ModelCheckpoint(work, filename="epoch", save_last=True, save_top_k=0, every_n_epochs=1)
     return pl.Trainer(
         max_epochs=epochs,
         accelerator={"cuda": "gpu"}.get(kind, kind),
         devices=[int(index)] if index else 1,
-        callbacks=[watch, keep],
+        callbacks=[watch],
+        enable_checkpointing=False,  # the watch saves: Lightning's own saves nothing without a best
         logger=False,
         enable_progress_bar=False,
         enable_model_summary=False,
@@ -121,7 +145,7 @@ def _trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Tra
 
 
 class _Watch(pl.Callback):
-    """Measures after every epoch, and stops a training that diverges."""
+    """Measures and saves after every epoch, and stops a training that diverges."""
 
     def __init__(
         self,
@@ -129,10 +153,11 @@ class _Watch(pl.Callback):
         trajectory: Trajectory,
         count: int,
         seed: int,
+        last: Path,
         epoch_end: EpochEnd | None,
     ) -> None:
         self.constraints, self.trajectory = constraints, trajectory
-        self.count, self.seed, self.epoch_end = count, seed, epoch_end
+        self.count, self.seed, self.last, self.epoch_end = count, seed, last, epoch_end
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         loop = pl_module
@@ -144,5 +169,6 @@ class _Watch(pl.Callback):
             raise SideganError(f"{loop.variant.name} diverged in epoch {trainer.current_epoch}: not a number")
         metrics = measure(self.constraints, self.trajectory, c) if self.count else {}
         loop.history.append(metrics)
+        trainer.save_checkpoint(self.last)
         if self.epoch_end is not None:
             self.epoch_end(trainer.current_epoch, metrics)

@@ -86,7 +86,8 @@ class Variant:
             raise ConfigError(f"batch of {self.name} must be at least 2, got {self.batch}")
         if self.weights.fitness and self.fitness_start >= self.epochs:
             raise ConfigError(
-                f"fitness_start {self.fitness_start} of {self.name} comes after its last epoch {self.epochs - 1}"
+                f"fitness_start {self.fitness_start} of {self.name} comes after "
+                f"its last epoch {self.epochs - 1}"
             )
 
     @property

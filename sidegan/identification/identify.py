@@ -37,7 +37,7 @@ def identify(
         ConfigError: when the prior, the forgetting factor or ``samples_at_once`` is out of range.
         ShapeError: when there are no samples, or they do not fit the arm.
     """
-    return _fed(body, measurements, prior, forgetting, samples_at_once).solve()
+    return accumulate(body, measurements, prior, forgetting, samples_at_once).solve()
 
 
 def identify_weighted(
@@ -52,7 +52,7 @@ def identify_weighted(
     Otherwise the large joints drown the wrist. Arguments and errors are those of ``identify``; the stream
     is read once here too.
     """
-    return _fed(body, measurements, prior, forgetting, samples_at_once).solve_weighted()
+    return accumulate(body, measurements, prior, forgetting, samples_at_once).solve_weighted()
 
 
 def evaluate(
@@ -84,13 +84,14 @@ def evaluate(
     return nmse(*(torch.cat(x) for x in zip(*pairs)))
 
 
-def _fed(
+def accumulate(
     body: "RigidBody",
     measurements: Measurements | Iterable[Measurements],
-    prior: float,
-    forgetting: float,
-    samples_at_once: int,
+    prior: float = 1e6,
+    forgetting: float = 1.0,
+    samples_at_once: int = SAMPLES_AT_ONCE,
 ) -> Rls:
+    """The recursion after all samples, from which any weighting can be solved; arguments as ``identify``."""
     rls: Rls | None = None
     for part in chunks(measurements, samples_at_once):
         rls = rls or Rls(len(body.base.values), part.joints, prior, forgetting)

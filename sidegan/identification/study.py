@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidegan.dynamics import RigidBody, gram
 from sidegan.excitation import excitation_of
-from sidegan.identification.identify import evaluate, identify, identify_weighted
+from sidegan.identification.identify import accumulate, evaluate
 from sidegan.identification.measurements import Noise, measure
 from sidegan.identification.metrics import covariance_norm
 from sidegan.identification.rls import Identified
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Family = tuple[Trajectory, Tensor]
 
 _SILENT = Noise(level=0.0)
+_RATE = 5.0  # [Hz] at which YᵀY of a set is taken
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,8 @@ def compare(
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         condition of the stacked YᵀY, duration [s], samples).
     """
-    truth = [measure(body, motion, _SILENT, np.random.default_rng(0)) for motion in _motions(tests, settings.rate)]
+    still = np.random.default_rng(0)
+    truth = [measure(body, motion, _SILENT, still) for motion in _motions(tests, settings.rate)]
     results, facts = [], []
     children = random.spawn(settings.repeats)
     for done, (name, family) in enumerate(sets.items()):
@@ -96,11 +98,11 @@ def compare(
 def _identify(
     body: RigidBody, family: Family, settings: Settings, generator: np.random.Generator
 ) -> dict[bool, Identified]:
-    data = [measure(body, motion, settings.noise, generator) for motion in _motions(family, settings.rate)]
-    options = {"prior": settings.prior, "forgetting": settings.forgetting}
-    models = {False: identify(body, data, **options)}
+    data = (measure(body, motion, settings.noise, generator) for motion in _motions(family, settings.rate))
+    rls = accumulate(body, data, settings.prior, settings.forgetting)
+    models = {False: rls.solve()}
     if settings.weighted:
-        models[True] = identify_weighted(body, data, **options)
+        models[True] = rls.solve_weighted()
     return models
 
 
@@ -113,6 +115,6 @@ def _motions(family: Family, rate: float) -> "Iterator[Motion]":
 
 def _stacked_condition(body: RigidBody, family: Family) -> float:
     trajectory, coefficients = family
-    samples = round(trajectory.period * 5)
+    samples = max(round(trajectory.period * _RATE), 4 * trajectory.harmonics)
     grams = gram(body, trajectory, coefficients, samples)
     return float(excitation_of(body, grams.mean(0, keepdim=True)).eigenvalue_fitness)

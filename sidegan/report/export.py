@@ -32,6 +32,5 @@ def show(table: pd.DataFrame, caption: str) -> None:
         drawn.add_column(str(column), justify="left" if i == 0 else "right", overflow="fold")
     for row in flat.astype(str).values.tolist():
         drawn.add_row(*row)
-    console = Console(file=sys.stdout)
-    wide = console if console.is_terminal else Console(file=sys.stdout, width=150)
-    wide.print(drawn)
+    width = None if sys.stdout.isatty() else 150
+    Console(file=sys.stdout, width=width, markup=False).print(drawn)  # "[s]" is a unit and no style

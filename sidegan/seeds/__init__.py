@@ -1,5 +1,8 @@
 """Conventional optimisers that make the seed set; the only door to pygmo."""
 
-from sidegan.seeds.make import make_long, make_seeds
+from sidegan.seeds.gradient import Gradient
+from sidegan.seeds.make import Tasks, make_long, make_seeds, method_of
+from sidegan.seeds.problem import SeedProblem
+from sidegan.seeds.result import SeedBatch
 
-__all__ = ["make_long", "make_seeds"]
+__all__ = ["Gradient", "SeedBatch", "SeedProblem", "Tasks", "make_long", "make_seeds", "method_of"]

@@ -1,45 +1,136 @@
-"""temporary"""
+"""Seed sets and long trajectories, made task by task: parallel, resumable, the same however many workers."""
+
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
 
-import torch
-from joblib import Parallel, delayed
+import numpy as np
 
-from sidegan.seeds.lbfgs import BatchedLbfgs
-from sidegan.seeds.objective import Penalty, value_and_gradient
+from sidegan.errors import ArtifactError, ConfigError
+from sidegan.parallel import Report, run_jobs
+from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.problem import SeedProblem
-from sidegan.validity import check
+from sidegan.seeds.result import SeedBatch
+from sidegan.storage import read_torch, write_torch
+
+_SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
+_LONG_ROUNDS = 50
 
 
-@dataclass
-class Batch:
-    coefficients: object; cpu: float; count:int
-    def report(self): return {"count": self.count, "attempts": self.count, "failed": 0, "cpu_seconds": self.cpu}
-def _opt(problem, phases, c):
-    o=None
-    for n,pen in phases:
-        fun=lambda x,pen=pen:(lambda v,g:(v,g.flatten(1)))(*value_and_gradient(problem,x.view(-1,*problem.trajectory.shape),pen))
-        if o is None: o=BatchedLbfgs(fun,c.flatten(1),memory=20)
-        else: o.restart(fun)
-        for _ in range(n): o.iterate()
-    x=o.x.view(-1,*problem.trajectory.shape)
-    for _ in range(40):
-        v=check(problem.constraints,problem.trajectory,x)
-        if v.valid.all(): break
-        x=torch.where(v.valid[:,None,None,None],x,x*0.99)
-    return x
-def _task(cons,tr,n,seed,samples,steps):
-    torch.set_num_threads(1); t=time.process_time()
-    pr=SeedProblem(cons,tr,samples=samples); g=torch.Generator().manual_seed(seed)
-    x=_opt(pr,[(int(steps*.7),Penalty(300)),(int(steps*.3),Penalty(10000,.015))],pr.start(n,g))
-    return x,time.process_time()-t
-def make_seeds(constraints,trajectory,settings,random,work,workers,progress):
-    n=-(-settings.count//settings.batch); seeds=random.generate_state(n)
-    out=[]; cpu=0
-    for x,t in Parallel(workers,return_as="generator")(delayed(_task)(constraints,trajectory,settings.batch,int(s),64,settings.steps) for s in seeds):
-        out.append(x); cpu+=t; progress(sum(map(len,out)),settings.count)
-    return Batch(torch.cat(out)[:settings.count],cpu,settings.count)
-def make_long(constraints,trajectory,samples,steps,seconds,random,progress):
-    t=time.process_time(); pr=SeedProblem(constraints,trajectory,samples=samples); g=torch.Generator().manual_seed(int(random.generate_state(1)[0]))
-    x=_opt(pr,[(int(steps*.7),Penalty(300)),(int(steps*.3),Penalty(10000,.015))],pr.start(1,g))
-    return Batch(x,time.process_time()-t,1)
+class Method(Protocol):
+    """An optimiser of seeds."""
+
+    def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
+        """Up to ``count`` valid seeds."""
+
+
+@dataclass(frozen=True)
+class Tasks:
+    """How a seed set is cut into tasks.
+
+    Attributes:
+        count: seeds wanted.
+        batch: seeds of one task.
+        work: folder of the finished tasks' files, read again after an interrupt.
+        workers: processes; None: one per core.
+    """
+
+    count: int
+    batch: int
+    work: Path
+    workers: int | None = None
+
+
+def make_seeds(
+    problem: SeedProblem, method: Method, tasks: Tasks, random: np.random.SeedSequence
+) -> SeedBatch:
+    """Exactly ``tasks.count`` valid seeds.
+
+    Raises:
+        InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
+    """
+    problem.constraints.refuse_home(problem.trajectory.home or ())
+    made: list[SeedBatch] = []
+    number = 0
+    for _ in range(1 + _SPARE_ROUNDS):
+        missing = tasks.count - sum(map(len, made))
+        if missing <= 0:
+            break
+        sizes = [min(tasks.batch, missing - i) for i in range(0, missing, tasks.batch)]
+        jobs: list[Callable[[Report], Any]] = []
+        for size in sizes:
+            seed = np.random.SeedSequence(random.entropy, spawn_key=(*random.spawn_key, number))
+            jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{number:05d}.pt"))
+            number += 1
+        made += run_jobs("seeds", jobs, tasks.workers)
+    whole = SeedBatch.join(made)
+    if len(whole) < tasks.count:
+        raise whole.shortfall(tasks.count)
+    return whole
+
+
+def make_long(
+    problem: SeedProblem, steps: int, seconds: float, random: np.random.SeedSequence, progress: Report
+) -> SeedBatch:
+    """One long trajectory: the best of as many starts as fit into the CPU time, of at least one.
+
+    Args:
+        problem: with the long family, and as many samples as its bandwidth needs.
+        steps: evaluations per start.
+        seconds: CPU time [s] that is used up before no further start is made.
+        random: of the starts.
+        progress: told (done, total) in thousandths of the time.
+
+    Raises:
+        InfeasibleError: when no start becomes valid.
+    """
+    began = time.process_time()
+    best: SeedBatch | None = None
+    tried: list[SeedBatch] = []
+    for seed in random.spawn(_LONG_ROUNDS):
+        found = Gradient(steps=steps, attempts=1).optimise(problem, 1, seed)
+        tried.append(found)
+        if len(found) and (best is None or float(found.fitness[0]) < float(best.fitness[0])):
+            best = found
+        spent = time.process_time() - began
+        progress(min(1000, round(1000 * spent / seconds)) if seconds > 0 else 1000, 1000)
+        if spent >= seconds and best is not None:
+            break
+    whole = SeedBatch.join(tried)
+    if best is None:
+        raise whole.shortfall(1)
+    return SeedBatch(best.coefficients, best.fitness, whole.attempts, whole.failed, whole.faults, spent)
+
+
+def _task(
+    problem: SeedProblem, method: Method, count: int, seed: np.random.SeedSequence, path: Path, report: Report
+) -> SeedBatch:
+    try:
+        batch = SeedBatch(**read_torch(path))
+    except (ArtifactError, TypeError):
+        batch = method.optimise(problem, count, seed)
+        write_torch(path, vars(batch))
+    report(1, 1)
+    return batch
+
+
+def method_of(name: str, steps: int, attempts: int, **options: int) -> Method:
+    """The optimiser called ``gradient``, ``paper`` or ``ipopt``.
+
+    Raises:
+        ConfigError: for another name.
+    """
+    if name == "gradient":
+        return Gradient(steps=steps, attempts=attempts)
+    if name == "paper":
+        from sidegan.seeds.paper import Paper
+
+        return Paper(generations=steps, attempts=attempts, **options)
+    if name == "ipopt":
+        from sidegan.seeds.ipopt import Ipopt
+
+        return Ipopt(iterations=steps, attempts=attempts)
+    raise ConfigError(f"there is no seed optimiser {name!r}, expected gradient, paper or ipopt")

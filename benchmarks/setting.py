@@ -1,0 +1,57 @@
+"""What the benchmarks run on: the LWR on its desk, at the paper's trajectories."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from sidegan.dynamics import RigidBody
+from sidegan.robot import Arm, load_robot
+from sidegan.seeds.problem import SeedProblem
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints, Plane
+
+_QUICK = 10  # times smaller
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Arm, workspace and sizes.
+
+    Attributes:
+        quick: a tenth of the work: whether everything runs, not how fast it is.
+        repeats: timed runs of each benchmark.
+    """
+
+    quick: bool = False
+    repeats: int = 5
+    trajectory: Trajectory = field(default_factory=lambda: Trajectory(7))
+
+    def size(self, full: int) -> int:
+        """The number itself, or a tenth of it in quick mode."""
+        return max(1, full // _QUICK) if self.quick else full
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The KUKA LWR IV."""
+        return load_robot("kuka_lwr4")
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The arm 10 cm above its desk."""
+        return Constraints(self.arm, [Plane((0.0, 0.0, 1.0), 0.10)])
+
+    @property
+    def body(self) -> RigidBody:
+        """Dynamics of the arm."""
+        return self.constraints.body
+
+    @cached_property
+    def problem(self) -> SeedProblem:
+        """The seeds' optimisation problem at the default number of samples."""
+        return SeedProblem(self.constraints, self.trajectory, samples=80)
+
+    def start(self, count: int) -> Tensor:
+        """Random trajectories, (count, 7, 6, 2) [rad/s]; the same each time."""
+        return self.problem.start(count, torch.Generator().manual_seed(0))

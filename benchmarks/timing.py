@@ -1,0 +1,68 @@
+"""How a benchmark is timed: warm-up, then the median of runs that take turns with the opponent's."""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured quantity.
+
+    Attributes:
+        name: of the benchmark.
+        ours: what sidegan reaches.
+        unit: of both numbers.
+        opponent: what the opponent reaches.
+        against: who the opponent is.
+        ratio: how many times better ours is, whichever direction is better.
+        limit: ratio that must not be undercut; None where there is none.
+    """
+
+    name: str
+    ours: float
+    unit: str
+    opponent: float
+    against: str
+    ratio: float
+    limit: float | None = None
+
+
+def rate_row(name: str, unit: str, ours: float, opponent: float, against: str) -> Row:
+    """A row in which more is better."""
+    return Row(name, ours, unit, opponent, against, ours / opponent)
+
+
+def cost_row(name: str, unit: str, ours: float, opponent: float, against: str) -> Row:
+    """A row in which less is better."""
+    return Row(name, ours, unit, opponent, against, opponent / ours)
+
+
+def medians(repeats: int, *works: Callable[[], object]) -> list[float]:
+    """Median wall time [s] of each piece of work, after one warm-up each.
+
+    They take turns, so that a machine that slows down slows all of them.
+    """
+    seconds: list[list[float]] = [[] for _ in works]
+    for index in range(repeats + 1):
+        for work, found in zip(works, seconds):
+            began = time.perf_counter()
+            work()
+            if index:
+                found.append(time.perf_counter() - began)
+    return [statistics.median(found) for found in seconds]
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch on one thread inside the block."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

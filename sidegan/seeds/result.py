@@ -1,0 +1,142 @@
+"""What an optimiser hands over: seeds that provably hold every constraint, and what became of the rest."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import InfeasibleError
+from sidegan.seeds.problem import HOPELESS, SeedProblem
+from sidegan.validity import check
+
+_SHRINK = 0.99  # towards home, one step at a time
+_SMALLEST = 0.5  # a seed that must shrink further has failed
+_FINER = 3  # the fitness reported is taken at so many times the problem's samples
+_REACH = 0.7  # share of the tightest limit that the first starts use; less in each further round
+_ILL = "the condition number"
+
+
+@dataclass(frozen=True)
+class SeedBatch:
+    """Seeds and how they came about.
+
+    Attributes:
+        coefficients: valid seeds [rad/s], (n, J, H, 2).
+        fitness: their condition number of YᵀY, or the diagonal fitness, (n,).
+        attempts: starts that were optimised.
+        failed: starts that did not become valid seeds.
+        faults: how many of the failed starts violated what.
+        cpu_seconds: CPU time that all this took, failures included.
+    """
+
+    coefficients: Tensor
+    fitness: Tensor
+    attempts: int = 0
+    failed: int = 0
+    faults: dict[str, int] = field(default_factory=dict)
+    cpu_seconds: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.coefficients)
+
+    @classmethod
+    def join(cls, batches: Iterable["SeedBatch"]) -> "SeedBatch":
+        """One batch of at least one, in order."""
+        parts = list(batches)
+        faults: Counter[str] = Counter()
+        for part in parts:
+            faults.update(part.faults)
+        return cls(
+            torch.cat([part.coefficients for part in parts]),
+            torch.cat([part.fitness for part in parts]),
+            sum(part.attempts for part in parts),
+            sum(part.failed for part in parts),
+            dict(faults),
+            sum(part.cpu_seconds for part in parts),
+        )
+
+    def shortfall(self, count: int) -> InfeasibleError:
+        """The error that says why there are fewer than ``count`` seeds."""
+        worst = Counter(self.faults).most_common(3)
+        why = "; ".join(f"{n} violate {fault}" for fault, n in worst) or "no start was finished"
+        return InfeasibleError(
+            f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; of those that failed, {why}"
+        )
+
+
+def settle(problem: SeedProblem, c: Tensor, ceiling: float = HOPELESS) -> SeedBatch:
+    """The valid ones among candidates (B, J, H, 2), after shrinking towards home where that helps.
+
+    Args:
+        problem: whose constraints are checked, with nothing missed between samples.
+        c: candidates [rad/s].
+        ceiling: largest fitness of a seed.
+    """
+    c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
+    valid = torch.zeros(len(c), dtype=torch.bool)
+    scale = 1.0
+    while scale >= _SMALLEST and not valid.all():
+        tried = torch.nonzero(~valid)[:, 0]
+        verdict = check(problem.constraints, problem.trajectory, c[tried] * scale)
+        c[tried[verdict.valid]] *= scale
+        valid[tried[verdict.valid]] = True
+        scale *= _SHRINK
+    fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)
+    exciting = fitness < min(ceiling, HOPELESS)
+    faults = Counter({_ILL: int((valid & ~exciting).sum())})
+    if not valid.all():
+        for k in torch.nonzero(~verdict.valid)[:, 0].tolist():
+            faults.update(f"{failure.constraint} of {failure.where}" for failure in verdict.failures(k))
+    good = valid & exciting
+    return SeedBatch(c[good], fitness[good], len(c), int((~good).sum()), dict(+faults))
+
+
+def collect(
+    problem: SeedProblem,
+    count: int,
+    seed: np.random.SeedSequence,
+    attempts: int,
+    propose: Callable[[int, float, np.random.SeedSequence], Tensor],
+    ceiling: float = HOPELESS,
+) -> SeedBatch:
+    """Up to ``count`` seeds from a proposer of candidates; those that fail are proposed anew.
+
+    Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end
+    it. Where there are more valid candidates than wanted, the best conditioned are kept.
+
+    Args:
+        problem: what is optimised.
+        count: number of seeds wanted.
+        seed: source of all random numbers.
+        attempts: most rounds.
+        propose: optimised candidates (B, J, H, 2), from how many are missing, the share of the
+            limits that their starts use, and a source of random numbers.
+        ceiling: largest fitness of a seed.
+
+    Raises:
+        InfeasibleError: when the arm cannot rest at home.
+    """
+    problem.constraints.refuse_home(problem.trajectory.home or ())
+    began = time.process_time()
+    batches = [SeedBatch(torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64), torch.zeros(0).double())]
+    missing, barren = count, 0
+    for index in range(attempts):
+        source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
+        candidates = propose(missing, _REACH ** (index + 1), source)
+        found = settle(problem, candidates, ceiling)
+        best = torch.argsort(found.fitness)[:missing].sort().values
+        batches.append(replace(found, coefficients=found.coefficients[best], fitness=found.fitness[best]))
+        missing -= len(best)
+        barren = 0 if len(best) else barren + 1
+        if not missing or barren == 2:
+            break
+    return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)
+
+
+def torch_generator(seed: np.random.SeedSequence) -> torch.Generator:
+    """Random numbers for torch from a seed sequence."""
+    return torch.Generator().manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))

@@ -1,0 +1,45 @@
+import math
+
+import pytest
+import torch
+
+from sidegan.excitation import excite
+from sidegan.gan.metrics import measure
+
+
+def test_seeds_are_valid_and_diverse(constraints, family, seeds):
+    metrics = measure(constraints, family, seeds)
+    excitation = excite(constraints.body, family, seeds)
+    assert metrics["success"] == 1
+    assert metrics["condition"] == metrics["condition_valid"]
+    assert metrics["condition"] == pytest.approx(float(excitation.eigenvalue_fitness.median()))
+    everything = torch.pdist(seeds.flatten(1)).mean()
+    assert metrics["distance"] == pytest.approx(float(everything), rel=0.1)
+    assert 0 < metrics["nearest"] < metrics["distance"]
+    assert 6 < metrics["rank"] <= 12
+
+
+def test_a_collapsed_batch_has_no_diversity(constraints, family, seeds):
+    metrics = measure(constraints, family, seeds[:1].expand(40, -1, -1, -1))
+    assert metrics["success"] == 1
+    for name in ("distance", "nearest", "rank", "distance_diagonal"):
+        assert metrics[name] == pytest.approx(0, abs=1e-6), name
+
+
+def test_two_modes_have_a_mean_distance_but_no_nearest_one(constraints, family, seeds):
+    modes = seeds[:2].repeat(20, 1, 1, 1)
+    metrics = measure(constraints, family, modes)
+    assert metrics["distance"] > 0.3 * measure(constraints, family, seeds)["distance"]
+    assert metrics["nearest"] == pytest.approx(0, abs=1e-6)
+    assert metrics["rank"] == pytest.approx(1)
+
+
+def test_without_a_valid_sample_their_condition_is_not_a_number(constraints, family, seeds):
+    metrics = measure(constraints, family, 20 * seeds[:20])
+    assert metrics["success"] == 0
+    assert math.isnan(metrics["condition_valid"]) and not math.isnan(metrics["condition"])
+
+
+def test_two_samples_are_enough(constraints, family, seeds):
+    assert all(map(math.isfinite, measure(constraints, family, seeds[:2]).values()))
+    assert all(map(math.isfinite, measure(constraints, family, seeds[:3]).values()))

@@ -1,0 +1,106 @@
+import pytest
+import torch
+
+from sidegan.errors import ConfigError
+from sidegan.gan.networks import BODIES, Discriminator, FeatureDiscriminator, Generator
+
+SIZES = [(1, 1), (1, 4), (2, 3), (7, 6), (3, 5)]
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize(("joints", "harmonics"), SIZES)
+@pytest.mark.parametrize("shortcut", [False, True])
+def test_images_have_the_coefficients_shape_and_unit_spread(body, joints, harmonics, shortcut):
+    torch.manual_seed(0)
+    network = Generator(joints, harmonics, 20, body, 64, shortcut)
+    images = network(network.draw(2000)).detach()
+    assert images.shape == (2000, 2, joints, harmonics)
+    assert images.std(0).mean() == pytest.approx(1, abs=0.15)
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize(("joints", "harmonics"), SIZES)
+@pytest.mark.parametrize("minibatch", [False, True])
+def test_discriminators_give_one_logit_per_image(body, joints, harmonics, minibatch):
+    images = torch.randn(5, 2, joints, harmonics)
+    assert Discriminator(joints, harmonics, body, 16, minibatch)(images).shape == (5,)
+    assert FeatureDiscriminator(4, 16, minibatch)(torch.randn(5, 4)).shape == (5,)
+
+
+def test_noise_is_uniform_and_follows_its_generator():
+    network = Generator(2, 3, 30, width=8)
+    z = network.draw(4000, torch.Generator().manual_seed(1))
+    assert z.shape == (4000, 30)
+    assert -1 <= z.min() < -0.99 and 0.99 < z.max() <= 1
+    assert float(z.var()) == pytest.approx(1 / 3, abs=0.01)
+    torch.testing.assert_close(z, network.draw(4000, torch.Generator().manual_seed(1)), rtol=0, atol=0)
+    assert (z != network.draw(4000, torch.Generator().manual_seed(2))).any()
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_the_settings_make_the_same_network(body):
+    network = Generator(3, 5, 12, body, 16, True)
+    twin = Generator(**network.settings)
+    twin.load_state_dict(network.state_dict())
+    z = network.draw(7)
+    torch.testing.assert_close(twin(z), network(z))
+
+
+def images_of(count, shape, rank=None):
+    random = torch.Generator().manual_seed(3)
+    size = shape[0] * shape[1] * shape[2]
+    mixing = torch.randn(size, rank or size, generator=random, dtype=torch.float64)
+    x = torch.randn(count, rank or size, generator=random, dtype=torch.float64)
+    return (x @ mixing.T + torch.linspace(-2, 2, size)).view(count, *shape)
+
+
+@pytest.mark.parametrize(("noise", "rank"), [(30, None), (12, None), (4, 4)])
+def test_a_gaussian_start_has_the_mean_and_covariance_of_the_images(noise, rank):
+    torch.manual_seed(0)
+    images = images_of(400, (2, 2, 3), rank)
+    network = Generator(2, 3, noise, width=32, shortcut=True)
+    network.start_from(images)
+    with torch.no_grad():
+        z = network.draw(100_000)
+        linear = network.shortcut(z).double()
+        layers = network.layers(z).flatten(1)
+        torch.testing.assert_close(network(z).flatten(1), network.shortcut(z) + layers)
+    x = images.flatten(1)
+    torch.testing.assert_close((linear + layers).mean(0), x.mean(0), rtol=0, atol=0.05)
+    wanted = torch.cov(x.T)
+    assert (torch.cov(linear.T) - wanted).norm() < 0.02 * wanted.norm()
+    assert 0 < layers.std(0).mean() < 0.2  # the layers are there, but whisper
+
+
+def test_too_little_noise_keeps_the_leading_directions():
+    images = images_of(400, (2, 2, 3))
+    network = Generator(2, 3, 5, width=8, shortcut=True)
+    network.start_from(images)
+    root = network.shortcut.weight.double()
+    values, vectors = torch.linalg.eigh(torch.cov(images.flatten(1).T))
+    leading = vectors[:, -5:] * values[-5:] @ vectors[:, -5:].T
+    torch.testing.assert_close(root @ root.T / 3, leading, rtol=1e-4, atol=1e-4)
+
+
+def test_a_start_needs_a_shortcut():
+    with pytest.raises(ConfigError, match="without a shortcut"):
+        Generator(2, 3, width=8).start_from(torch.randn(10, 2, 2, 3))
+
+
+def test_an_unknown_body_is_refused():
+    with pytest.raises(ConfigError, match="'vit' must be one of conv, mlp"):
+        Generator(2, 3, body="vit")
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_only_the_minibatch_feature_tells_a_collapsed_batch_apart(body):
+    torch.manual_seed(0)
+    diverse = torch.randn(40, 2, 2, 3)
+    collapsed = diverse[:1].expand(40, -1, -1, -1)
+    for minibatch in (True, False):
+        critic = Discriminator(2, 3, body, 32, minibatch)
+        same = torch.allclose(critic(diverse)[0], critic(collapsed)[0], atol=1e-6)
+        assert same != minibatch
+        assert torch.isfinite(
+            torch.autograd.grad(critic(collapsed).sum(), list(critic.parameters()))[0]
+        ).all()

@@ -1,0 +1,112 @@
+import math
+import signal
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.errors import ShapeError, SideganError
+from sidegan.gan.training import train_variant
+from sidegan.validity import check
+
+
+@pytest.fixture
+def train(constraints, family, seeds):
+    def run(variant, work, seed=1, **options):
+        options = {"evaluation": 20, **options}
+        return train_variant(variant, constraints, family, seeds[:64], work, seed=seed, **options)
+
+    return run
+
+
+def test_every_loss_together_trains(train, full, predictor, converter, constraints, family, tmp_path):
+    told = []
+    trained = train(
+        full,
+        tmp_path,
+        predictor=predictor,
+        converter=converter,
+        epoch_end=lambda epoch, metrics: told.append((epoch, metrics)),
+    )
+    assert [epoch for epoch, _ in told] == [0, 1, 2]
+    assert [metrics for _, metrics in told] == trained.history
+    assert all(math.isfinite(row["distance"]) and 0 <= row["success"] <= 1 for row in trained.history)
+    c = trained.generator.sample(100, 3)
+    assert c.shape == (100, *family.shape) and torch.isfinite(c).all()
+    assert check(constraints, family, c).valid.double().mean() > 0.3
+    assert trained.generator.robot == "planar2" and trained.generator.variant == "diagonal"
+
+
+def test_the_same_seed_gives_the_same_generator(train, vanilla, tmp_path):
+    runs = [train(vanilla, tmp_path / str(i), seed, evaluation=0) for i, seed in enumerate((1, 1, 2))]
+    samples = [run.generator.sample(10, 0) for run in runs]
+    torch.testing.assert_close(samples[0], samples[1], rtol=0, atol=0)
+    assert (samples[0] != samples[2]).any()
+    assert runs[0].history == [{}, {}, {}]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"body": "conv"},
+        {"scaling": "range", "gaussian_start": False},
+        {"minibatch": False, "decay": False, "gradient_penalty": 0.0},
+        {"steps": None},
+    ],
+)
+def test_every_option_trains(train, vanilla, settings, tmp_path):
+    trained = train(replace(vanilla, epochs=1, **settings), tmp_path)
+    assert len(trained.history) == 1
+    assert torch.isfinite(trained.generator.sample(5)).all()
+
+
+def test_an_interrupted_training_goes_on_where_it_was(train, vanilla, tmp_path):
+    first, second = [], []
+
+    def stop(epoch, metrics):
+        first.append((epoch, metrics))
+        if epoch == 1:
+            raise KeyboardInterrupt
+
+    handler = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        train(vanilla, tmp_path, epoch_end=stop)
+    assert signal.getsignal(signal.SIGINT) is handler  # a second interrupt must be heard too
+    assert (tmp_path / "last.ckpt").exists()
+
+    trained = train(vanilla, tmp_path, epoch_end=lambda *told: second.append(told))
+    assert [epoch for epoch, _ in first] == [0, 1]
+    assert [epoch for epoch, _ in second] == [2]
+    assert trained.history == [metrics for _, metrics in first + second]
+
+
+def test_a_finished_training_is_not_done_again(train, vanilla, tmp_path):
+    done = train(vanilla, tmp_path)
+    told = []
+    again = train(vanilla, tmp_path, epoch_end=lambda *args: told.append(args))
+    assert not told and again.history == done.history
+    torch.testing.assert_close(again.generator.sample(5), done.generator.sample(5), rtol=0, atol=0)
+
+
+def test_a_damaged_checkpoint_is_told_and_not_used(train, vanilla, tmp_path, caplog):
+    done = train(vanilla, tmp_path)
+    last = tmp_path / "last.ckpt"
+    last.write_bytes(last.read_bytes()[:1000])
+    again = train(vanilla, tmp_path)
+    assert "last.ckpt is not a whole tensor file" in caplog.text and "begins anew" in caplog.text
+    assert again.history == done.history
+
+
+def test_a_divergence_is_told(train, vanilla, tmp_path):
+    with pytest.raises(SideganError, match="vanilla diverged in epoch 0"):
+        train(replace(vanilla, learning_rate=1e38), tmp_path)
+
+
+def test_seeds_that_do_not_fit_are_refused(constraints, family, seeds, vanilla, tmp_path):
+    for bad, message in [
+        (seeds[:1], "two seeds, got 1"),
+        (seeds[:, :1], "coefficients are"),
+        (seeds * torch.nan, "not finite"),
+    ]:
+        with pytest.raises(ShapeError, match=message):
+            train_variant(vanilla, constraints, family, bad, tmp_path, seed=0)

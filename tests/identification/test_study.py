@@ -1,0 +1,104 @@
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.identification import Noise, study
+from sidegan.trajectory import Trajectory
+
+
+@pytest.fixture(scope="module")
+def body(planar):
+    return RigidBody(planar)
+
+
+@pytest.fixture(scope="module")
+def families():
+    """Two excitation sets of different families, and tests."""
+    random = torch.Generator().manual_seed(0)
+    short, long = Trajectory(2, 3, 8.0), Trajectory(2, 6, 16.0)
+
+    def draw(family, count):
+        return family, 0.5 * torch.randn(count, *family.shape, generator=random, dtype=torch.float64)
+
+    return {"long-6": draw(long, 1), "seeds": draw(short, 2)}, draw(short, 3)
+
+
+def settings(**changes):
+    values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": Noise(), "repeats": 2}
+    return study.Settings(**{**values, **changes})
+
+
+def compare(body, families, seed=0, **changes):
+    return study.compare(body, *families, settings(**changes), np.random.SeedSequence(seed))
+
+
+def test_without_noise_every_set_recovers_the_arm(body, families):
+    results, _ = compare(body, families, noise=Noise(level=0.0))
+    assert results.nmse.max() < 1e-8
+
+
+def test_there_is_a_row_for_everything(body, families, planar):
+    told = []
+    results, facts = study.compare(
+        body, *families, settings(), np.random.SeedSequence(0), lambda *x: told.append(x)
+    )
+    assert list(results.columns) == ["set", "repeat", "weighted", "joint", "nmse"]
+    assert (
+        len(results) == 2 * 2 * 2 * 2 == len(results.drop_duplicates(["set", "repeat", "weighted", "joint"]))
+    )
+    assert set(results.joint) == set(planar.joint_names)
+    assert list(facts.columns) == ["set", "repeat", "covariance_norm", "condition", "duration", "samples"]
+    assert len(facts) == 4
+    assert dict(zip(facts["set"], facts.duration)) == {"long-6": 16.0, "seeds": 16.0}
+    assert dict(zip(facts["set"], facts.samples)) == {"long-6": 321, "seeds": 322}
+    assert (facts.condition > 1).all() and (facts.covariance_norm > 0).all()
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_a_repeat_draws_the_same_noise_for_every_set(body, families):
+    """The same set under two names cannot be told apart, and neither by who stands beside it."""
+    sets, tests = families
+    twice = {"a": sets["seeds"], "long-6": sets["long-6"], "b": sets["seeds"]}
+    results, facts = compare(body, (twice, tests))
+    table = results.set_index(["set", "repeat", "weighted", "joint"]).nmse
+    pd.testing.assert_series_equal(table["a"], table["b"])
+    pd.testing.assert_series_equal(
+        facts[facts["set"] == "a"].covariance_norm,
+        facts[facts["set"] == "b"].covariance_norm,
+        check_index=False,
+    )
+    alone, _ = compare(body, ({"b": sets["seeds"]}, tests))
+    pd.testing.assert_series_equal(table["b"], alone.set_index(["repeat", "weighted", "joint"]).nmse)
+
+
+def test_repeats_and_seeds_draw_different_noise(body, families):
+    results, _ = compare(body, families)
+    table = results[~results.weighted].pivot_table("nmse", ["set", "joint"], "repeat")
+    assert (table[0] != table[1]).all()
+    again, _ = compare(body, families)
+    pd.testing.assert_frame_equal(results, again)
+    other, _ = compare(body, families, seed=1)
+    assert (results.nmse != other.nmse).all()
+
+
+def test_weighting_is_left_out_when_it_is_not_wanted(body, families):
+    results, _ = compare(body, families, weighted=False, repeats=1)
+    assert not results.weighted.any() and len(results) == 4
+
+
+def test_more_noise_gives_more_error(body, families):
+    errors = [compare(body, families, noise=Noise(level=level))[0].nmse.mean() for level in (0.01, 0.3)]
+    assert errors[0] < errors[1]
+
+
+def test_a_short_period_does_not_hide_its_harmonics_from_the_condition(body):
+    """At a fixed rate one second of six harmonics would be aliased."""
+    random = torch.Generator().manual_seed(1)
+    slow, fast = Trajectory(2, 6, 16.0), Trajectory(2, 6, 1.0)
+    c = 0.3 * torch.randn(1, 2, 6, 2, generator=random, dtype=torch.float64)
+    for family in (slow, fast):
+        fine = study._stacked_condition(body, (family, c))
+        exact = float(study.excitation_of(body, study.gram(body, family, c, 2000)).eigenvalue_fitness[0])
+        assert fine == pytest.approx(exact, rel=0.05)

@@ -1,0 +1,90 @@
+import pandas as pd
+import pytest
+
+from sidegan.report import tables
+
+
+@pytest.fixture
+def raw():
+    rows = [
+        (seed, name, repeat, weighted, joint, value)
+        for seed in (0, 1)
+        for name, value in (("vanilla", 0.2), ("seeds", 0.4), ("long-6", 0.8))
+        for repeat in (0, 1)
+        for weighted in (False, True)
+        for joint in ("b", "a")
+    ]
+    frame = pd.DataFrame(rows, columns=["seed", "set", "repeat", "weighted", "joint", "nmse"])
+    frame.nmse *= 1 + frame.repeat
+    frame.loc[frame.weighted, "nmse"] = 77.0
+    return frame.assign(duration=16.0, samples=321, condition=1234.5, covariance_norm=frame.repeat + 1.0)
+
+
+def test_sets_are_in_the_papers_order_and_unknown_ones_last():
+    names = ["zeta", "diagonal", "alpha", "seeds", "long-210", "eigen", "long-12", "long-6", "vanilla"]
+    expected = ["long-6", "long-12", "long-210", "seeds", "vanilla", "eigen", "diagonal", "alpha", "zeta"]
+    assert tables.ordered(names) == tables.ordered(reversed(names)) == expected
+
+
+def test_sets_have_titles_for_people():
+    assert tables.title("long-210") == "single long, 210 harmonics"
+    assert tables.title("seeds") == "seeds"
+    assert tables.title("eigen") == "seeds + eigen"
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([0.123456], "0.123"),
+        ([1, 3], "2 ± 1.4"),
+        ([0.001, 0.001], "0.001 ± 0"),
+        ([1e-7, 3e-7], "2e-07 ± 1.4e-07"),
+    ],
+)
+def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
+    assert tables.spread(pd.Series(values)) == expected
+
+
+def test_joints_keep_their_order_and_take_the_unweighted_mean(raw):
+    table = tables.joints(raw)
+    assert list(table.index) == ["b", "a"]
+    assert list(table.columns) == ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
+    assert table.loc["a"].tolist() == ["1.2", "0.6", "0.3"]
+
+
+def test_facts_of_the_sets_are_means(raw):
+    table = tables.excitation_sets(raw)
+    assert list(table.index) == ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
+    assert table.loc["seeds"].tolist() == ["16", "321", "1234", "1.5"]
+
+
+def test_generators_show_what_is_known():
+    known = {
+        "eigen": {
+            "valid_share": 0.9,
+            "success": 0.5,
+            "condition": 100.0,
+            "condition_valid": 90.0,
+            "distance": 2.0,
+            "nearest": 1.0,
+            "rank": 12.3456,
+            "distance_diagonal": None,
+        },
+        "seeds": {
+            "valid": 1.0,
+            "condition": 80.0,
+            "distance": 3.0,
+            "nearest": 1.5,
+            "rank": 20.0,
+            "distance_diagonal": 5.0,
+        },
+    }
+    table = tables.generators(known)
+    assert list(table.index) == ["seeds", "eigen"]
+    assert table.loc["eigen"].tolist() == ["0.9", "100", "90", "2", "1", "12.3", "—"]
+    assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
+    assert "valid_share" not in known["seeds"]  # what was given is left alone
+
+
+def test_arrow_keeps_the_columns(raw):
+    assert tables.arrow(raw).column_names == list(raw.columns)

@@ -1,0 +1,36 @@
+"""A configuration of planar2 that runs in seconds."""
+
+from hydra import compose, initialize_config_dir
+
+from sidegan import callbacks  # noqa: F401 - registers what the paths in conf/ use
+from sidegan.config import validate
+from sidegan.run import CONF
+
+TINY = (
+    "+experiment=exp1",
+    "scale=tiny",
+    "robot=planar2",
+    "workspace=free",
+    "tracking=off",
+    "parallel.workers=1",
+    "parallel.threads=1",
+    "trajectory.harmonics=3",
+    "trajectory.period=8",
+    "seeds.samples=20",
+    "seeds.batch=20",
+    "surrogates.width=16",
+    "surrogates.margin_steps=8",
+    "surrogates.feature_steps=8",
+    "long.period=32",
+    "long.harmonics=[3,12]",
+    "long.samples=64",
+    "selection.count=6",
+    "library.batch=60",
+    "identification.rate=20",
+)
+
+
+def tiny(*overrides):
+    """The tiny configuration with changes."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return validate(compose("config", overrides=[*TINY, *overrides]))
