@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from benchmarks.setting import Setting
-from benchmarks.timing import Row, cost_row, medians, one_thread, rate_row
+from benchmarks.timing import Row, cost_row, medians, rate_row
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
@@ -22,10 +22,9 @@ _LIBRARY, _BASE = 100_000, 43
 
 
 def generation(setting: Setting) -> Row:
-    """Cost of a generated trajectory on one thread, of an untrained generator of the default size."""
+    """Cost of a generated trajectory, of an untrained generator of the default size."""
     generator, count = _generator(setting), setting.size(1000)
-    with one_thread():
-        (seconds,) = medians(setting.repeats, lambda: generator.sample(count))
+    (seconds,) = medians(setting.repeats, lambda: generator.sample(count))
     return cost_row("generation", "µs/trajectory", seconds / count * 1e6, _PAPER_MICROSECONDS, _PAPER)
 
 
@@ -43,8 +42,7 @@ def generate_validate(setting: Setting) -> Row:
 def seeds(setting: Setting) -> Row:
     """Valid seeds of the default optimiser per CPU minute."""
     count, steps = (5, 30) if setting.quick else (25, 200)
-    with one_thread():
-        made = Gradient(steps=steps).optimise(setting.problem, count, np.random.SeedSequence(0))
+    made = Gradient(steps=steps).optimise(setting.problem, count, np.random.SeedSequence(0))
     rate = len(made) / (made.cpu_seconds / 60)
     return rate_row("seeds", "seeds/CPU minute", rate, 1 / _PAPER_SEED_MINUTES, _PAPER)
 

@@ -36,13 +36,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write machine and rows there too")
     parser.add_argument("--quick", action="store_true", help="a tenth of the work: does everything run?")
     parser.add_argument("--repeats", type=int, default=5, help="timed runs of each benchmark (default 5)")
-    parser.add_argument("--threads", type=int, default=1, help="of torch (default 1; the opponents have one)")
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
     chosen = parser.parse_args(arguments)
-    for option in ("repeats", "threads"):
-        if getattr(chosen, option) < 1:
-            parser.error(f"--{option} is {getattr(chosen, option)}, expected at least 1")
-    torch.set_num_threads(chosen.threads)
+    if chosen.repeats < 1:
+        parser.error(f"--repeats is {chosen.repeats}, expected at least 1")
+    torch.set_num_threads(1)
     setting = Setting(chosen.quick, chosen.repeats)
     rows = []
     for name in chosen.only or BENCHMARKS:
@@ -64,7 +62,6 @@ def machine() -> dict[str, Any]:
     return {
         "cpu": _cpu(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "threads": torch.get_num_threads(),
         "torch": torch.__version__,
         "python": platform.python_version(),
     }
@@ -76,7 +73,7 @@ def show(rows: Sequence[Row], quick: bool) -> None:
     from rich.table import Table
 
     about = machine()
-    title = f"{about['cpu']}, {about['threads']} of {about['cores']} cores, torch {about['torch']}, Python {about['python']}"
+    title = f"{about['cpu']}, one thread, torch {about['torch']}, Python {about['python']}"
     table = Table(title=title + (" (quick: not worth quoting)" if quick else ""), title_justify="left")
     for column in ("name", "ours", "unit", "opponent", "ratio", "opponent is"):
         table.add_column(column, justify="left" if column in ("name", "unit", "opponent is") else "right")

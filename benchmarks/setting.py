@@ -50,7 +50,7 @@ class Setting:
     @cached_property
     def problem(self) -> SeedProblem:
         """The seeds' optimisation problem at the default number of samples."""
-        return SeedProblem(self.constraints, self.trajectory, samples=80)
+        return SeedProblem(self.constraints, self.trajectory)
 
     def start(self, count: int) -> Tensor:
         """Random trajectories, (count, 7, 6, 2) [rad/s]; the same each time."""

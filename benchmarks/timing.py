@@ -1,12 +1,12 @@
-"""How a benchmark is timed: warm-up, then the median of runs that take turns with the opponent's."""
+"""How a benchmark is timed: warm-up, then the median CPU time of runs that take turns with the opponent's.
+
+CPU time and one thread: what else runs on the machine then changes the numbers by little.
+"""
 
 import statistics
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-
-import torch
 
 
 @dataclass(frozen=True)
@@ -43,26 +43,15 @@ def cost_row(name: str, unit: str, ours: float, opponent: float, against: str) -
 
 
 def medians(repeats: int, *works: Callable[[], object]) -> list[float]:
-    """Median wall time [s] of each piece of work, after one warm-up each.
+    """Median CPU time [s] of each piece of work, after one warm-up each.
 
     They take turns, so that a machine that slows down slows all of them.
     """
     seconds: list[list[float]] = [[] for _ in works]
     for index in range(repeats + 1):
         for work, found in zip(works, seconds):
-            began = time.perf_counter()
+            began = time.process_time()
             work()
             if index:
-                found.append(time.perf_counter() - began)
+                found.append(time.process_time() - began)
     return [statistics.median(found) for found in seconds]
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Torch on one thread inside the block."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -97,12 +97,12 @@ class TrajectoryFamily:
 class Seeds:
     """The conventional optimiser that makes the seed set."""
 
-    method: Literal["gradient", "paper", "ipopt"]
+    method: Literal["gradient", "paper"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
     samples: Count  # time points per period
     batch: Count  # trajectories per task
-    steps: Count  # gradient: evaluations; paper: generations of the colony; ipopt: iterations
+    steps: Count  # gradient: evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
     ants: Count | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search

@@ -3,8 +3,9 @@
 import logging
 import os
 import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, Protocol
 
@@ -32,25 +33,43 @@ def cores(workers: int | None) -> int:
     return workers or len(os.sched_getaffinity(0))
 
 
-def run_jobs(description: str, jobs: Sequence[Job], workers: int | None) -> list[Any]:
-    """Results of the jobs, in their order.
+def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: int = 100) -> list[Any]:
+    """Results of the jobs, in their order, the same however many workers there are.
 
-    Each job is a picklable function that takes a ``Report``. With one worker they run here.
+    Args:
+        description: what they do, for the progress bar.
+        jobs: picklable functions that take a ``Report``; with one worker they run here.
+        workers: processes; None: one per core.
+        total: what the bar counts to, in whatever the jobs make together; percent by default.
 
     Raises:
         SideganError: when a worker process dies; what jobs wrote to their work folders stays.
     """
     count = min(cores(workers), len(jobs))
-    with bar(description, 1000) as one:
+    with bar(description, total) as one:
         shares = [0.0] * len(jobs)
 
         def told(job: int, share: float) -> None:
             shares[job] = share
-            one(round(1000 * sum(shares) / len(shares)), 1000)
+            one(round(total * sum(shares) / len(shares)), total)
 
         if count <= 1:
-            return [job(_reporter(partial(told, i))) for i, job in enumerate(jobs)]
+            with _one_thread():
+                return [job(_reporter(partial(told, i))) for i, job in enumerate(jobs)]
         return _run_processes(jobs, count, told)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Sums in the order in which a worker process would take them."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _reporter(tell: Callable[[float], None]) -> Report:
@@ -96,9 +115,6 @@ def _drain(messages: Any, told: Callable[[int, float], None]) -> None:
 
 
 def _work(job: Job, index: int, messages: Any) -> Any:
-    import torch
-
-    torch.set_num_threads(1)
     last = [-1.0]
 
     def tell(share: float) -> None:
@@ -106,4 +122,5 @@ def _work(job: Job, index: int, messages: Any) -> Any:
             last[0] = share
             messages.put((index, share))
 
-    return job(_reporter(tell))
+    with _one_thread():
+        return job(_reporter(tell))

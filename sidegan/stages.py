@@ -326,7 +326,7 @@ def _surrogates(task: Task, folder: Path, work: Path) -> None:
         )
         for i, path in enumerate(shares)
     ]
-    run_jobs("labels", labelling, workers)
+    run_jobs("labels", labelling, workers, wanted.samples)
     sizes = jobs.Sizes(wanted.width, wanted.margin_steps, wanted.feature_steps)
     common = (shares, sizes, wanted.epochs, folder)
     seed_set = _seeds(task).coefficients
@@ -351,7 +351,7 @@ def _surrogates(task: Task, folder: Path, work: Path) -> None:
             task.number("diagonal"),
         ),
     ]
-    parts = run_jobs("surrogates", trainings, workers)
+    parts = run_jobs("surrogates", trainings, workers, wanted.epochs * len(trainings))
     write_json(folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
 
 

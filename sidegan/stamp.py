@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +51,12 @@ class Stamp:
         return [f"{key} is {_brief(theirs.get(key))}, not {_brief(mine.get(key))}" for key in keys]
 
 
+@cache
 def code_digest(room: str) -> str:
-    """Digest of a room's source: ``dynamics`` for a file, ``seeds`` for a folder of them."""
+    """Digest of a room's source: ``dynamics`` for a file, ``seeds`` for a folder of them.
+
+    Taken once per process, so that an edit in the middle of a run does not split it in two.
+    """
     base = _CODE / room.replace(".", "/")
     files = sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
     if not files or not files[0].is_file():

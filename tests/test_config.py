@@ -86,12 +86,12 @@ def test_a_robot_may_be_a_path_and_regions_may_be_boxes():
     [
         (["+seeds.cuont=3"], "seeds.cuont: there is no such setting; did you mean seeds.count?"),
         (["seeds.count=many"], "seeds.count is 'many', expected a whole number ≥ 1"),
-        (["seeds.method=adam"], "seeds.method is 'adam', expected one of gradient, paper, ipopt"),
+        (["seeds.method=adam"], "seeds.method is 'adam', expected one of gradient, paper"),
         (["tracking.enabled=perhaps"], "tracking.enabled is 'perhaps', expected true or false"),
         (["seed=???"], "seed: "),
         (["seeds.count=${scale.nothing}"], "seeds.count: "),
         (["seeds.method=paper"], "choose it by seeds=paper"),
-        (["seeds=paper", "seeds.method=ipopt"], "choose seeds=ipopt"),
+        (["seeds=paper", "seeds.method=gradient"], "choose seeds=gradient"),
         (
             ["gan.vanilla.weights.fitness=1"],
             "gan.vanilla: weights.features and weights.fitness need features",

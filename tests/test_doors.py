@@ -1,6 +1,7 @@
 """Each heavy package has one room, and rooms import only those before them."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,15 +43,17 @@ def room_of(path):
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
+@cache
 def imported(path):
     """Absolute names of everything that a file imports, wherever in it."""
+    names = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path} imports relatively"
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return names
 
 
 FILES = sorted(SOURCE.rglob("*.py"))

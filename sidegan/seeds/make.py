@@ -65,7 +65,7 @@ def make_seeds(
             seed = np.random.SeedSequence(random.entropy, spawn_key=(*random.spawn_key, number))
             jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{number:05d}.pt"))
             number += 1
-        made += run_jobs("seeds", jobs, tasks.workers)
+        made += run_jobs("seeds", jobs, tasks.workers, missing)
     whole = SeedBatch.join(made)
     if len(whole) < tasks.count:
         raise whole.shortfall(tasks.count)
@@ -118,7 +118,7 @@ def _task(
 
 
 def method_of(name: str, steps: int, attempts: int, **options: int) -> Method:
-    """The optimiser called ``gradient``, ``paper`` or ``ipopt``.
+    """The optimiser called ``gradient`` or ``paper``.
 
     Raises:
         ConfigError: for another name.
@@ -129,8 +129,4 @@ def method_of(name: str, steps: int, attempts: int, **options: int) -> Method:
         from sidegan.seeds.paper import Paper
 
         return Paper(generations=steps, attempts=attempts, **options)
-    if name == "ipopt":
-        from sidegan.seeds.ipopt import Ipopt
-
-        return Ipopt(iterations=steps, attempts=attempts)
-    raise ConfigError(f"there is no seed optimiser {name!r}, expected gradient, paper or ipopt")
+    raise ConfigError(f"there is no seed optimiser {name!r}, expected gradient or paper")

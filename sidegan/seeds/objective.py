@@ -45,7 +45,9 @@ def value_and_gradient(problem: SeedProblem, c: Tensor, penalty: Penalty | None)
     for rows in torch.arange(len(c)).split(batch):
         for columns in torch.arange(problem.samples).split(times):
             piece = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1))
-            states = Motion(motion.time[piece[1]], *(x[piece].detach().requires_grad_(True) for x in motion[1:]))
+            states = Motion(
+                motion.time[piece[1]], *(x[piece].detach().requires_grad_(True) for x in motion[1:])
+            )
             surrogate, excess = _terms(problem, states, vectors[piece[0]], weights[piece[0]], penalty)
             for slope, found in zip(slopes, torch.autograd.grad((surrogate + excess).sum(), states[1:])):
                 slope[piece] = found / problem.samples
@@ -76,7 +78,8 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
     weights = torch.cat([-torch.softmax(softened[0], 1) / low, torch.softmax(softened[1], 1) / high], 1)
     chosen = c.new_zeros(len(c), weights.shape[1], 10 * problem.body.joints)
     chosen[:, :, base.columns] = torch.cat([vectors[:, :_LOWEST], vectors[:, -_HIGHEST:]], 1)
-    return chosen, weights, sum(torch.logsumexp(x, 1) for x in softened) / _SHARPNESS
+    value = torch.stack([torch.logsumexp(x, 1) for x in softened]).sum(0) / _SHARPNESS
+    return chosen, weights, value
 
 
 def _terms(

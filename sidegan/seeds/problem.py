@@ -37,9 +37,13 @@ class SeedProblem:
     def __post_init__(self) -> None:
         joints, harmonics, _ = self.trajectory.shape
         if joints != self.body.joints:
-            raise ShapeError(f"trajectories of {joints} joints do not fit {self.body.joints} joints of the arm")
+            raise ShapeError(
+                f"trajectories of {joints} joints do not fit {self.body.joints} joints of the arm"
+            )
         if self.samples <= 2 * harmonics:
-            raise ShapeError(f"{self.samples} samples cannot see {harmonics} harmonics, expected more than twice")
+            raise ShapeError(
+                f"{self.samples} samples cannot see {harmonics} harmonics, expected more than twice"
+            )
 
     @property
     def body(self) -> RigidBody:

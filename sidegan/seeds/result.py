@@ -64,7 +64,8 @@ class SeedBatch:
         worst = Counter(self.faults).most_common(3)
         why = "; ".join(f"{n} violate {fault}" for fault, n in worst) or "no start was finished"
         return InfeasibleError(
-            f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; of those that failed, {why}"
+            f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
+            f"of those that failed, {why}"
         )
 
 
@@ -122,7 +123,9 @@ def collect(
     """
     problem.constraints.refuse_home(problem.trajectory.home or ())
     began = time.process_time()
-    batches = [SeedBatch(torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64), torch.zeros(0).double())]
+    batches = [
+        SeedBatch(torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64), torch.zeros(0).double())
+    ]
     missing, barren = count, 0
     for index in range(attempts):
         source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))

@@ -73,7 +73,7 @@ class Malice:
 def test_code_in_a_file_is_not_run(how, tmp_path):
     trace, path = tmp_path / "trace", tmp_path / "g.pt"
     if how == "pickle":
-        path.write_bytes(pickle.dumps({"meta": Malice(trace)}))
+        path.write_bytes(pickle.dumps({"meta": Malice(trace)}, protocol=2))
     else:
         torch.save({"meta": Malice(trace)}, path)
     with pytest.raises(ArtifactError):

@@ -1,0 +1,118 @@
+"""The paper's optimiser of seeds: ant colony for a rough global solution, compass search to fine-tune.
+
+Source: Jegorova et al. 2020, section V-A, with pygmo's ``gaco`` (Schlueter et al. 2009) and
+``compass_search`` (Kolda, Lewis, Torczon 2003).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.seeds.problem import SeedProblem
+from sidegan.seeds.result import SeedBatch, collect
+
+if TYPE_CHECKING:
+    import pygmo
+
+_RANGE = 0.5  # share of a joint's velocity limit that one coefficient may take
+_COMPASS_STEP, _COMPASS_STOP = 0.1, 1e-4  # shares of that range
+_SEED_LIMIT = 2**31  # pygmo takes seeds below this
+
+
+class ConditionProblem:
+    """One trajectory as a pygmo problem: log fitness, and a violated margin above zero per constraint.
+
+    The decision vector is the coefficients over their range, (J · H · 2,), each in [−1, 1].
+    """
+
+    def __init__(self, problem: SeedProblem) -> None:
+        self.problem = problem
+        arm, shape = problem.constraints.arm, problem.trajectory.shape
+        self.range = (_RANGE * arm.velocity_limit)[:, None, None].expand(shape).clone()
+        self.scales = {"position": arm.position_upper - arm.position_lower, "velocity": arm.velocity_limit}
+        self.scales["torque"] = arm.torque_limit
+
+    def fitness(self, x: np.ndarray) -> np.ndarray:
+        """Log fitness and violations, (1 + G,)."""
+        return self.batch_fitness(x)
+
+    @torch.no_grad()
+    def batch_fitness(self, x: np.ndarray) -> np.ndarray:
+        """The same of B decision vectors laid end to end, (B · (1 + G),)."""
+        c = self.coefficients(x)
+        motion = self.problem.motion(c)
+        states = (part.reshape(-1, part.shape[-1]) for part in motion[1:])
+        violations = [
+            -self._relative(name, margin).reshape(len(c), -1).amin(1)
+            for name, margin in self.problem.constraints.margins(*states).items()
+        ]
+        return torch.stack([self.problem.fitness(c).log(), *violations], 1).flatten().numpy()
+
+    def coefficients(self, x: np.ndarray) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end."""
+        return torch.from_numpy(np.array(x)).reshape(-1, *self.problem.trajectory.shape) * self.range
+
+    def get_bounds(self) -> tuple[list[float], list[float]]:
+        """Lower and upper bounds of the decision vector."""
+        return [-1.0] * self.range.numel(), [1.0] * self.range.numel()
+
+    def get_nic(self) -> int:
+        """Number of inequality constraints."""
+        return len(self.problem.constraints.labels)
+
+    def _relative(self, name: str, margin: Tensor) -> Tensor:
+        scale = self.scales.get(name)
+        if scale is None:
+            return margin
+        return torch.where(torch.isfinite(scale), margin / scale, torch.ones_like(margin))
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Ant colony, then compass search, one trajectory after the other.
+
+    Args:
+        generations: of the colony.
+        ants: size of the colony.
+        evaluations: most evaluations of the compass search.
+        attempts: most starts per seed.
+    """
+
+    generations: int = 100
+    ants: int = 100
+    evaluations: int = 20_000
+    attempts: int = 5
+
+    def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
+        """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
+
+        def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+            return torch.cat([self._search(problem, child) for child in source.spawn(missing)])
+
+        return collect(problem, count, seed, self.attempts, propose)
+
+    def _search(self, problem: SeedProblem, source: np.random.SeedSequence) -> Tensor:
+        import pygmo as pg
+
+        first, second = (int(number) % _SEED_LIMIT for number in source.generate_state(2))
+        udp = ConditionProblem(problem)
+        population = pg.population(pg.problem(udp), self.ants, seed=first, b=pg.bfe(pg.member_bfe()))
+        colony = pg.gaco(gen=self.generations, ker=min(63, self.ants), seed=second)
+        colony.set_bfe(pg.bfe(pg.member_bfe()))
+        population = pg.algorithm(colony).evolve(population)
+        best = _best(population)
+        refined = pg.population(pg.problem(udp))
+        refined.push_back(best)
+        compass = pg.compass_search(self.evaluations, _COMPASS_STEP, _COMPASS_STOP)
+        refined = pg.algorithm(compass).evolve(refined)
+        return udp.coefficients(_best(refined))
+
+
+def _best(population: "pygmo.population") -> np.ndarray:
+    """The feasible decision vector with the least fitness, or the least violating one."""
+    values, vectors = population.get_f(), population.get_x()
+    violation = np.clip(values[:, 1:], 0, None).sum(1)
+    return vectors[np.lexsort((values[:, 0], violation))[0]]
