@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.seeds import Gradient, Tasks, make_long, make_seeds, method_of
+from sidegan.trajectory import Trajectory
+from sidegan.validity import check
+
+METHOD = Gradient(steps=10)
+
+
+def made(problem, work, workers=1, method=METHOD, count=5):
+    work.mkdir(exist_ok=True)
+    return make_seeds(problem, method, Tasks(count, 2, work, workers), np.random.SeedSequence(4))
+
+
+def test_results_do_not_depend_on_the_number_of_workers(planar_problem, tmp_path):
+    one = made(planar_problem, tmp_path / "one", 1)
+    two = made(planar_problem, tmp_path / "two", 2)
+    assert len(one) == 5
+    assert torch.equal(one.coefficients, two.coefficients)
+    assert check(planar_problem.constraints, planar_problem.trajectory, one.coefficients).valid.all()
+
+
+class Counting:
+    """Counts the tasks that it is given."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def optimise(self, problem, count, seed):
+        self.calls += 1
+        return METHOD.optimise(problem, count, seed)
+
+
+def test_a_second_start_redoes_only_what_is_missing_or_damaged(planar_problem, tmp_path):
+    first = made(planar_problem, tmp_path)
+    files = sorted(tmp_path.iterdir())
+    assert len(files) == 3
+    files[0].unlink()
+    files[1].write_bytes(files[1].read_bytes()[:100])
+    method = Counting()
+    again = made(planar_problem, tmp_path, method=method)
+    assert method.calls == 2
+    assert torch.equal(first.coefficients, again.coefficients)
+
+
+def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path):
+    class Lazy(Counting):
+        def optimise(self, problem, count, seed):
+            batch = super().optimise(problem, count, seed)
+            return replace(batch, coefficients=batch.coefficients[:1], fitness=batch.fitness[:1])
+
+    method = Lazy()
+    assert len(made(planar_problem, tmp_path, method=method, count=3)) == 3
+    assert method.calls == 3
+
+
+def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path):
+    with pytest.raises(InfeasibleError, match="only 0 of 2 seeds became valid .* condition number"):
+        made(planar_problem, tmp_path, method=Gradient(steps=5, ceiling=1.0), count=2)
+
+
+def test_the_long_trajectory_uses_its_time_and_is_the_best_of_its_starts(planar_problem):
+    problem = replace(planar_problem, trajectory=Trajectory(2, 6, 32.0), samples=64)
+    shares = []
+    quick = make_long(problem, 10, 0.0, np.random.SeedSequence(1), lambda done, total: shares.append(done))
+    assert quick.attempts == 1
+    assert shares[-1] == 1000
+    longer = make_long(problem, 10, 4 * quick.cpu_seconds, np.random.SeedSequence(1), lambda *_: None)
+    assert longer.attempts > 1
+    assert longer.cpu_seconds >= 4 * quick.cpu_seconds
+    assert float(longer.fitness[0]) <= float(quick.fitness[0])
+
+
+def test_methods_go_by_name():
+    assert method_of("gradient", 7, 2) == Gradient(steps=7, attempts=2)
+    assert method_of("paper", 7, 2, ants=30, evaluations=9).generations == 7
+    with pytest.raises(ConfigError, match="'adam'"):
+        method_of("adam", 1, 1)

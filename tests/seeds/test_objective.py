@@ -1,0 +1,58 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.excitation import excite
+from sidegan.seeds.objective import Penalty, value_and_gradient
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+@pytest.mark.parametrize("reach", [0.5, 1.4])
+def test_the_gradient_agrees_with_finite_differences(planar_problem, random, diagonal, reach):
+    problem = replace(planar_problem, diagonal=diagonal)
+    c = problem.start(4, random, reach)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    step = 1e-6
+    penalty = Penalty(30.0)
+    up, _ = value_and_gradient(problem, c + step * direction, penalty)
+    down, _ = value_and_gradient(problem, c - step * direction, penalty)
+    _, gradient = value_and_gradient(problem, c, penalty)
+    slope = (gradient * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / (2 * step), slope, rtol=1e-4, atol=1e-5)
+
+
+def test_the_gradient_of_the_lwr_agrees_with_finite_differences(lwr_problem, random):
+    c = lwr_problem.start(2, random, 0.9)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    penalty = Penalty(300.0)
+    up, _ = value_and_gradient(lwr_problem, c + 1e-6 * direction, penalty)
+    down, _ = value_and_gradient(lwr_problem, c - 1e-6 * direction, penalty)
+    slope = (value_and_gradient(lwr_problem, c, penalty)[1] * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=2e-3, atol=1e-3)
+
+
+def test_without_violation_the_value_is_a_smooth_log_condition_number(planar_problem, random):
+    c = planar_problem.start(5, random, 0.3)
+    value, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
+    exact = excite(planar_problem.body, planar_problem.trajectory, c, planar_problem.samples)
+    log_condition = exact.eigenvalue_fitness.log()
+    # The smooth extremes lie outside the true ones, by at most log(number) / sharpness each.
+    assert (value >= log_condition - 1e-9).all()
+    assert (value <= log_condition + 1.0).all()
+
+
+def test_a_violation_costs(planar_problem, random):
+    c = planar_problem.start(3, random, 2.0)
+    free, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
+    penalised, _ = value_and_gradient(planar_problem, c, Penalty(100.0))
+    assert (penalised > free).all()
+
+
+def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
+    c = planar_problem.start(3, random)
+    values, gradients = value_and_gradient(planar_problem, c, Penalty(30.0))
+    for k in range(3):
+        value, gradient = value_and_gradient(planar_problem, c[k : k + 1], Penalty(30.0))
+        torch.testing.assert_close(value[0], values[k])
+        torch.testing.assert_close(gradient[0], gradients[k])

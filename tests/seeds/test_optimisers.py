@@ -1,0 +1,103 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.seeds import Gradient, SeedProblem
+from sidegan.seeds.paper import ConditionProblem, Paper
+from sidegan.seeds.result import settle
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, check
+
+METHODS = {
+    "gradient": Gradient(steps=30),
+    "paper": Paper(generations=6, ants=20, evaluations=150),
+}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_seeds_are_valid_and_better_than_random_ones(planar_problem, random, name):
+    batch = METHODS[name].optimise(planar_problem, 3, np.random.SeedSequence(1))
+    assert len(batch) == 3
+    assert check(planar_problem.constraints, planar_problem.trajectory, batch.coefficients).valid.all()
+    start = planar_problem.fitness(planar_problem.start(20, random))
+    assert batch.fitness.median() < start.median()
+    assert batch.attempts >= 3
+    assert batch.cpu_seconds > 0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_same_random_numbers_give_the_same_seeds(planar_problem, name):
+    one, two = (METHODS[name].optimise(planar_problem, 2, np.random.SeedSequence(5)) for _ in range(2))
+    assert torch.equal(one.coefficients, two.coefficients)
+    other = METHODS[name].optimise(planar_problem, 2, np.random.SeedSequence(6))
+    assert not torch.equal(one.coefficients, other.coefficients)
+
+
+def test_lwr_seeds_are_valid_and_well_conditioned(lwr_problem):
+    batch = Gradient(steps=60).optimise(lwr_problem, 6, np.random.SeedSequence(0))
+    assert check(lwr_problem.constraints, lwr_problem.trajectory, batch.coefficients).valid.all()
+    assert float(batch.fitness.median()) < 3000  # random starts: 10⁵ and more
+
+
+def test_the_diagonal_fitness_is_optimised_when_asked(planar_problem):
+    problem = replace(planar_problem, diagonal=True)
+    batch = Gradient(steps=40).optimise(problem, 4, np.random.SeedSequence(2))
+    start = problem.fitness(problem.start(20, torch.Generator().manual_seed(0)))
+    assert batch.fitness.median() < start.median()
+
+
+def test_an_infeasible_home_is_refused(planar):
+    around = Box((-0.5, -0.5, 0.2), (0.5, 0.5, 3.0))
+    problem = SeedProblem(Constraints(planar, [around]), Trajectory(planar.joints, 3, 8.0), 24)
+    with pytest.raises(InfeasibleError, match="home position"):
+        Gradient(steps=5).optimise(problem, 2, np.random.SeedSequence(0))
+
+
+def test_a_ceiling_nobody_reaches_ends_after_two_barren_rounds(planar_problem):
+    batch = Gradient(steps=5, ceiling=1.0).optimise(planar_problem, 3, np.random.SeedSequence(0))
+    assert len(batch) == 0
+    assert batch.failed == batch.attempts == 6
+    assert "only 0 of 3 seeds" in str(batch.shortfall(3))
+    assert "the condition number" in str(batch.shortfall(3))
+
+
+def test_settling_shrinks_what_leaks_and_gives_up_on_what_does_not_move(planar_problem, random):
+    c = planar_problem.start(4, random, 1.05)
+    still = torch.zeros_like(c[:1])
+    batch = settle(planar_problem, torch.cat([c, still]))
+    assert check(planar_problem.constraints, planar_problem.trajectory, batch.coefficients).valid.all()
+    assert batch.failed >= 1
+    assert batch.faults.get("the condition number") == 1
+
+
+def test_candidates_that_are_not_numbers_fail(planar_problem, random):
+    c = planar_problem.start(2, random)
+    c[0] = torch.nan
+    assert settle(planar_problem, c).failed == 1
+
+
+def test_pygmo_sees_the_same_fitness_one_by_one_and_in_a_batch(planar_problem, random):
+    udp = ConditionProblem(planar_problem)
+    x = torch.rand(5, udp.range.numel(), generator=random, dtype=torch.float64).numpy() * 2 - 1
+    batch = udp.batch_fitness(x.flatten()).reshape(5, -1)
+    assert batch.shape == (5, 1 + udp.get_nic())
+    for row, vector in zip(batch, x):
+        np.testing.assert_allclose(udp.fitness(vector), row)
+    c = udp.coefficients(x.flatten())
+    np.testing.assert_allclose(np.exp(batch[:, 0]), planar_problem.fitness(c))
+
+
+def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
+    udp = ConditionProblem(planar_problem)
+    home = np.zeros(udp.range.numel())
+    assert (udp.fitness(home)[1:] < 0).all()
+    assert (udp.fitness(home + 1.0)[1:] > 0).any()
+
+
+@pytest.mark.parametrize(("joints", "samples", "message"), [(3, 24, "joints"), (2, 6, "harmonics")])
+def test_a_problem_that_does_not_fit_is_refused(planar_problem, joints, samples, message):
+    with pytest.raises(ShapeError, match=message):
+        SeedProblem(planar_problem.constraints, Trajectory(joints, 3, 8.0), samples)
