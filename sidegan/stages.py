@@ -24,10 +24,10 @@ from sidegan.identification import Noise, study
 from sidegan.library import Library
 from sidegan.parallel import Report, run_jobs
 from sidegan.plan import Task, variant
-from sidegan.progress import bar
+from sidegan.report.tables import arrow
 from sidegan.selection import greedy
 from sidegan.stamp import Stamp
-from sidegan.storage import read_json, write_json
+from sidegan.storage import read_json, write_json, write_parquet
 from sidegan.tracking import Tracker
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, SETS = "results.parquet", "sets.parquet"
-SAMPLES = 200  # time points at which stored excitation is taken: finer than any optimiser's
+RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
 LABEL_SHARES = 8
 TEST_REACH = 0.8  # of the tightest joint limit, that a test trajectory uses
 _BATCH = 250
@@ -80,9 +80,10 @@ def gan(cfg: Config, store: Store, tracker: Tracker) -> None:
 def library(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Draw from each generator and keep what is valid."""
     task = Task(cfg, store)
-    for name in cfg.gan:
-        folder = store.produce(task.library(name), partial(_expand, task, name))
-        report = read_json(folder / REPORT)
+    stamps = [task.library(name) for name in cfg.gan]
+    _produce_all(task, "libraries (%)", stamps, [partial(_expand, task, name) for name in cfg.gan])
+    for name, stamp in zip(cfg.gan, stamps):
+        report = read_json(store.require(stamp) / REPORT)
         log.info("library of %s: %s", name, words(report))
         tracker.log_metrics({f"library/{name}/{key}": value for key, value in numbers(report).items()})
 
@@ -91,7 +92,7 @@ def long(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Optimise the single long trajectory in each of its readings."""
     task = Task(cfg, store)
     stamps = [task.long(h) for h in cfg.long.harmonics]
-    _produce_all(task, "long trajectories", stamps, [partial(_long, task, h) for h in cfg.long.harmonics])
+    _produce_all(task, "long trajectories (%)", stamps, [partial(_long, task, h) for h in cfg.long.harmonics])
     for h, stamp in zip(cfg.long.harmonics, stamps):
         report = read_json(store.require(stamp) / REPORT)
         log.info("long trajectory, %d harmonics: %s", h, words(report))
@@ -119,18 +120,7 @@ def selection(cfg: Config, store: Store, tracker: Tracker) -> None:
 def identification(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Identify the arm from each excitation set and predict test torques with the result."""
     task = Task(cfg, store)
-    settings = cfg.identification
-
-    def make(folder: Path, work: Path) -> None:
-        sets = _excitation_sets(task)
-        tests = (task.trajectory, _tests(task))
-        random = task.random("identification")
-        with bar("identification", settings.repeats * len(sets)) as told:
-            results, facts = study.compare(task.body, sets, tests, study_settings(settings), random, told)
-        results.to_parquet(folder / RESULTS)
-        facts.to_parquet(folder / SETS)
-
-    folder = store.produce(task.identification, make)
+    folder = store.produce(task.identification, partial(_compare, task))
     frame = pd.read_parquet(folder / RESULTS)
     mean = frame.groupby(["set", "weighted"], as_index=False).nmse.mean()
     tracker.log_metrics(
@@ -177,7 +167,7 @@ def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source
     parts = []
     for batch in c.split(_BATCH):
         validity = check(constraints, trajectory, batch)
-        excitation = excite(constraints.body, trajectory, batch, SAMPLES)
+        excitation = excite(constraints.body, trajectory, batch, round(RATE * trajectory.period))
         parts.append(
             Library(
                 coefficients=batch,
@@ -270,7 +260,8 @@ def _produce(store: Store, stamp: Stamp, make: Callable[..., None], report: Repo
 def _train_variants(task: Task, variants: dict[str, GanVariant]) -> None:
     stamps = [task.gan(name, settings) for name, settings in variants.items()]
     makes = [partial(_train, task, name, settings) for name, settings in variants.items()]
-    _produce_all(task, f"training {', '.join(variants)}", stamps, makes)
+    new = [name for name, stamp in zip(variants, stamps) if task.store.find(stamp) is None]
+    _produce_all(task, f"training {', '.join(new)} (%)", stamps, makes)
 
 
 def _train(task: Task, name: str, settings: GanVariant, folder: Path, work: Path, report: Report) -> None:
@@ -360,7 +351,7 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
-def _expand(task: Task, name: str, folder: Path, work: Path) -> None:
+def _expand(task: Task, name: str, folder: Path, work: Path, report: Report) -> None:
     """Sample, check and keep until the library is full."""
     from sidegan.gan import TrajectoryGenerator
 
@@ -370,12 +361,11 @@ def _expand(task: Task, name: str, folder: Path, work: Path) -> None:
     noise = torch.Generator().manual_seed(task.number(f"library {name}"))
     kept: list[Tensor] = []
     drawn = count = 0
-    with bar(f"library of {name}", wanted.count) as told:
-        while count < wanted.count and drawn < wanted.draws:
-            c = generator.sample(wanted.batch, noise)
-            kept.append(c[check(task.constraints, task.trajectory, c).valid])
-            drawn, count = drawn + len(c), count + len(kept[-1])
-            told(min(count, wanted.count), wanted.count)
+    while count < wanted.count and drawn < wanted.draws:
+        c = generator.sample(wanted.batch, noise)
+        kept.append(c[check(task.constraints, task.trajectory, c).valid])
+        drawn, count = drawn + len(c), count + len(kept[-1])
+        report(max(min(count, wanted.count), drawn * wanted.count // wanted.draws), wanted.count)
     if count < wanted.count:
         log.warning(
             "%s gave %d valid trajectories in %d draws, %d were wanted", name, count, drawn, wanted.count
@@ -400,6 +390,18 @@ def _long(task: Task, harmonics: int, folder: Path, work: Path, report: Report) 
     library.save(folder / LIBRARY)
     known = {"condition": float(library.fitness[0]), "starts": made.attempts}
     write_json(folder / REPORT, {**known, "cpu_seconds": made.cpu_seconds, "allotted_seconds": seconds})
+
+
+def _compare(task: Task, folder: Path, work: Path) -> None:
+    sets, tests = _excitation_sets(task), (task.trajectory, _tests(task))
+    settings = study_settings(task.cfg.identification)
+    jobs = [
+        partial(study.compare, task.body, {name: family}, tests, settings, task.random("identification"))
+        for name, family in sets.items()
+    ]
+    parts = run_jobs("identification", jobs, task.cfg.parallel.workers, len(sets) * settings.repeats)
+    for name, frames in zip((RESULTS, SETS), zip(*parts)):
+        write_parquet(folder / name, arrow(pd.concat(frames, ignore_index=True)))
 
 
 def _excitation_sets(task: Task) -> dict[str, tuple[Trajectory, Tensor]]:

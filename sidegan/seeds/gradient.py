@@ -30,6 +30,7 @@ class Gradient:
             Results then depend on the machine's speed.
         ceiling: largest fitness of a seed.
         memory: correction pairs of the L-BFGS.
+        long: search among coefficients that suit a long period (``long_shaping``).
 
     Example: ``Gradient(steps=200).optimise(problem, 100, np.random.SeedSequence(0))``.
     """
@@ -40,6 +41,7 @@ class Gradient:
     seconds: float | None = None
     ceiling: float = HOPELESS
     memory: int = 25
+    long: bool = False
 
     def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
@@ -56,14 +58,17 @@ class Gradient:
         self, problem: SeedProblem, count: int, reach: float, generator: torch.Generator, clock: "_Clock"
     ) -> Tensor:
         few = max(int(_ROUGH_SAMPLES * problem.samples), 2 * problem.trajectory.harmonics + 1)
-        x = problem.start(count, generator, reach).flatten(1)
-        rough = _function(replace(problem, samples=few), _ROUGH)
+        shape = problem.trajectory.shape
+        shaping = long_shaping(shape[1]) if self.long else torch.eye(2 * shape[1], dtype=torch.float64)
+        start = problem.start(count, generator, reach, shaping if self.long else None)
+        x = (start.flatten(2) @ torch.linalg.pinv(shaping).T).flatten(1)
+        rough = _function(replace(problem, samples=few), _ROUGH, shaping)
         search = BatchedLbfgs(rough, x, self.memory)
         first = round(_ROUGH_SHARE * self.steps)
         self._iterate(search, first, clock, _ROUGH_SHARE)
-        search.restart(_function(problem, _STRICT))
+        search.restart(_function(problem, _STRICT, shaping))
         self._iterate(search, self.steps - first, clock, 1.0)
-        return search.x.reshape(count, *problem.trajectory.shape)
+        return _shaped(search.x, shaping, shape)
 
     @staticmethod
     def _iterate(search: BatchedLbfgs, steps: int, clock: "_Clock", until: float) -> None:
@@ -82,9 +87,29 @@ class _Clock:
         return (time.process_time() - self.began) / self.seconds if self.seconds else 0.0
 
 
-def _function(problem: SeedProblem, penalty: Penalty) -> Function:
+def long_shaping(harmonics: int) -> Tensor:
+    """Map from white coefficients to those that suit a period of many seconds, (2 H, 2 H).
+
+    Every harmonic gets the same position amplitude, so the first ones do not use up the joint's range.
+    Those directions are removed in which the waves alone are not at rest at the ends: the quintic would
+    have to undo a velocity over the whole period, and would need hundreds of radians for it.
+    """
+    order = torch.arange(1, harmonics + 1, dtype=torch.float64)
+    zero = torch.zeros_like(order)
+    velocity = torch.stack([order, zero], 1).flatten()  # Σ a_k, in white coefficients
+    acceleration = torch.stack([zero, order**2], 1).flatten()  # Σ k b_k
+    normals = torch.stack([velocity / velocity.norm(), acceleration / acceleration.norm()], 1)
+    rest = torch.eye(2 * harmonics, dtype=torch.float64) - normals @ normals.T
+    return order.repeat_interleave(2)[:, None] * rest
+
+
+def _shaped(x: Tensor, shaping: Tensor, shape: tuple[int, int, int]) -> Tensor:
+    return (x.reshape(len(x), shape[0], -1) @ shaping.T).reshape(len(x), *shape)
+
+
+def _function(problem: SeedProblem, penalty: Penalty, shaping: Tensor) -> Function:
     def function(x: Tensor) -> tuple[Tensor, Tensor]:
-        value, gradient = value_and_gradient(problem, x.reshape(-1, *problem.trajectory.shape), penalty)
-        return value, gradient.flatten(1)
+        value, gradient = value_and_gradient(problem, _shaped(x, shaping, problem.trajectory.shape), penalty)
+        return value, (gradient.flatten(2) @ shaping).flatten(1)
 
     return function

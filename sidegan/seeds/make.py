@@ -91,7 +91,7 @@ def make_long(
     best: SeedBatch | None = None
     tried: list[SeedBatch] = []
     for seed in random.spawn(_LONG_ROUNDS):
-        found = Gradient(steps=steps, attempts=1).optimise(problem, 1, seed)
+        found = Gradient(steps=steps, attempts=1, long=True).optimise(problem, 1, seed)
         tried.append(found)
         if len(found) and (best is None or float(found.fitness[0]) < float(best.fitness[0])):
             best = found
