@@ -58,7 +58,8 @@ def test_the_scale_reaches_the_other_groups_whatever_their_choice():
 def test_the_variants_share_what_is_not_their_own():
     vanilla, eigen, diagonal = configured("gan=all").gan.values()
     assert [v.features for v in (vanilla, eigen, diagonal)] == ["none", "spectrum", "diagonal"]
-    shared = dataclasses.replace(vanilla, features="spectrum", weights=eigen.weights)
+    own = {"features": "spectrum", "weights": eigen.weights, "learning_rate": eigen.learning_rate}
+    shared = dataclasses.replace(vanilla, **own)
     assert shared == eigen == dataclasses.replace(diagonal, features="spectrum")
     assert configured("gan=eigen").gan["eigen"] == eigen
 

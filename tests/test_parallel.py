@@ -52,7 +52,7 @@ def test_results_are_in_order_and_progress_reaches_the_end(workers, told):
     results = run_jobs("squares", [partial(square, x) for x in (5, 3, 4)], workers)
     assert [value for value, _ in results] == [25, 9, 16]
     assert ({pid for _, pid in results} == {os.getpid()}) == (workers == 1)
-    assert told == sorted(told) and told[-1] == (1000, 1000)
+    assert told == sorted(told) and told[-1] == (100, 100)
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,7 @@ def test_settings_may_be_dataclasses_inside():
 
 def test_the_code_digest_follows_the_source_of_a_file_or_a_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(stamps, "_CODE", tmp_path)
+    code_digest.cache_clear()
     (tmp_path / "dynamics.py").write_text("x = 1")
     (tmp_path / "seeds").mkdir()
     (tmp_path / "seeds" / "farm.py").write_text("y = 1")
@@ -67,9 +68,12 @@ def test_the_code_digest_follows_the_source_of_a_file_or_a_folder(tmp_path, monk
     assert before == (code_digest("dynamics"), code_digest("seeds"))
     (tmp_path / "dynamics.py").write_text("x = 2")
     (tmp_path / "seeds" / "extra.py").write_text("")
+    assert before == (code_digest("dynamics"), code_digest("seeds"))  # a run sticks to what it began with
+    code_digest.cache_clear()
     assert code_digest("dynamics") != before[0] and code_digest("seeds") != before[1]
     with pytest.raises(ArtifactError, match="no room 'sedes'"):
         code_digest("sedes")
+    code_digest.cache_clear()
 
 
 def test_flatten_keeps_empty_groups():

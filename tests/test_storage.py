@@ -3,6 +3,7 @@ import json
 import os
 import resource
 import stat
+from contextlib import contextmanager
 
 import pyarrow as pa
 import pytest
@@ -36,12 +37,15 @@ def kind(request):
     return request.param
 
 
-@pytest.fixture
+@contextmanager
 def small_files_only():
+    """Only around the write itself: the test runner writes files too."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_what_is_written_is_read(tmp_path):
@@ -75,10 +79,10 @@ def test_a_file_has_the_permissions_of_any_other_new_file(tmp_path):
     )
 
 
-def test_a_write_that_does_not_fit_leaves_the_old_file(tmp_path, kind, small_files_only):
+def test_a_write_that_does_not_fit_leaves_the_old_file(tmp_path, kind):
     path = tmp_path / "file"
     path.write_bytes(b"old")
-    with pytest.raises(StorageError, match=rf"cannot write {path}: .*too large"):
+    with pytest.raises(StorageError, match=rf"cannot write {path}: .*too large"), small_files_only():
         WRITERS[kind](path)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

@@ -60,7 +60,7 @@ def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path
 
 
 def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path):
-    with pytest.raises(InfeasibleError, match="only 0 of 2 seeds became valid .* condition number"):
+    with pytest.raises(InfeasibleError, match=r"only 0 of 2 seeds became valid .* condition number"):
         made(planar_problem, tmp_path, method=Gradient(steps=5, ceiling=1.0), count=2)
 
 

@@ -6,6 +6,7 @@ import torch
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.seeds import Gradient, SeedProblem
+from sidegan.seeds.gradient import long_shaping
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import settle
 from sidegan.trajectory import Trajectory
@@ -101,3 +102,25 @@ def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
 def test_a_problem_that_does_not_fit_is_refused(planar_problem, joints, samples, message):
     with pytest.raises(ShapeError, match=message):
         SeedProblem(planar_problem.constraints, Trajectory(joints, 3, 8.0), samples)
+
+
+def test_long_coefficients_have_waves_that_rest_at_the_ends_by_themselves():
+    shaping = long_shaping(9)
+    order = torch.arange(1, 10, dtype=torch.float64)
+    white = torch.randn(20, 18, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    c = (white @ shaping.T).reshape(20, 9, 2)
+    torch.testing.assert_close(c[..., 0].sum(1), torch.zeros(20).double(), atol=1e-12, rtol=0)
+    torch.testing.assert_close((order * c[..., 1]).sum(1), torch.zeros(20).double(), atol=1e-11, rtol=0)
+    assert torch.linalg.matrix_rank(shaping) == 18 - 2
+
+
+def test_a_long_trajectory_is_not_a_straw_man(planar):
+    """With the short ones' bandwidth one long trajectory gets as well conditioned as a short one."""
+    constraints = Constraints(planar, [])
+    short = SeedProblem(constraints, Trajectory(2, 3, 8.0), 24)
+    long = SeedProblem(constraints, Trajectory(2, 36, 96.0), 288)
+    shorts = Gradient(steps=40).optimise(short, 6, np.random.SeedSequence(0))
+    one = Gradient(steps=60, long=True).optimise(long, 1, np.random.SeedSequence(0))
+    assert float(one.fitness) < 3 * float(shorts.fitness.median())
+    plain = Gradient(steps=60, attempts=1).optimise(long, 1, np.random.SeedSequence(0))
+    assert not len(plain) or float(one.fitness) < float(plain.fitness)
