@@ -60,7 +60,7 @@ def test_the_variants_share_what_is_not_their_own():
     assert [v.features for v in (vanilla, eigen, diagonal)] == ["none", "spectrum", "diagonal"]
     own = {"features": "spectrum", "weights": eigen.weights, "learning_rate": eigen.learning_rate}
     shared = dataclasses.replace(vanilla, **own)
-    assert shared == eigen == dataclasses.replace(diagonal, features="spectrum")
+    assert shared == eigen == dataclasses.replace(diagonal, features="spectrum", weights=eigen.weights)
     assert configured("gan=eigen").gan["eigen"] == eigen
 
 

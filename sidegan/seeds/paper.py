@@ -17,7 +17,7 @@ from sidegan.seeds.result import SeedBatch, collect
 if TYPE_CHECKING:
     import pygmo
 
-_RANGE = 0.5  # share of a joint's velocity limit that one coefficient may take
+_RANGE = 0.12  # share of a joint's velocity limit and of its range that one coefficient may take
 _COMPASS_STEP, _COMPASS_STOP = 0.1, 1e-4  # shares of that range
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
@@ -30,8 +30,11 @@ class ConditionProblem:
 
     def __init__(self, problem: SeedProblem) -> None:
         self.problem = problem
-        arm, shape = problem.constraints.arm, problem.trajectory.shape
-        self.range = (_RANGE * arm.velocity_limit)[:, None, None].expand(shape).clone()
+        arm, family = problem.constraints.arm, problem.trajectory
+        room = (arm.position_upper - arm.position_lower) / 2
+        frequency = 2 * torch.pi / family.period * torch.arange(1, family.harmonics + 1)
+        tightest = torch.minimum(arm.velocity_limit[:, None], room[:, None] * frequency)
+        self.range = (_RANGE * tightest)[..., None].expand(family.shape).clone()
         self.scales = {"position": arm.position_upper - arm.position_lower, "velocity": arm.velocity_limit}
         self.scales["torque"] = arm.torque_limit
 
