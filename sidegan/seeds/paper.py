@@ -17,7 +17,8 @@ from sidegan.seeds.result import SeedBatch, collect
 if TYPE_CHECKING:
     import pygmo
 
-_RANGE = 0.12  # share of a joint's velocity limit and of its range that one coefficient may take
+_RANGE = 0.3  # share of a joint's velocity limit that one coefficient may take
+_USE = 0.97  # of its tightest limit, to which a joint that would use more is scaled down
 _COMPASS_STEP, _COMPASS_STOP = 0.1, 1e-4  # shares of that range
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
@@ -25,16 +26,14 @@ _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 class ConditionProblem:
     """One trajectory as a pygmo problem: log fitness, and a violated margin above zero per constraint.
 
-    The decision vector is the coefficients over their range, (J · H · 2,), each in [−1, 1].
+    The decision vector is the coefficients over their range, (J · H · 2,), each in [−1, 1], before the
+    joints are scaled into their limits.
     """
 
     def __init__(self, problem: SeedProblem) -> None:
         self.problem = problem
-        arm, family = problem.constraints.arm, problem.trajectory
-        room = (arm.position_upper - arm.position_lower) / 2
-        frequency = 2 * torch.pi / family.period * torch.arange(1, family.harmonics + 1)
-        tightest = torch.minimum(arm.velocity_limit[:, None], room[:, None] * frequency)
-        self.range = (_RANGE * tightest)[..., None].expand(family.shape).clone()
+        arm, shape = problem.constraints.arm, problem.trajectory.shape
+        self.range = (_RANGE * arm.velocity_limit)[:, None, None].expand(shape).clone()
         self.scales = {"position": arm.position_upper - arm.position_lower, "velocity": arm.velocity_limit}
         self.scales["torque"] = arm.torque_limit
 
@@ -55,8 +54,13 @@ class ConditionProblem:
         return torch.stack([self.problem.fitness(c).log(), *violations], 1).flatten().numpy()
 
     def coefficients(self, x: np.ndarray) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end."""
-        return torch.from_numpy(np.array(x)).reshape(-1, *self.problem.trajectory.shape) * self.range
+        """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end.
+
+        A joint that would exceed its position or velocity limit is scaled down to it: hardly any vector
+        of the box is feasible otherwise, and the colony never finds one.
+        """
+        c = torch.from_numpy(np.array(x)).reshape(-1, *self.problem.trajectory.shape) * self.range
+        return c * (_USE / self.problem.limit_use(c).clamp_min(_USE))[..., None, None]
 
     def get_bounds(self) -> tuple[list[float], list[float]]:
         """Lower and upper bounds of the decision vector."""

@@ -95,7 +95,20 @@ def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
     udp = ConditionProblem(planar_problem)
     home = np.zeros(udp.range.numel())
     assert (udp.fitness(home)[1:] < 0).all()
-    assert (udp.fitness(home + 1.0)[1:] > 0).any()
+    random = np.random.default_rng(0)
+    x = random.uniform(-1, 1, (30, home.size))
+    violations = udp.batch_fitness(x.flatten()).reshape(30, -1)[:, 1:]
+    states = [part.reshape(-1, 2) for part in planar_problem.motion(udp.coefficients(x.flatten()))[1:]]
+    margins = planar_problem.constraints.margins(*states)
+    for column, margin in zip(violations.T, margins.values()):
+        held = (margin.reshape(30, -1) >= 0).all(1).numpy()
+        np.testing.assert_array_equal(column <= 0, held)
+
+
+def test_pygmo_vectors_never_leave_the_linear_limits(planar_problem):
+    udp = ConditionProblem(planar_problem)
+    x = np.random.default_rng(1).uniform(-1, 1, (50, udp.range.numel()))
+    assert float(planar_problem.limit_use(udp.coefficients(x.flatten())).max()) <= 0.97 + 1e-12
 
 
 @pytest.mark.parametrize(("joints", "samples", "message"), [(3, 24, "joints"), (2, 6, "harmonics")])
