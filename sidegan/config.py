@@ -243,7 +243,7 @@ class Parallel:
     """How the work is spread over cores."""
 
     workers: Count | None  # null: one per core
-    backend: Literal["loky", "dask"]
+    backend: Literal["loky"]  # the only engine so far
     threads: Count | None  # of the main process; null: one per core
 
 
