@@ -22,7 +22,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.excitation import excite
 from sidegan.identification import Noise, study
 from sidegan.library import Library
-from sidegan.parallel import Report, run_jobs
+from sidegan.parallel import Job, Report, run_jobs
 from sidegan.plan import Task, variant
 from sidegan.report.tables import arrow
 from sidegan.selection import greedy
@@ -298,57 +298,39 @@ def _surrogates(task: Task, folder: Path, work: Path) -> None:
     wanted, workers = task.cfg.surrogates, task.cfg.parallel.workers
     ((name, settings),) = wanted.negatives.items()
     vanilla = TrajectoryGenerator.load(task.store.require(task.gan(name, settings)) / GENERATOR, task.arm)
-    negatives = vanilla.sample(max(wanted.samples // 2, 600), task.number("negatives"))
-    known, _ = jobs.training_seeds(_seeds(task).coefficients)
-    count = -(-wanted.samples // LABEL_SHARES)
+    negatives = vanilla.sample(jobs.negatives_wanted(wanted.samples), task.number("negatives"))
+    physics, seed_set = (task.constraints, task.trajectory), _seeds(task).coefficients
+    known = (jobs.training_seeds(seed_set)[0], jobs.training_negatives(negatives)[0])
+    size = (-(-wanted.samples // LABEL_SHARES), wanted.margin_steps)
     shares = [work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
-    physics = (task.constraints, task.trajectory)
     labelling = [
-        partial(
-            _call,
-            jobs.label_share,
-            *physics,
-            known,
-            negatives[:-500],
-            count,
-            wanted.margin_steps,
-            path,
-            task.number(f"labels {i}"),
-        )
+        partial(jobs.label_share, *physics, *known, *size, path, task.number(f"labels {i}"))
         for i, path in enumerate(shares)
     ]
     run_jobs("labels", labelling, workers, wanted.samples)
     sizes = jobs.Sizes(wanted.width, wanted.margin_steps, wanted.feature_steps)
-    common = (shares, sizes, wanted.epochs, folder)
-    seed_set = _seeds(task).coefficients
-    trainings = [
-        partial(_call, jobs.train_success, *physics, seed_set, negatives, *common, task.number("success")),
+    epochs, number = wanted.epochs, task.number
+    trainings: list[Job] = [
         partial(
-            _call,
-            jobs.train_features,
-            task.arm,
-            task.trajectory,
-            "spectrum",
-            *common,
-            task.number("spectrum"),
+            jobs.train_success,
+            *physics,
+            seed_set,
+            negatives,
+            shares,
+            sizes,
+            epochs,
+            folder,
+            number("success"),
         ),
-        partial(
-            _call,
-            jobs.train_features,
-            task.arm,
-            task.trajectory,
-            "diagonal",
-            *common,
-            task.number("diagonal"),
+        *(
+            partial(
+                jobs.train_features, task.arm, physics[1], name, shares, sizes, epochs, folder, number(name)
+            )
+            for name in ("spectrum", "diagonal")
         ),
     ]
     parts = run_jobs("surrogates", trainings, workers, wanted.epochs * len(trainings))
     write_json(folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
-
-
-def _call(function: Callable[..., Any], *arguments: Any) -> Any:
-    """``function(*arguments)``; the last argument, the report, comes from the job that runs it."""
-    return function(*arguments)
 
 
 def _expand(task: Task, name: str, folder: Path, work: Path, report: Report) -> None:

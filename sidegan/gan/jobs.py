@@ -19,9 +19,11 @@ from sidegan.validity import Constraints, check
 
 Network = TypeVar("Network", bound=torch.nn.Module)
 
-_SUCCESS, _NEAR = "success", 0.05  # near: a predicted margin within 5 % of its limit's range
+_SUCCESS = "success"
+_NEAR = 0.05  # share of a limit within which a margin is near zero
 _HELD_OUT_SEEDS = 0.15
-_FAULTY = 500
+_HELD_OUT_NEGATIVES = 500
+_LEAST_NEGATIVES = 100  # for training
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,16 @@ def training_seeds(seeds: Tensor) -> tuple[Tensor, Tensor]:
     return seeds[:cut], seeds[cut:]
 
 
+def negatives_wanted(samples: int) -> int:
+    """Number of a vanilla GAN's samples to draw for that many labelled ones."""
+    return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
+
+
+def training_negatives(negatives: Tensor) -> tuple[Tensor, Tensor]:
+    """Samples of a vanilla GAN that the surrogates may learn from, and those that are held out."""
+    return negatives[:-_HELD_OUT_NEGATIVES], negatives[-_HELD_OUT_NEGATIVES:]
+
+
 def train_success(
     constraints: Constraints,
     trajectory: Trajectory,
@@ -76,9 +88,7 @@ def train_success(
     ``accuracy_broad`` is over all held-out samples, ``accuracy_near`` over those whose smallest margin
     is within 5 % of its limit's range of zero.
     """
-    torch.manual_seed(seed)
-    generator = torch.Generator().manual_seed(seed)
-    data, held = split(_load(shares), generator)
+    data, held, generator = _begin(shares, seed)
     names = len(constraints.labels)
     predictor = SuccessPredictor(constraints.arm, trajectory, names, sizes.width, sizes.margin_steps)
     train_predictor(predictor, data, epochs, generator, progress)
@@ -86,7 +96,7 @@ def train_success(
         work / f"{_SUCCESS}.pt", {"weights": predictor.state_dict(), "sizes": vars(sizes), "names": names}
     )
     held_seeds = training_seeds(seeds)[1]
-    faulty = negatives[-_FAULTY:]
+    faulty = training_negatives(negatives)[1]
     faulty = faulty[~check(constraints, trajectory, faulty).valid]
     c = torch.cat([held_seeds, faulty])
     truth = torch.arange(len(c)) < len(held_seeds)
@@ -111,9 +121,7 @@ def train_features(
     progress: Progress,
 ) -> dict[str, float | list[float]]:
     """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``work``."""
-    torch.manual_seed(seed)
-    generator = torch.Generator().manual_seed(seed)
-    data, held = split(_load(shares), generator)
+    data, held, generator = _begin(shares, seed)
     target, truth = getattr(data, features), getattr(held, features)
     converter = Converter(arm, trajectory, target.shape[1], sizes.width, sizes.feature_steps)
     train_converter(converter, data.c, target, epochs, generator, progress)
@@ -145,6 +153,13 @@ def _frozen(network: Network, weights: dict[str, Tensor], folder: Path) -> Netwo
     except RuntimeError as error:
         raise ArtifactError(f"a surrogate in {folder} does not fit this arm: {error}") from error
     return network.eval().requires_grad_(False)
+
+
+def _begin(shares: Sequence[Path], seed: int) -> tuple[Labelled, Labelled, torch.Generator]:
+    """Training data, held-out data and the random numbers of one training."""
+    torch.manual_seed(seed)
+    generator = torch.Generator().manual_seed(seed)
+    return *split(_load(shares), generator), generator
 
 
 def _load(shares: Sequence[Path]) -> Labelled:

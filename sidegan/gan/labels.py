@@ -93,11 +93,6 @@ def scaled_margins(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
     arm = constraints.arm
     motion = trajectory.roll_out(c, trajectory.grid(steps))
     states = [x.reshape(-1, arm.joints) for x in motion[1:]]
-    scale = {
-        "position": (arm.position_upper - arm.position_lower) / 2,
-        "velocity": arm.velocity_limit,
-        "torque": arm.torque_limit,
-    }
-    margins = constraints.margins(*states)
-    rows = [(margins[name] / scale.get(name, _DISTANCE)).amin(1) for name in constraints.labels]
+    margins = constraints.relative(constraints.margins(*states), _DISTANCE)
+    rows = [margins[name].amin(1) for name in constraints.labels]
     return torch.stack(rows, 1).clamp(-_CLIP, _CLIP).float().reshape(len(c), steps, -1).transpose(1, 2)

@@ -4,6 +4,8 @@ Both see the trajectory rolled out in time and work on each time point alike (a 
 one), then pool over time: the worst moment decides validity, the mean makes up YᵀY.
 """
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 
@@ -37,15 +39,7 @@ class SuccessPredictor(nn.Module):
         learned = constraints - LINEAR_CONSTRAINTS
         self.layers: nn.Sequential | None = None  # an arm may have nothing to learn about
         if learned:
-            self.layers = nn.Sequential(
-                nn.Conv1d(self.roll_out.channels, width, 1),
-                nn.ReLU(),
-                nn.Conv1d(width, width, 1),
-                nn.ReLU(),
-                nn.Conv1d(width, width, 1),
-                nn.ReLU(),
-                nn.Conv1d(width, learned, 1),
-            )
+            self.layers = _by_moment(self.roll_out.channels, width, width, width, learned)
         self.log_gain = nn.Parameter(torch.full((constraints,), _START_GAIN))
         self.offset = nn.Parameter(torch.zeros(constraints))
 
@@ -76,13 +70,7 @@ class Converter(nn.Module):
     ) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
-        self.moments = nn.Sequential(
-            nn.Conv1d(self.roll_out.channels, width, 1),
-            nn.ReLU(),
-            nn.Conv1d(width, width, 1),
-            nn.ReLU(),
-            nn.Conv1d(width, width, 1),
-        )
+        self.moments = _by_moment(self.roll_out.channels, width, width, width)
         self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
         self.linear = nn.Linear(width, features)
         self.register_buffer("mean", torch.zeros(features))
@@ -108,3 +96,11 @@ class Converter(nn.Module):
         logs = features.clamp_min(1e-12).log().float()
         self.mean.copy_(logs.mean(0))
         self.spread.copy_(logs.std(0).clamp_min(1e-3))
+
+
+def _by_moment(*channels: int) -> nn.Sequential:
+    """Layers that treat every time point alike, with a ReLU between two of them."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in pairwise(channels):
+        layers += [nn.Conv1d(inputs, outputs, 1), nn.ReLU()]
+    return nn.Sequential(*layers[:-1])

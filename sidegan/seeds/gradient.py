@@ -1,6 +1,5 @@
 """The default optimiser of seeds: a whole batch at once, with exact gradients, in torch."""
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,9 +24,6 @@ class Gradient:
     Args:
         steps: evaluations per start.
         attempts: most rounds of starts.
-        starts: starts per seed; the best conditioned are kept.
-        seconds: CPU time [s] after which a round stops, wherever it is; it ends all further rounds.
-            Results then depend on the machine's speed.
         ceiling: largest fitness of a seed.
         memory: correction pairs of the L-BFGS.
         long: search among coefficients that suit a long period (``long_shaping``).
@@ -37,26 +33,19 @@ class Gradient:
 
     steps: int = 200
     attempts: int = 5
-    starts: int = 1
-    seconds: float | None = None
     ceiling: float = HOPELESS
     memory: int = 25
     long: bool = False
 
     def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
-        clock = _Clock(self.seconds)
 
         def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
-            if clock.share() >= 1:
-                return torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64)
-            return self._descend(problem, missing * self.starts, reach, torch_generator(source), clock)
+            return self._descend(problem, missing, reach, torch_generator(source))
 
         return collect(problem, count, seed, self.attempts, propose, self.ceiling)
 
-    def _descend(
-        self, problem: SeedProblem, count: int, reach: float, generator: torch.Generator, clock: "_Clock"
-    ) -> Tensor:
+    def _descend(self, problem: SeedProblem, count: int, reach: float, generator: torch.Generator) -> Tensor:
         few = max(int(_ROUGH_SAMPLES * problem.samples), 2 * problem.trajectory.harmonics + 1)
         shape = problem.trajectory.shape
         shaping = long_shaping(shape[1]) if self.long else torch.eye(2 * shape[1], dtype=torch.float64)
@@ -65,26 +54,12 @@ class Gradient:
         rough = _function(replace(problem, samples=few), _ROUGH, shaping)
         search = BatchedLbfgs(rough, x, self.memory)
         first = round(_ROUGH_SHARE * self.steps)
-        self._iterate(search, first, clock, _ROUGH_SHARE)
-        search.restart(_function(problem, _STRICT, shaping))
-        self._iterate(search, self.steps - first, clock, 1.0)
-        return _shaped(search.x, shaping, shape)
-
-    @staticmethod
-    def _iterate(search: BatchedLbfgs, steps: int, clock: "_Clock", until: float) -> None:
-        for _ in range(steps):
-            if clock.share() >= until:
-                break
+        for _ in range(first):
             search.iterate()
-
-
-class _Clock:
-    def __init__(self, seconds: float | None) -> None:
-        self.seconds, self.began = seconds, time.process_time()
-
-    def share(self) -> float:
-        """Share of the CPU time that is used up; zero when it is unlimited."""
-        return (time.process_time() - self.began) / self.seconds if self.seconds else 0.0
+        search.restart(_function(problem, _STRICT, shaping))
+        for _ in range(self.steps - first):
+            search.iterate()
+        return _shaped(search.x, shaping, shape)
 
 
 def long_shaping(harmonics: int) -> Tensor:

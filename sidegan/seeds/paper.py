@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _RANGE = 0.3  # share of a joint's velocity limit that one coefficient may take
 _USE = 0.97  # of its tightest limit, to which a joint that would use more is scaled down
+_DISTANCE = 1.0  # [m] clearance that counts like a whole limit
 _COMPASS_STEP, _COMPASS_STOP = 0.1, 1e-4  # shares of that range
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
@@ -34,8 +35,6 @@ class ConditionProblem:
         self.problem = problem
         arm, shape = problem.constraints.arm, problem.trajectory.shape
         self.range = (_RANGE * arm.velocity_limit)[:, None, None].expand(shape).clone()
-        self.scales = {"position": arm.position_upper - arm.position_lower, "velocity": arm.velocity_limit}
-        self.scales["torque"] = arm.torque_limit
 
     def fitness(self, x: np.ndarray) -> np.ndarray:
         """Log fitness and violations, (1 + G,)."""
@@ -47,10 +46,9 @@ class ConditionProblem:
         c = self.coefficients(x)
         motion = self.problem.motion(c)
         states = (part.reshape(-1, part.shape[-1]) for part in motion[1:])
-        violations = [
-            -self._relative(name, margin).reshape(len(c), -1).amin(1)
-            for name, margin in self.problem.constraints.margins(*states).items()
-        ]
+        constraints = self.problem.constraints
+        shares = constraints.relative(constraints.margins(*states), _DISTANCE)
+        violations = [-share.reshape(len(c), -1).amin(1) for share in shares.values()]
         return torch.stack([self.problem.fitness(c).log(), *violations], 1).flatten().numpy()
 
     def coefficients(self, x: np.ndarray) -> Tensor:
@@ -69,12 +67,6 @@ class ConditionProblem:
     def get_nic(self) -> int:
         """Number of inequality constraints."""
         return len(self.problem.constraints.labels)
-
-    def _relative(self, name: str, margin: Tensor) -> Tensor:
-        scale = self.scales.get(name)
-        if scale is None:
-            return margin
-        return torch.where(torch.isfinite(scale), margin / scale, torch.ones_like(margin))
 
 
 @dataclass(frozen=True)

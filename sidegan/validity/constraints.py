@@ -65,6 +65,20 @@ class Constraints:
             margins["torque"] = arm.torque_limit.to(q) - self.body.torque(q, dq, ddq).abs()
         return margins | self.clearances(q)
 
+    def relative(self, margins: dict[str, Tensor], distance: float) -> dict[str, Tensor]:
+        """Margins as shares of half the range, the limit, or ``distance`` [m]; 1 where nothing limits."""
+        arm = self.arm
+        whole = {
+            "position": (arm.position_upper - arm.position_lower) / 2,
+            "velocity": arm.velocity_limit,
+            "torque": arm.torque_limit,
+        }
+        shares = {}
+        for name, margin in margins.items():
+            scale = whole.get(name, torch.tensor(distance, dtype=torch.float64)).to(margin)
+            shares[name] = torch.where(torch.isfinite(scale), margin / scale, torch.ones_like(margin))
+        return shares
+
     def clearances(self, q: Tensor) -> dict[str, Tensor]:
         """Signed distances [m] of capsule pairs (N, P) and to regions (N, K), of N positions (N, J)."""
         clearances: dict[str, Tensor] = {}

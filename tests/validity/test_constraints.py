@@ -144,3 +144,15 @@ def test_a_home_that_is_no_position_is_refused(planar: Arm, home: tuple[float, .
 def test_states_of_the_wrong_shape_are_refused(arm: Arm, shapes: list[tuple[int, ...]]) -> None:
     with pytest.raises(ShapeError, match=r"expected three times \(N, 7\)"):
         Constraints(arm).margins(*(torch.zeros(shape) for shape in shapes))
+
+
+def test_shares_of_limits_are_numbers_where_only_some_joints_state_a_torque_limit(planar):
+    limit = torch.tensor([50.0, torch.inf], dtype=torch.float64)
+    constraints = Constraints(replace(planar, torque_limit=limit), [Plane((0, 0, 1), 0.1)])
+    q = torch.tensor([[0.1, -0.2], [0.3, 0.4]], dtype=torch.float64)
+    margins = constraints.margins(q, q, q)
+    shares = constraints.relative(margins, 0.1)
+    torch.testing.assert_close(shares["torque"][:, 0], margins["torque"][:, 0] / 50.0)
+    assert (shares["torque"][:, 1] == 1.0).all()
+    torch.testing.assert_close(shares["keep_out"], margins["keep_out"] / 0.1)
+    assert all(torch.isfinite(share).all() for share in shares.values())
