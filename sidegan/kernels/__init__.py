@@ -1,0 +1,1 @@
+"""Compiled kernels of the dynamics, chosen at import by what is installed."""
