@@ -5,13 +5,14 @@ Source: Jegorova et al. 2020, section V-C.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
+from experiments import artifacts
 from sidegan.config import Config
+from sidegan.plan import Task
 from sidegan.report import figures, tables
-from sidegan.report.export import show, write_table
+from sidegan.report.export import publish, show, write_table
 from sidegan.storage import write_parquet
 from sidegan.tracking import Tracker
 
@@ -28,63 +29,69 @@ class Material:
     """What the table is made from.
 
     Attributes:
-        results: nMSE by set, repeat, weighted, joint.
-        sets: covariance norm and condition by set and repeat.
-        histories: metrics after every epoch, by variant.
-        generators: validity, fitness and diversity of the seeds and of every generator.
+        raw: nMSE and facts by set, training, repeat, weighted, joint.
+        histories: metrics after every epoch, by variant, one list for each training.
+        generators: validity, fitness and diversity of the seeds and of every generator, a row each.
         config: the run's configuration.
     """
 
-    results: pd.DataFrame
-    sets: pd.DataFrame
-    histories: dict[str, list[dict[str, float | None]]]
-    generators: dict[str, dict[str, Any]]
+    raw: pd.DataFrame
+    histories: dict[str, list[list[dict[str, float | None]]]]
+    generators: pd.DataFrame
     config: Config
+
+
+def collect(task: Task) -> Material:
+    """Everything that the table needs, from the artifacts."""
+    return Material(artifacts.errors(task), artifacts.histories(task), artifacts.generators(task), task.cfg)
 
 
 def present(material: Material, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Table I, what stands behind it, and its figures."""
-    config = material.config
-    raw = material.results.assign(seed=config.seed).merge(material.sets, on=["set", "repeat"])
+    config, raw = material.config, material.raw
     write_parquet(folder / RAW, tables.arrow(raw))
-    over = f"mean ± standard deviation over {config.identification.repeats} noise draws, seed {config.seed}"
+    trainings = len(config.trainings)
+    over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
+    over += f" and {trainings} trainings" if trainings > 1 else ""
+    caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
     made = {
-        "table1": (table1(raw, "repeat"), f"Table I: nMSE of torque prediction, mean over joints ({over})"),
+        "table1": (table1(raw, ["training", "repeat"]), caption),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(material.generators), "Seeds and generators, true physics"),
     }
-    for name, (table, caption) in made.items():
-        write_table(table, folder / name, caption)
-        show(table, caption)
-        tracker.log_table(table, name)
-        for suffix in (".csv", ".md"):
-            tracker.log_artifact((folder / name).with_suffix(suffix), "tables")
+    for name, (table, words) in made.items():
+        publish(table, folder / name, words, tracker)
+    seeds = {str(k): v for k, v in material.generators.set_index("name").loc["seeds"].items()}
     for name, figure in {
-        "training": figures.training(material.histories, material.generators["seeds"]),
+        "training": figures.training(material.histories, seeds),
         "nmse": figures.errors(raw),
     }.items():
         for path in figures.save(figure, folder / name):
             tracker.log_artifact(path, "figures")
 
 
-def table1(raw: pd.DataFrame, over: str) -> pd.DataFrame:
-    """Table I with the paper's rows beside ours; the spread is taken over the column ``over``."""
+def table1(raw: pd.DataFrame, over: list[str]) -> pd.DataFrame:
+    """Table I with the paper's rows beside ours; the spread is taken over the columns ``over``."""
     rows = {}
     for label, weighted in ((SIMULATOR, False), (WEIGHTED, True)):
         part = raw[raw.weighted == weighted]
-        means = part.groupby(["set", over]).nmse.mean().groupby("set")
+        means = part.groupby(["set", *over]).nmse.mean().groupby("set")
         rows[label] = {name: tables.spread(group) for name, group in means}
     columns = tables.ordered(raw["set"].unique())
     rows[PLANT] = dict.fromkeys(columns, "—")
     for label, paper in PAPER_ROWS.items():
-        rows[label] = {
-            name: paper["long" if name.startswith("long") else name if name == "seeds" else "generated"]
-            for name in columns
-        }
+        rows[label] = {name: paper.get(_kind(name), "—") for name in columns}
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
     table.columns = [tables.title(name) for name in columns]
     return table.rename_axis("nMSE")
+
+
+def _kind(name: str) -> str:
+    """Which of the paper's columns a set belongs to."""
+    if name.startswith("long"):
+        return "long"
+    return name if name in ("seeds", "random") else "generated"
 
 
 def aggregate(folders: list[Path], sweep: Path) -> pd.DataFrame | None:
@@ -92,8 +99,8 @@ def aggregate(folders: list[Path], sweep: Path) -> pd.DataFrame | None:
     found = [pd.read_parquet(folder / RAW) for folder in folders if (folder / RAW).exists()]
     if not found:
         return None
-    raw = pd.concat(found).drop_duplicates(["seed", "set", "repeat", "weighted", "joint"])
-    table = table1(raw, "seed")
+    raw = pd.concat(found).drop_duplicates(["seed", "set", "training", "repeat", "weighted", "joint"])
+    table = table1(raw, ["seed"])
     caption = (
         f"Table I over {raw.seed.nunique()} seeds of the whole experiment: nMSE, mean ± standard deviation"
     )

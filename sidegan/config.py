@@ -39,6 +39,8 @@ class Scale:
     long_steps: Count  # optimiser steps of the single long trajectory
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
+    replications: Count  # noise realisations of whole sets
+    trainings: list[Natural]  # of each variant
 
 
 @dataclass(frozen=True)
@@ -224,6 +226,19 @@ class Identification:
 
 
 @dataclass(frozen=True)
+class Replication:
+    """Whole sets measured with noise on everything, the seeds several times over."""
+
+    replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
+    noise: NoiseModel
+    repeats: Count
+
+    def __post_init__(self) -> None:
+        if not self.replicas or len(set(self.replicas)) < len(self.replicas):
+            raise ConfigError(f"replicas is {self.replicas}, expected one number or more, each once")
+
+
+@dataclass(frozen=True)
 class Tracking:
     """Where MLflow records."""
 
@@ -254,6 +269,8 @@ class Config:
     experiment: str
     stages: list[str]
     seed: Natural
+    trainings: list[Natural]  # of each variant; seeds and surrogates are shared
+    subset: Count | None  # train on so many of the seeds; null: on all
     outputs: str
     named: bool  # folders without a stamp in their name, as a pipeline tool wants them
     device: str
@@ -268,6 +285,7 @@ class Config:
     selection: Selection
     long: Long
     identification: Identification
+    replication: Replication
     tracking: Tracking
     parallel: Parallel
 
@@ -279,8 +297,16 @@ class Config:
             raise ConfigError(f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps")
         if len(set(self.stages)) < len(self.stages):
             raise ConfigError(f"stages is {self.stages}, expected each stage once")
+        if not self.trainings or len(set(self.trainings)) < len(self.trainings):
+            raise ConfigError(f"trainings is {self.trainings}, expected one number or more, each once")
+        if self.subset is not None and self.subset > self.seeds.count:
+            raise ConfigError(f"subset is {self.subset}, expected at most seeds.count = {self.seeds.count}")
         if not self.gan:
             raise ConfigError("gan is empty, expected one variant or more")
+        if self.replication.replicas and self.identification.forgetting < 1 and "replication" in self.stages:
+            raise ConfigError(
+                "replication adds sums that have no order in time: identification.forgetting must be 1"
+            )
         self._check_rates()
         library = self.seeds.count + self.library.count
         if self.selection.count > library:

@@ -12,12 +12,20 @@ from sidegan.config import Config
 from sidegan.dynamics import RigidBody
 from sidegan.errors import ConfigError
 from sidegan.gan.variants import Variant, Weights
+from sidegan.identification import Noise, study
 from sidegan.robot import Arm, load_robot
 from sidegan.stamp import Stamp
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane, Region
 
-_PHYSICS = ("trajectory", "dynamics", "excitation", "validity")
+LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
+RESULTS, FACTS, SUMS = "results.parquet", "facts.parquet", "sums.pt"
+SEEDS, RANDOM, LONG = "seeds", "random", "long-"  # sets that no generator made
+NEGATIVES_TRAINING = 0  # whose output the surrogates learn from
+_IDENTIFICATION = [
+    f"identification.{name}" for name in ("identify", "measurements", "metrics", "rls", "study", "sums")
+]
+_PHYSICS = ("trajectory", "dynamics", "kernels", "excitation", "validity")
 
 
 @dataclass(frozen=True)
@@ -54,66 +62,140 @@ class Task:
         """The family of a single long trajectory."""
         return Trajectory(self.arm.joints, harmonics, self.cfg.long.period, self.trajectory.home)
 
-    def random(self, purpose: str) -> np.random.SeedSequence:
+    def random(self, purpose: str, training: int = 0) -> np.random.SeedSequence:
         """The random numbers of one purpose, independent of all others."""
-        return np.random.SeedSequence([self.cfg.seed, *purpose.encode()])
+        tail = [training] if training else []
+        return np.random.SeedSequence([self.cfg.seed, *purpose.encode(), *tail])
 
-    def number(self, purpose: str) -> int:
+    def number(self, purpose: str, training: int = 0) -> int:
         """One random seed for ``purpose``."""
-        return int(self.random(purpose).generate_state(1)[0] & 0x7FFF_FFFF)
+        return int(self.random(purpose, training).generate_state(1)[0] & 0x7FFF_FFFF)
+
+    def named(self, name: str, training: int) -> str:
+        """Name of a variant or set for people; the training is told where there are several."""
+        return f"{name}-{training}" if name in self.cfg.gan and len(self.cfg.trainings) > 1 else name
+
+    def short_sets(self) -> list[tuple[str, int]]:
+        """Name and training of every pool of short trajectories that a set is picked from."""
+        generated = [(name, training) for name in self.cfg.gan for training in self.cfg.trainings]
+        return [(RANDOM, 0), (SEEDS, 0), *generated]
+
+    def sets(self) -> list[tuple[str, int]]:
+        """Name and training of every excitation set that is compared."""
+        return [*((f"{LONG}{h}", 0) for h in self.cfg.long.harmonics), *self.short_sets()]
 
     @property
     def seeds(self) -> Stamp:
         """Of the seed set."""
-        return self._stamp("seeds", self.cfg.seeds.method, self.cfg.seeds, {}, "seeds")
+        return self._stamp("seeds", self.cfg.seeds.method, self.cfg.seeds, {}, ["seeds"])
+
+    @property
+    def random_set(self) -> Stamp:
+        """Of the random valid trajectories."""
+        values = {"count": self.cfg.library.count}
+        return self._stamp("random", "random", values, {}, ["seeds.problem", "stages.random"])
 
     @property
     def surrogates(self) -> Stamp:
         """Of success predictor and converters."""
-        inputs = {"seeds": self.seeds.digest}
-        return self._stamp("surrogates", "rollout", self.cfg.surrogates, inputs, "gan")
+        return self._stamp("surrogates", "rollout", self.cfg.surrogates, self._taught(), ["gan"])
 
-    def gan(self, name: str, settings: config.GanVariant) -> Stamp:
+    def gan(self, name: str, settings: config.GanVariant, training: int) -> Stamp:
         """Of a trained variant."""
-        inputs = {"seeds": self.seeds.digest}
+        inputs = self._taught()
         if variant(name, settings).surrogates:
             inputs["surrogates"] = self.surrogates.digest
         values = {**asdict(settings), "evaluation": self.cfg.scale.evaluation}
-        return self._stamp("gan", name, values, inputs, "gan")
+        return self._stamp("gan", name, values, inputs, ["gan"], training)
 
-    def library(self, name: str) -> Stamp:
+    def library(self, name: str, training: int) -> Stamp:
         """Of a variant's library."""
-        inputs = {"gan": self.gan(name, self.cfg.gan[name]).digest}
-        return self._stamp("library", name, self.cfg.library, inputs, "library")
+        inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
+        return self._stamp("library", name, self.cfg.library, inputs, ["library"], training)
 
     def long(self, harmonics: int) -> Stamp:
         """Of a single long trajectory."""
         values = {**asdict(self.cfg.long), "harmonics": harmonics, "count": self.cfg.selection.count}
         label = f"{self.cfg.long.period:g}s-{harmonics}h"
-        return self._stamp("long", label, values, {"seeds": self.seeds.digest}, "seeds")
+        return self._stamp("long", label, values, {"seeds": self.seeds.digest}, ["seeds"])
 
-    def selection(self, name: str) -> Stamp:
-        """Of the pick from the seeds (``seeds``) or from seeds and a variant's library."""
-        inputs = {"seeds": self.seeds.digest}
-        if name != "seeds":
-            inputs["library"] = self.library(name).digest
-        return self._stamp("selection", name, self.cfg.selection, inputs, "selection")
+    def selection(self, name: str, training: int) -> Stamp:
+        """Of the pick from one pool: ``random``, ``seeds``, or the seeds and a variant's library."""
+        inputs = {RANDOM: self.random_set.digest} if name == RANDOM else {SEEDS: self.seeds.digest}
+        if name in self.cfg.gan:
+            inputs["library"] = self.library(name, training).digest
+        return self._stamp(
+            "selection", name, self.cfg.selection, inputs, ["selection"], self._trained(name, training)
+        )
+
+    def identification(self, name: str, training: int) -> Stamp:
+        """Of the identification from one set."""
+        if name.startswith(LONG):
+            inputs = {"long": self.long(int(name.removeprefix(LONG))).digest}
+        else:
+            inputs = {"selection": self.selection(name, training).digest}
+        trained = self._trained(name, training)
+        return self._stamp("identification", name, self.cfg.identification, inputs, _IDENTIFICATION, trained)
+
+    def measured_sets(self) -> list[tuple[str, int]]:
+        """Name and training of every whole set that is measured: the seeds and each library."""
+        return [one for one in self.short_sets() if one[0] != RANDOM]
+
+    def sums(self, name: str, training: int) -> Stamp:
+        """Of the noisy measurements of a whole set."""
+        inputs = {SEEDS: self.seeds.digest}
+        if name in self.cfg.gan:
+            inputs = {"library": self.library(name, training).digest}
+        wanted = asdict(self.cfg.replication)
+        wanted["replicas"] = max(wanted["replicas"]) if name == SEEDS else 1
+        values = {**wanted, "rate": self.cfg.identification.rate}
+        code = [*_IDENTIFICATION, "identification.replication", "stages.replication"]
+        return self._stamp("sums", name, values, inputs, code, self._trained(name, training))
 
     @property
-    def identification(self) -> Stamp:
-        """Of the comparison of all excitation sets."""
-        inputs = {f"selection {name}": self.selection(name).digest for name in ["seeds", *self.cfg.gan]}
-        inputs |= {f"long {h}": self.long(h).digest for h in self.cfg.long.harmonics}
-        label = "-".join(self.cfg.gan)
-        return self._stamp("identification", label, self.cfg.identification, inputs, "identification")
+    def replication(self) -> Stamp:
+        """Of the identification from whole sets."""
+        inputs = {f"{name} {k}": self.sums(name, k).digest for name, k in self.measured_sets()}
+        values = {**asdict(self.cfg.replication), **asdict(self.cfg.identification)}
+        code = [*_IDENTIFICATION, "identification.replication", "stages.replication"]
+        return self._stamp("replication", "-".join(self.cfg.gan), values, inputs, code)
 
-    def _stamp(self, stage: str, label: str, values: Any, inputs: dict[str, str], room: str) -> Stamp:
+    def _trained(self, name: str, training: int) -> int | None:
+        """The training that a set depends on, if it depends on one."""
+        return None if name in (RANDOM, SEEDS) or name.startswith(LONG) else training
+
+    def _taught(self) -> dict[str, str]:
+        """What surrogates and generators learn from."""
+        known = {"seeds": self.seeds.digest}
+        return known if self.cfg.subset is None else {**known, "subset": str(self.cfg.subset)}
+
+    def _stamp(
+        self,
+        stage: str,
+        label: str,
+        values: Any,
+        inputs: dict[str, str],
+        rooms: list[str],
+        training: int | None = None,
+    ) -> Stamp:
         values = values if isinstance(values, dict) else asdict(values)
+        values = {stage: values} if training is None else {stage: values, "training": training}
         shared = {"workspace": asdict(self.cfg.workspace), "trajectory": self.trajectory.describe()}
         inputs = {"robot": self.arm.digest, **inputs}
-        code = [*_PHYSICS, room, "stages"]
-        name = f"{self.arm.name}-{label}-seed{self.cfg.seed}"
-        return self.store.stamp(stage, name, {**shared, stage: values}, inputs, code, self.cfg.seed)
+        parts = [self.arm.name, label, f"seed{self.cfg.seed}"]
+        parts += [] if training is None else [f"training{training}"]
+        parts += [f"of{self.cfg.subset}"] if "subset" in inputs else []
+        code = [*_PHYSICS, *rooms, "stages.common"]
+        return self.store.stamp(stage, "-".join(parts), {**shared, **values}, inputs, code, self.cfg.seed)
+
+
+def study_settings(
+    settings: config.Identification, noise_model: config.NoiseModel | None = None
+) -> study.Settings:
+    """The comparison's settings as plain values; with another noise model when one is given."""
+    noise = Noise(**asdict(noise_model or settings.noise))
+    common = (settings.rate, settings.prior, settings.forgetting, settings.weighted)
+    return study.Settings(*common, noise, settings.repeats)
 
 
 def regions(workspace: config.Workspace) -> list[Region]:

@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.sums import Sums, no_sums, solve, sums_of
 
-_ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
 _LEAST_RESIDUAL = 1e-6  # of a joint's torque: near what the sums resolve, and less than any sensor does
 _REPETITIONS = 20
 _SETTLED = 1e-3  # relative change of a weight that no longer matters
@@ -75,13 +74,7 @@ class Rls:
         if not 0 < forgetting <= 1:
             raise ConfigError(f"forgetting factor is {forgetting}, expected a number in (0, 1]")
         self.prior, self.forgetting, self.samples = prior, forgetting, 0
-        shape = (joints, parameters_count)
-        self._sums = _Sums(
-            information=torch.zeros(*shape, parameters_count, dtype=torch.float64),
-            moment=torch.zeros(shape, dtype=torch.float64),
-            energy=torch.zeros(joints, dtype=torch.float64),
-            weight=torch.zeros((), dtype=torch.float64),
-        )
+        self._sums = no_sums(joints, parameters_count)
 
     def update(self, regressor: Tensor, torque: Tensor) -> None:
         """Take in a chunk of samples, oldest first.
@@ -97,14 +90,29 @@ class Rls:
         if regressor.shape != (len(torque), joints, parameters) or torque.shape != (len(torque), joints):
             found = f"regressor {tuple(regressor.shape)} and torque {tuple(torque.shape)}"
             raise ShapeError(f"{found}, expected (S, {joints}, {parameters}) and (S, {joints})")
-        chunk = _sums(regressor.detach().double(), torque.detach().double(), self.forgetting)
-        if not all(x.isfinite().all() for x in chunk):
-            raise ShapeError(
-                "the regressor or the torque holds a value that is not finite or too large to square"
-            )
-        past = self.forgetting ** len(torque)
-        self._sums = _Sums(*(past * old + new for old, new in zip(self._sums, chunk)))
+        chunk = sums_of(regressor.detach().double(), torque.detach().double(), self.forgetting)
+        self._sums = self._sums.times(self.forgetting ** len(torque)).plus(chunk)
         self.samples += len(torque)
+
+    def absorb(self, sums: Sums) -> None:
+        """Take in the sums over other samples, each with weight one.
+
+        Raises:
+            ConfigError: when the recursion forgets: sums have no order in time.
+            ShapeError: when the sums are of other parameters or joints.
+        """
+        if self.forgetting < 1:
+            raise ConfigError(f"sums cannot be added with forgetting factor {self.forgetting}, expected 1")
+        if sums.information.shape != self._sums.information.shape:
+            found, expected = (tuple(x.information.shape) for x in (sums, self._sums))
+            raise ShapeError(f"sums of information are {found}, expected {expected}")
+        self._sums = self._sums.plus(sums)
+        self.samples += round(float(sums.weight))
+
+    @property
+    def sums(self) -> Sums:
+        """Sums over all samples so far."""
+        return self._sums
 
     @property
     def estimate(self) -> Tensor:
@@ -129,11 +137,10 @@ class Rls:
         w = torch.ones(joints, dtype=torch.float64) if weights is None else weights.double().cpu()
         if w.shape != (joints,) or not ((w > 0) & w.isfinite()).all():
             raise ShapeError(f"weights are {w.tolist()}, expected {joints} positive numbers")
-        information = torch.einsum("j,jpq->pq", w.square(), self._sums.information)
-        moment = torch.einsum("j,jp->p", w.square(), self._sums.moment)
+        information, moment = self._sums.weighted(w)
         least = max(self.forgetting**self.samples / self.prior, _LEAST)
-        parameters, covariance = _solve(information, moment, least)
-        squares = self._squares(parameters)
+        parameters, covariance = solve(information, moment, least)
+        squares = self._sums.squares(parameters)
         spare = float(self._sums.weight) * joints - len(parameters)
         variance = float((w.square() * squares).sum()) / spare if spare > 0 else math.inf
         residual = (squares / self._sums.weight.clamp_min(_LEAST)).sqrt()
@@ -161,54 +168,3 @@ class Rls:
             if torch.allclose(found.weights, before.weights, rtol=_SETTLED, atol=0):
                 break
         return found
-
-    def _squares(self, parameters: Tensor) -> Tensor:
-        """Sum of squared residuals of each joint, (J,); resolved to about 1e-13 of the torque's squares."""
-        s = self._sums
-        squares = s.energy - 2 * s.moment @ parameters + s.information @ parameters @ parameters
-        return squares.clamp_min(0)
-
-
-class _Sums(NamedTuple):
-    information: Tensor  # (J, p, p)
-    moment: Tensor  # (J, p)
-    energy: Tensor  # (J,)
-    weight: Tensor  # () number of samples, each less by its age
-
-
-def _sums(y: Tensor, tau: Tensor, forgetting: float) -> _Sums:
-    age = torch.arange(len(tau) - 1, -1, -1, dtype=torch.float64, device=tau.device)
-    decay = forgetting**age
-    if forgetting < 1:
-        root = decay.sqrt()
-        y, tau = y * root[:, None, None], tau * root[:, None]
-    rows, torque = y.transpose(0, 1), tau.T[..., None]
-    moment = (rows.mT @ torque)[..., 0]
-    return _Sums(*(x.cpu() for x in (rows.mT @ rows, moment, tau.square().sum(0), decay.sum())))
-
-
-def _solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Tensor]:
-    """Solution (p,) and inverse (p, p) of information + least · I, also where the former is singular.
-
-    The columns are scaled to unit information first (kilograms and kilogram square metres differ by
-    orders of magnitude, which is not lack of excitation). Eigenvalues at the rounding of the sums are
-    then taken as no information at all, so that such directions stay at the prior instead of at noise
-    divided by noise. What is left is written as rows R with Rᵀ R = information, and the singular values
-    of R add the prior in the parameters' own units: no inverse of the ill-conditioned matrix is formed.
-    """
-    scale = information.diagonal().sqrt()
-    scale = torch.where(scale > 0, scale, torch.ones_like(scale))
-    eigenvalues, vectors = torch.linalg.eigh(information / scale[:, None] / scale)
-    rounding = _ROUNDING * len(moment) * torch.finfo(moment.dtype).eps
-    kept = eigenvalues > rounding * eigenvalues[-1].clamp_min(0)
-    root, vectors = eigenvalues[kept].sqrt(), vectors[:, kept]
-    rows = root[:, None] * vectors.T * scale
-    right = vectors.T @ (moment / scale) / root
-    u, s, vt = torch.linalg.svd(rows, full_matrices=True)
-    inverse = 1 / (_padded(s.square(), len(moment)) + least)
-    parameters = vt.T @ (inverse * _padded(s * (u.T @ right), len(moment)))
-    return parameters, (vt.T * inverse) @ vt
-
-
-def _padded(x: Tensor, length: int) -> Tensor:
-    return torch.cat([x, x.new_zeros(length - len(x))])

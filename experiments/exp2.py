@@ -1,0 +1,117 @@
+"""Experiment 2 (Tables II and III): seeds and generated ones against the seeds measured again and again.
+
+Source: Jegorova et al. 2020, section V-D.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from sidegan.config import Config
+from sidegan.plan import FACTS, RESULTS, Task
+from sidegan.report import tables
+from sidegan.report.export import publish
+from sidegan.storage import write_parquet
+from sidegan.tracking import Tracker
+
+PAPER_IMPROVEMENT = {
+    "vanilla": {1: "36 ± 44", 4: "21 ± 30", 10: "38 ± 17"},
+    "eigen": {1: "51 ± 27", 4: "39 ± 25", 10: "53 ± 8"},
+    "diagonal": {1: "52 ± 16", 4: "35 ± 32", 10: "44 ± 27"},
+}
+PAPER_NORM = {
+    "seeds ×1": "2.65384",
+    "seeds ×4": "2.44338",
+    "vanilla": "2.2573",
+    "eigen": "1.89143",
+    "diagonal": "2.36345",
+}
+RAW, NORMS = "exp2.parquet", "covariance.parquet"
+
+
+@dataclass(frozen=True)
+class Material:
+    """What the tables are made from.
+
+    Attributes:
+        results: nMSE by set, training, repeat, weighted, joint.
+        facts: covariance norm and samples by set, training, repeat.
+        config: the run's configuration.
+    """
+
+    results: pd.DataFrame
+    facts: pd.DataFrame
+    config: Config
+
+
+def collect(task: Task) -> Material:
+    """Everything that the tables need, from the artifacts."""
+    folder = task.store.require(task.replication)
+    return Material(*(pd.read_parquet(folder / name) for name in (RESULTS, FACTS)), task.cfg)
+
+
+def present(material: Material, folder: Path, tracker: Tracker) -> None:
+    """Print, write and record Tables II and III, unweighted as in the paper and weighted."""
+    config = material.config
+    write_parquet(folder / RAW, tables.arrow(material.results))
+    write_parquet(folder / NORMS, tables.arrow(material.facts))
+    noise = config.replication.noise
+    made = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
+    spread = "mean ± standard deviation over joints"
+    for weighted, name in ((False, "table2"), (True, "table2_weighted")):
+        part = material.results[material.results.weighted == weighted]
+        if len(part):
+            kind = "RLS weighted per joint" if weighted else "unweighted RLS, as in the paper"
+            caption = f"Table II: improvement in nMSE [%], {spread} ({kind}; {made})"
+            publish(table2(part, config), folder / name, caption, tracker)
+    publish(table3(material.facts), folder / "table3", f"Table III: ‖diag P‖ ({made})", tracker)
+    publish(errors(material.results), folder / "errors", f"nMSE, mean over joints ({made})", tracker)
+
+
+def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
+    """Improvement [%] over a reference set by training, repeat and joint."""
+    base = part[part["set"] == reference].set_index(["repeat", "joint"]).nmse
+    found = part[part["set"] == name].set_index(["training", "repeat", "joint"]).nmse
+    ratio = found.div(base.reindex(found.index.droplevel("training")).to_numpy())
+    return (100 * (1 - ratio)).rename("improvement").reset_index()
+
+
+def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
+    """Table II: improvement of seeds + generated over the seeds measured so often, with the paper's."""
+    rows = {}
+    for name in config.gan:
+        for replicas in config.replication.replicas:
+            gain = improvement(part, name, f"seeds ×{replicas}")
+            joints = gain.groupby("joint").improvement.mean()
+            trainings = gain.groupby("training").improvement.mean()
+            cells = rows.setdefault(tables.title(name), {})
+            cells[f"×{replicas}"] = f"{joints.mean():.3g} ± {joints.std():.2g}"
+            if len(trainings) > 1:
+                cells[f"×{replicas}, trainings"] = f"{trainings.min():.3g} … {trainings.max():.3g}"
+            cells[f"×{replicas}, paper"] = PAPER_IMPROVEMENT.get(name, {}).get(replicas, "—")
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("improvement [%] over seeds")
+
+
+def table3(facts: pd.DataFrame) -> pd.DataFrame:
+    """Table III: covariance norms, with the paper's."""
+    rows = {}
+    for name in tables.ordered(facts["set"].unique()):
+        part = facts[facts["set"] == name]
+        title = name if name.startswith("seeds") else tables.title(name)
+        rows[title] = {
+            "‖diag P‖": tables.spread(part.groupby("training").covariance_norm.mean()),
+            "samples": f"{part.samples.mean():.0f}",
+            "paper": PAPER_NORM.get(name, "—"),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
+
+
+def errors(results: pd.DataFrame) -> pd.DataFrame:
+    """NMSE of every set, mean over joints ± standard deviation over trainings and noise draws."""
+    rows: dict[str, dict[str, str]] = {}
+    for (name, weighted), part in results.groupby(["set", "weighted"]):
+        title = str(name) if str(name).startswith("seeds") else tables.title(str(name))
+        label = "weighted" if weighted else "unweighted"
+        rows.setdefault(title, {})[label] = tables.spread(part.groupby(["training", "repeat"]).nmse.mean())
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

@@ -1,0 +1,129 @@
+"""Least squares on sums: what samples tell about linear parameters, in memory that does not grow with them."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+
+_ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
+
+
+class Sums(NamedTuple):
+    """Sums over samples of τ = Y θ, apart for each joint so that weights can be chosen afterwards.
+
+    Attributes:
+        information: Σ Y_jᵀ Y_j, (J, P, P).
+        moment: Σ Y_jᵀ τ_j, (J, P).
+        energy: Σ τ_j², (J,).
+        weight: number of samples, each less by its age, ().
+    """
+
+    information: Tensor
+    moment: Tensor
+    energy: Tensor
+    weight: Tensor
+
+    def plus(self, other: "Sums") -> "Sums":
+        """Sums over these samples and ``other``'s."""
+        return Sums(*(a + b for a, b in zip(self, other)))
+
+    def times(self, factor: float) -> "Sums":
+        """Sums in which every sample counts ``factor`` as much."""
+        return Sums(*(factor * x for x in self))
+
+    def weighted(self, weights: Tensor) -> tuple[Tensor, Tensor]:
+        """Information (P, P) and moment (P,) of all joints, joint j's equations times ``weights[j]``."""
+        squares = weights.square()
+        return (
+            torch.einsum("j,jpq->pq", squares, self.information),
+            torch.einsum("j,jp->p", squares, self.moment),
+        )
+
+    def squares(self, parameters: Tensor) -> Tensor:
+        """Sum of squared residuals of each joint, (J,); resolved to about 1e-13 of the torque's squares."""
+        found = self.energy - 2 * self.moment @ parameters + self.information @ parameters @ parameters
+        return found.clamp_min(0)
+
+
+def no_sums(joints: int, parameters: int) -> Sums:
+    """Sums over no samples."""
+    return Sums(
+        information=torch.zeros(joints, parameters, parameters, dtype=torch.float64),
+        moment=torch.zeros(joints, parameters, dtype=torch.float64),
+        energy=torch.zeros(joints, dtype=torch.float64),
+        weight=torch.zeros((), dtype=torch.float64),
+    )
+
+
+def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
+    """Sums over samples, oldest first, of a regressor (S, J, P) and torque (S, J).
+
+    Raises:
+        ShapeError: when a value is not finite or too large to square.
+    """
+    age = torch.arange(len(tau) - 1, -1, -1, dtype=torch.float64, device=tau.device)
+    decay = forgetting**age
+    if forgetting < 1:
+        root = decay.sqrt()
+        y, tau = y * root[:, None, None], tau * root[:, None]
+    rows, torque = y.transpose(0, 1), tau.T[..., None]
+    moment = (rows.mT @ torque)[..., 0]
+    found = Sums(*(x.cpu() for x in (rows.mT @ rows, moment, tau.square().sum(0), decay.sum())))
+    if not all(x.isfinite().all() for x in found):
+        raise ShapeError(
+            "the regressor or the torque holds a value that is not finite or too large to square"
+        )
+    return found
+
+
+def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Tensor]:
+    """Solution (P,) and inverse (P, P) of information + least · I, also where the former is singular.
+
+    The columns are scaled to unit information first (kilograms and kilogram square metres differ by
+    orders of magnitude, which is not lack of excitation). Eigenvalues at the rounding of the sums are
+    then taken as no information at all, so that such directions stay at the prior instead of at noise
+    divided by noise. What is left is written as rows R with Rᵀ R = information, and the singular values
+    of R add the prior in the parameters' own units: no inverse of the ill-conditioned matrix is formed.
+    """
+    rows, right = rows_of(information, moment)
+    u, s, vt = torch.linalg.svd(rows, full_matrices=True)
+    inverse = 1 / (_padded(s.square(), len(moment)) + least)
+    parameters = vt.T @ (inverse * _padded(s * (u.T @ right), len(moment)))
+    return parameters, (vt.T * inverse) @ vt
+
+
+def rows_of(information: Tensor, moment: Tensor) -> tuple[Tensor, Tensor]:
+    """Rows R (r, P) and right side z (r,) with Rᵀ R = information and Rᵀ z = moment, r its numerical rank."""
+    scale = _scale(information)
+    eigenvalues, vectors = torch.linalg.eigh(information / scale[:, None] / scale)
+    kept = eigenvalues > _floor(eigenvalues)
+    root, vectors = eigenvalues[kept].sqrt(), vectors[:, kept]
+    return root[:, None] * vectors.T * scale, vectors.T @ (moment / scale) / root
+
+
+def condition(information: Tensor) -> float:
+    """Condition number of a regressor with columns scaled to one length, from YᵀY (P, P).
+
+    Infinite where the sums resolve no smallest direction, or a column is zero.
+    """
+    scale = _scale(information)
+    eigenvalues = torch.linalg.eigvalsh(information / scale[:, None] / scale)
+    if not len(eigenvalues) or eigenvalues[0] <= _floor(eigenvalues):
+        return torch.inf
+    return float((eigenvalues[-1] / eigenvalues[0]).sqrt())
+
+
+def _scale(information: Tensor) -> Tensor:
+    scale = information.diagonal().clamp_min(0).sqrt()
+    return torch.where(scale > 0, scale, torch.ones_like(scale))
+
+
+def _floor(eigenvalues: Tensor) -> Tensor:
+    rounding = _ROUNDING * len(eigenvalues) * torch.finfo(eigenvalues.dtype).eps
+    return rounding * eigenvalues[-1].clamp_min(0)
+
+
+def _padded(x: Tensor, length: int) -> Tensor:
+    return torch.cat([x, x.new_zeros(length - len(x))])

@@ -1,0 +1,39 @@
+"""Stage seeds: make the seed set by the configured optimiser."""
+
+import logging
+from functools import partial
+from pathlib import Path
+
+from sidegan.artifacts import Store
+from sidegan.config import Config
+from sidegan.plan import LIBRARY, REPORT, Task
+from sidegan.seeds import SeedProblem, Tasks, make_seeds, method_of
+from sidegan.stages.common import measured, numbers, summary, words
+from sidegan.storage import read_json, write_json
+from sidegan.tracking import Tracker
+
+log = logging.getLogger(__name__)
+
+
+def run(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Make the seed set."""
+    task = Task(cfg, store)
+    task.constraints.refuse_home(task.trajectory.home or ())  # before anything is written
+    folder = store.produce(task.seeds, partial(_make, task))
+    facts = numbers(read_json(folder / REPORT))
+    log.info("seeds: %s", words(facts))
+    tracker.log_metrics({f"seeds/{key}": value for key, value in facts.items()})
+
+
+def _make(task: Task, folder: Path, work: Path) -> None:
+    wanted, diagonal = task.cfg.seeds, task.cfg.seeds.fitness == "diagonal"
+    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations}
+    options = {key: value for key, value in extra.items() if value is not None}
+    method = method_of(wanted.method, wanted.steps, wanted.attempts, **options)
+    problem = SeedProblem(task.constraints, task.trajectory, wanted.samples, diagonal)
+    tasks = Tasks(wanted.count, wanted.batch, work, task.cfg.parallel.workers)
+    batch = make_seeds(problem, method, tasks, task.random("seeds"))
+    library = measured(task.constraints, task.trajectory, batch.coefficients, wanted.method)
+    library.save(folder / LIBRARY)
+    report = {"attempts": batch.attempts, "failed": batch.failed, "cpu_seconds": batch.cpu_seconds}
+    write_json(folder / REPORT, {**summary(library), **report, "faults": batch.faults})

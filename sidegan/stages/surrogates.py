@@ -1,0 +1,71 @@
+"""Stage surrogates: train success predictor and converters on exactly labelled samples."""
+
+import logging
+from functools import partial
+from pathlib import Path
+
+from sidegan.artifacts import Store
+from sidegan.config import Config
+from sidegan.parallel import Job, run_jobs
+from sidegan.plan import GENERATOR, NEGATIVES_TRAINING, REPORT, Task
+from sidegan.stages.common import finite, numbers, training_seeds, words
+from sidegan.stages.train import train_variants
+from sidegan.storage import read_json, write_json
+from sidegan.tracking import Tracker
+
+log = logging.getLogger(__name__)
+
+LABEL_SHARES = 8
+
+
+def run(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Train success predictor and converters."""
+    task = Task(cfg, store)
+    train_variants(task, cfg.surrogates.negatives, [NEGATIVES_TRAINING])
+    report = read_json(store.produce(task.surrogates, partial(_make, task)) / REPORT)
+    series = {key: value for key, value in report.items() if isinstance(value, list)}
+    log.info("surrogates: %s", words(numbers(report)))
+    tracker.log_metrics({f"surrogates/{key}": value for key, value in numbers(report).items()})
+    tracker.log_history({f"surrogates/{key}": value for key, value in series.items()})
+
+
+def _make(task: Task, folder: Path, work: Path) -> None:
+    from sidegan.gan import TrajectoryGenerator, jobs
+
+    wanted, workers = task.cfg.surrogates, task.cfg.parallel.workers
+    ((name, settings),) = wanted.negatives.items()
+    source = task.store.require(task.gan(name, settings, NEGATIVES_TRAINING)) / GENERATOR
+    vanilla = TrajectoryGenerator.load(source, task.arm)
+    negatives = vanilla.sample(jobs.negatives_wanted(wanted.samples), task.number("negatives"))
+    physics, seed_set = (task.constraints, task.trajectory), training_seeds(task).coefficients
+    known = (jobs.training_seeds(seed_set)[0], jobs.training_negatives(negatives)[0])
+    size = (-(-wanted.samples // LABEL_SHARES), wanted.margin_steps)
+    shares = [work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
+    labelling = [
+        partial(jobs.label_share, *physics, *known, *size, path, task.number(f"labels {i}"))
+        for i, path in enumerate(shares)
+    ]
+    run_jobs("labels", labelling, workers, wanted.samples)
+    sizes = jobs.Sizes(wanted.width, wanted.margin_steps, wanted.feature_steps)
+    epochs, number = wanted.epochs, task.number
+    trainings: list[Job] = [
+        partial(
+            jobs.train_success,
+            *physics,
+            seed_set,
+            negatives,
+            shares,
+            sizes,
+            epochs,
+            folder,
+            number("success"),
+        ),
+        *(
+            partial(
+                jobs.train_features, task.arm, physics[1], name, shares, sizes, epochs, folder, number(name)
+            )
+            for name in ("spectrum", "diagonal")
+        ),
+    ]
+    parts = run_jobs("surrogates", trainings, workers, wanted.epochs * len(trainings))
+    write_json(folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
