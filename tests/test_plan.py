@@ -18,11 +18,13 @@ def stamps(tmp_path_factory):
     @cache
     def made(*overrides):
         task = Task(tiny(*overrides), store)
-        found = {"seeds": task.seeds, "surrogates": task.surrogates, "identification": task.identification}
+        found = {"seeds": task.seeds, "surrogates": task.surrogates, "random": task.random_set}
         for name, settings in task.cfg.gan.items():
-            found[f"gan {name}"] = task.gan(name, settings)
-            found[f"library {name}"] = task.library(name)
-        found |= {f"selection {name}": task.selection(name) for name in ["seeds", *task.cfg.gan]}
+            for k in task.cfg.trainings:
+                found[f"gan {name} {k}"] = task.gan(name, settings, k)
+                found[f"library {name} {k}"] = task.library(name, k)
+        found |= {f"selection {name} {k}": task.selection(name, k) for name, k in task.short_sets()}
+        found |= {f"identification {name} {k}": task.identification(name, k) for name, k in task.sets()}
         found |= {f"long {h}": task.long(h) for h in task.cfg.long.harmonics}
         return {key: stamp.digest for key, stamp in found.items()}
 
@@ -34,7 +36,13 @@ def changed(before, after):
 
 
 def of(variant):
-    return {f"gan {variant}", f"library {variant}", f"selection {variant}", "identification"}
+    return {f"{stage} {variant} 0" for stage in ("gan", "library", "selection", "identification")}
+
+
+IDENTIFICATIONS = {
+    f"identification {name} 0"
+    for name in ("long-3", "long-12", "random", "seeds", "vanilla", "eigen", "diagonal")
+}
 
 
 @pytest.mark.parametrize(
@@ -44,20 +52,25 @@ def of(variant):
         ("gan.diagonal.width=32", of("diagonal")),
         ("gan.vanilla.epochs=3", of("vanilla")),
         ("surrogates.epochs=3", {"surrogates"} | of("eigen") | of("diagonal")),
-        ("long.steps=6", {"long 3", "long 12", "identification"}),
-        ("identification.noise.level=0.2", {"identification"}),
-        ("identification.repeats=3", {"identification"}),
+        ("long.steps=6", {"long 3", "long 12", "identification long-3 0", "identification long-12 0"}),
+        ("identification.noise.level=0.2", IDENTIFICATIONS),
+        ("identification.repeats=3", IDENTIFICATIONS),
+        ("subset=20", {"surrogates"} | of("vanilla") | of("eigen") | of("diagonal")),
     ],
 )
 def test_a_setting_changes_what_depends_on_it_and_nothing_else(stamps, override, expected):
     assert changed(stamps(), stamps(override)) == expected
 
 
+@pytest.mark.parametrize("override", ["seeds.steps=21", "seeds.count=41"])
+def test_the_seeds_change_everything_but_the_baseline(stamps, override):
+    baseline = {"random", "selection random 0", "identification random 0"}
+    assert changed(stamps(), stamps(override)) == set(stamps()) - baseline
+
+
 @pytest.mark.parametrize(
     "override",
     [
-        "seeds.steps=21",
-        "seeds.count=41",
         "seed=1",
         "robot=kuka_lwr4",
         "workspace.torque=false",
@@ -66,7 +79,7 @@ def test_a_setting_changes_what_depends_on_it_and_nothing_else(stamps, override,
         "trajectory.home=[0.1, 0]",
     ],
 )
-def test_the_seeds_the_arm_and_its_workspace_change_everything(stamps, override):
+def test_the_arm_and_its_workspace_change_everything(stamps, override):
     before = stamps()
     assert changed(before, stamps(override)) == set(before)
 
@@ -83,7 +96,13 @@ def test_every_artifact_has_a_stamp_of_its_own(stamps):
 
 def test_leaving_a_variant_out_keeps_the_others(stamps):
     both, one = stamps(), stamps("gan=eigen")
-    assert {key for key in one if one[key] != both[key]} == {"identification"}
+    assert {key for key in one if one[key] != both[key]} == set()
+
+
+def test_another_training_shares_seeds_and_surrogates(stamps):
+    one, three = stamps(), stamps("trainings=[0,1,2]")
+    assert one.items() <= three.items()
+    assert len({three[f"gan eigen {k}"] for k in range(3)}) == 3
 
 
 def test_random_numbers_differ_by_purpose_and_seed(tmp_path):

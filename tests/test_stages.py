@@ -11,7 +11,8 @@ from sidegan.library import Library
 from sidegan.plan import Task
 from sidegan.robot import load_robot
 from sidegan.run import run_stages
-from sidegan.stages import STAGES, finite, numbers, words
+from sidegan.stages import STAGES
+from sidegan.stages.common import finite, numbers, words
 from sidegan.validity import check
 from tests.tiny import tiny
 
@@ -45,9 +46,10 @@ def test_every_stage_leaves_its_artifacts(once):
         "surrogates": 1,
         "gan": 3,
         "library": 3,
+        "random": 1,
         "long": 2,
-        "selection": 4,
-        "identification": 1,
+        "selection": 5,
+        "identification": 7,
     }
     assert {stage: len(stamp_files(once, stage)) for stage in counts} == counts
     assert not list(once.glob("*/*.work")) and not list(once.glob("*/.*.tmp"))
@@ -59,6 +61,7 @@ def test_the_experiment_leaves_table_1_and_its_figures(once):
     assert list(table.columns) == [
         "single long, 3 harmonics",
         "single long, 12 harmonics",
+        "random valid",
         "seeds",
         "seeds + vanilla",
         "seeds + eigen",
@@ -82,7 +85,7 @@ def test_a_second_run_makes_nothing_and_prints_the_same(once, capsys):
 def test_the_libraries_hold_what_is_valid(once):
     made = task(once)
     for name in made.cfg.gan:
-        folder = made.store.require(made.library(name))
+        folder = made.store.require(made.library(name, 0))
         library = Library.load(folder / "library.parquet", made.arm)
         assert len(library) == made.cfg.library.count
         assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
@@ -95,7 +98,7 @@ def test_the_selections_are_of_seeds_and_libraries(once):
     seeds = Library.load(made.store.require(made.seeds) / "library.parquet", made.arm)
     known = {tuple(row) for row in seeds.coefficients.flatten(1).tolist()}
     for name in ["seeds", *made.cfg.gan]:
-        chosen = Library.load(made.store.require(made.selection(name)) / "library.parquet", made.arm)
+        chosen = Library.load(made.store.require(made.selection(name, 0)) / "library.parquet", made.arm)
         assert len(chosen) == made.cfg.selection.count
         for source, row in zip(chosen.source, chosen.coefficients.flatten(1).tolist()):
             assert (tuple(row) in known) == (source != name or name == "seeds")
@@ -103,7 +106,7 @@ def test_the_selections_are_of_seeds_and_libraries(once):
 
 def test_the_generators_are_the_arms_own(once):
     made = task(once)
-    path = made.store.require(made.gan("eigen", made.cfg.gan["eigen"]))
+    path = made.store.require(made.gan("eigen", made.cfg.gan["eigen"], 0))
     generator = TrajectoryGenerator.load(path / "generator.pt", made.arm)
     assert generator.trajectory == made.trajectory and generator.variant == "eigen"
     history = json.loads((path / "history.json").read_text())
@@ -114,7 +117,8 @@ def test_the_generators_are_the_arms_own(once):
 
 def test_the_sets_last_equally_long_in_the_facts(once):
     made = task(once)
-    facts = pd.read_parquet(made.store.require(made.identification) / "sets.parquet")
+    folders = [made.store.require(made.identification(*one)) for one in made.sets()]
+    facts = pd.concat([pd.read_parquet(folder / "facts.parquet") for folder in folders])
     count, period = made.cfg.selection.count, made.cfg.trajectory.period
     short = facts[~facts["set"].str.startswith("long")]
     assert (short.duration == count * period).all()
@@ -126,11 +130,11 @@ def test_the_sets_last_equally_long_in_the_facts(once):
     [
         ("surrogates", "seeds/planar2-gradient-seed0"),
         ("gan", "seeds/planar2-gradient-seed0"),
-        ("library", "gan/planar2-vanilla-seed0"),
+        ("library", "gan/planar2-vanilla-seed0-training0"),
         ("long", "seeds/planar2-gradient-seed0"),
-        ("selection", "seeds/planar2-gradient-seed0"),
+        ("selection", "random/planar2-random-seed0"),
         ("identification", "long/planar2-32s-3h-seed0"),
-        ("table", "identification/planar2-vanilla-eigen-diagonal-seed0"),
+        ("table", "identification/planar2-long-3-seed0"),
     ],
 )
 def test_a_stage_without_its_inputs_names_what_is_missing(stage, missing, tmp_path):

@@ -2,10 +2,23 @@
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from sidegan.storage import write_bytes
+
+if TYPE_CHECKING:
+    from sidegan.tracking import Tracker
+
+
+def publish(table: pd.DataFrame, path: Path, caption: str, tracker: "Tracker") -> None:
+    """Print a table, write ``path``.csv and ``path``.md, and record both."""
+    write_table(table, path, caption)
+    show(table, caption)
+    tracker.log_table(table, path.name)
+    for suffix in (".csv", ".md"):
+        tracker.log_artifact(path.with_suffix(suffix), "tables")
 
 
 def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:

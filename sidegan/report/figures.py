@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -25,14 +26,23 @@ _LONG, _OTHER = "#b2182b", "#4d9221"
 History = Sequence[Mapping[str, float | None]]
 
 
-def training(histories: Mapping[str, History], seeds: Mapping[str, Any]) -> Figure:
-    """Metrics with the true physics after every epoch, a line per variant, the seed set dashed."""
+def training(histories: Mapping[str, Sequence[History]], seeds: Mapping[str, Any]) -> Figure:
+    """Metrics with the true physics after every epoch, the seed set dashed.
+
+    Args:
+        histories: of every training of each variant; the line is their mean, the band their range.
+        seeds: the same metrics of the seed set.
+    """
     figure = _figure(11, 6)
     axes = figure.subplots(2, 3).ravel()
     for axis, (key, (label, logarithmic)) in zip(axes, _PANELS.items()):
-        for name, history in histories.items():
-            values = [float("nan") if row.get(key) is None else row[key] for row in history]
-            axis.plot(range(1, len(values) + 1), values, label=name, color=_colour(name), linewidth=1.4)
+        for name, runs in histories.items():
+            values = np.array([[_value(row.get(key)) for row in history] for history in runs])
+            epochs = range(1, values.shape[1] + 1)
+            axis.plot(epochs, values.mean(0), label=name, color=_colour(name), linewidth=1.4)
+            axis.fill_between(
+                epochs, values.min(0), values.max(0), color=_colour(name), alpha=0.2, linewidth=0
+            )
         reference = seeds.get("valid" if key == "success" else key)
         if reference is not None:
             axis.axhline(reference, color=_COLOURS["seeds"], linestyle="--", linewidth=1.2, label="seeds")
@@ -44,6 +54,10 @@ def training(histories: Mapping[str, History], seeds: Mapping[str, Any]) -> Figu
     axes[0].legend(fontsize=8, frameon=False)
     figure.suptitle("Training, measured with the true physics", fontsize=11)
     return figure
+
+
+def _value(x: float | None) -> float:
+    return float("nan") if x is None else x
 
 
 def errors(raw: pd.DataFrame) -> Figure:

@@ -1,12 +1,11 @@
 """Tables for people, from the results of runs."""
 
 from collections.abc import Iterable
-from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 
-_FIRST = ("seeds", "vanilla", "eigen", "diagonal")
+_FIRST = ("random", "seeds", "vanilla", "eigen", "diagonal")
 _GENERATORS = {
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
@@ -38,7 +37,7 @@ def title(name: str) -> str:
     """Name of a set for people."""
     if name.startswith("long-"):
         return f"single long, {name.removeprefix('long-')} harmonics"
-    return "seeds" if name == "seeds" else f"seeds + {name}"
+    return {"seeds": "seeds", "random": "random valid"}.get(name, f"seeds + {name}")
 
 
 def spread(values: pd.Series) -> str:
@@ -57,7 +56,7 @@ def joints(raw: pd.DataFrame) -> pd.DataFrame:
 
 def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
     """Length, conditioning of the stack and covariance norm of every excitation set."""
-    once = raw.drop_duplicates(["seed", "set", "repeat"]).set_index("set")
+    once = raw.drop_duplicates(["seed", "set", "training", "repeat"]).set_index("set")
     names = ordered(once.index.unique())
     rows = {
         name: {
@@ -71,16 +70,22 @@ def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename(index=title).rename_axis("set")
 
 
-def generators(known: dict[str, dict[str, Any]]) -> pd.DataFrame:
-    """Validity, fitness and diversity of the seeds and of every generator."""
-    rows = {}
-    for name in ordered(known):
-        row = dict(known[name])
-        row.setdefault("valid_share", row.get("success", row.get("valid")))
-        row.setdefault("condition_valid", row["condition"])
-        rows[name] = {label: _number(row.get(key)) for key, label in _GENERATORS.items()}
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("generator")
+def generators(known: pd.DataFrame) -> pd.DataFrame:
+    """Validity, fitness and diversity of the seeds and of every generator, over its trainings."""
+    share = known.get("valid_share", pd.Series(index=known.index, dtype=float))
+    rows = known.assign(
+        valid_share=share.fillna(known.get("valid")),
+        condition_valid=known.get("condition_valid", known.condition).fillna(known.condition),
+    )
+    groups = {str(name): group for name, group in rows.groupby("name")}
+    table = {
+        name: {label: _number(groups[name].get(key)) for key, label in _GENERATORS.items()}
+        for name in ordered(groups)
+    }
+    return pd.DataFrame.from_dict(table, orient="index").rename_axis("generator")
 
 
-def _number(value: float | None) -> str:
-    return "—" if value is None else f"{value:.3g}"
+def _number(values: pd.Series | None) -> str:
+    """Mean ± standard deviation of what is known, a dash when nothing is."""
+    known = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
+    return spread(known) if len(known) else "—"

@@ -17,7 +17,8 @@ def results(nmse, repeats=2, weighted=(False, True)):
         for w in weighted
         for joint, factor in (("shoulder", 0.5), ("elbow", 1.5))
     ]
-    return pd.DataFrame(rows, columns=["set", "repeat", "weighted", "joint", "nmse"])
+    columns = ["set", "repeat", "weighted", "joint", "nmse"]
+    return pd.DataFrame(rows, columns=columns).assign(training=0)
 
 
 def facts(repeats=2):
@@ -29,7 +30,7 @@ def facts(repeats=2):
 
 def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
     base = {"eigen": 1.0, "long-6": 3.0, "seeds": 2.0}
-    table = exp1.table1(results(lambda name, repeat: base[name] + 2 * repeat), "repeat")
+    table = exp1.table1(results(lambda name, repeat: base[name] + 2 * repeat), ["repeat"])
     assert list(table.columns) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
     assert table.loc[exp1.SIMULATOR].tolist() == ["4 ± 1.4", "3 ± 1.4", "2 ± 1.4"]
     assert table.loc[exp1.WEIGHTED].tolist() == ["16 ± 5.7", "12 ± 5.7", "8 ± 5.7"]
@@ -40,7 +41,7 @@ def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
 
 
 def test_what_was_not_identified_with_weights_shows_no_number():
-    table = exp1.table1(results(lambda name, repeat: 1.0, weighted=(False,)), "repeat")
+    table = exp1.table1(results(lambda name, repeat: 1.0, weighted=(False,)), ["repeat"])
     assert table.loc[exp1.SIMULATOR].tolist() == ["1 ± 0"] * 3
     if exp1.WEIGHTED in table.index:
         assert table.loc[exp1.WEIGHTED].tolist() == ["—"] * 3
@@ -70,11 +71,11 @@ def test_a_sweep_without_results_has_no_table(tmp_path):
 def material():
     row = {"success": 0.5, "condition": 9.0, "condition_valid": 8.0, "distance": 1.0, "nearest": 0.5}
     row |= {"rank": 4.0, "distance_diagonal": 2.0}
+    rows = [{"name": "seeds", "valid": 1.0, **row}, {"name": "eigen", "valid_share": 0.6, **row}]
     return exp1.Material(
-        results=results(lambda name, repeat: 1.0 + repeat),
-        sets=facts(),
-        histories={"eigen": [row, row]},
-        generators={"seeds": row | {"valid": 1.0}, "eigen": row | {"valid_share": 0.6}},
+        raw=results(lambda name, repeat: 1.0 + repeat).merge(facts()).assign(seed=5),
+        histories={"eigen": [[row, row]]},
+        generators=pd.DataFrame(rows),
         config=tiny("seed=5"),
     )
 
@@ -104,5 +105,5 @@ def test_everything_is_printed_written_and_recorded(material, tmp_path, capsys):
     for text in ("Table I", "seed 5", "seeds + eigen", "1.5 ± 0.71", "0.2248 ± 0.056", "duration [s]"):
         assert text in out, text
     raw = pd.read_parquet(tmp_path / exp1.RAW)
-    assert set(raw.seed) == {5} and len(raw) == len(material.results)
-    pd.testing.assert_frame_equal(exp1.aggregate([tmp_path], tmp_path), exp1.table1(raw, "seed"))
+    assert set(raw.seed) == {5} and len(raw) == len(material.raw)
+    pd.testing.assert_frame_equal(exp1.aggregate([tmp_path], tmp_path), exp1.table1(raw, ["seed"]))

@@ -17,7 +17,9 @@ def raw():
     frame = pd.DataFrame(rows, columns=["seed", "set", "repeat", "weighted", "joint", "nmse"])
     frame.nmse *= 1 + frame.repeat
     frame.loc[frame.weighted, "nmse"] = 77.0
-    return frame.assign(duration=16.0, samples=321, condition=1234.5, covariance_norm=frame.repeat + 1.0)
+    return frame.assign(
+        training=0, duration=16.0, samples=321, condition=1234.5, covariance_norm=frame.repeat + 1.0
+    )
 
 
 def test_sets_are_in_the_papers_order_and_unknown_ones_last():
@@ -79,11 +81,13 @@ def test_generators_show_what_is_known():
             "distance_diagonal": 5.0,
         },
     }
-    table = tables.generators(known)
+    again = known["eigen"] | {"condition": 300.0}
+    rows = [("seeds", known["seeds"]), ("eigen", known["eigen"]), ("eigen", again)]
+    table = tables.generators(pd.DataFrame([{"name": name, **row} for name, row in rows]))
     assert list(table.index) == ["seeds", "eigen"]
-    assert table.loc["eigen"].tolist() == ["0.9", "100", "90", "2", "1", "12.3", "—"]
+    assert table.loc["eigen"].tolist()[:3] == ["0.9 ± 0", "200 ± 1.4e+02", "90 ± 0"]
+    assert table.loc["eigen"].tolist()[-1] == "—"
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
-    assert "valid_share" not in known["seeds"]  # what was given is left alone
 
 
 def test_arrow_keeps_the_columns(raw):
