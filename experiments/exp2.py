@@ -48,7 +48,7 @@ class Material:
 def collect(task: Task) -> Material:
     """Everything that the tables need, from the artifacts."""
     folder = task.store.require(task.replication)
-    return Material(*(pd.read_parquet(folder / name) for name in (RESULTS, FACTS)), task.cfg)
+    return Material(pd.read_parquet(folder / RESULTS), pd.read_parquet(folder / FACTS), task.cfg)
 
 
 def present(material: Material, folder: Path, tracker: Tracker) -> None:
@@ -71,15 +71,14 @@ def present(material: Material, folder: Path, tracker: Tracker) -> None:
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
     """Improvement [%] over a reference set by training, repeat and joint."""
-    base = part[part["set"] == reference].set_index(["repeat", "joint"]).nmse
-    found = part[part["set"] == name].set_index(["training", "repeat", "joint"]).nmse
-    ratio = found.div(base.reindex(found.index.droplevel("training")).to_numpy())
-    return (100 * (1 - ratio)).rename("improvement").reset_index()
+    base = part[part["set"] == reference][["repeat", "joint", "nmse"]]
+    both = part[part["set"] == name].merge(base, on=["repeat", "joint"], suffixes=("", "_reference"))
+    return both.assign(improvement=100 * (1 - both.nmse / both.nmse_reference))
 
 
 def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
     """Table II: improvement of seeds + generated over the seeds measured so often, with the paper's."""
-    rows = {}
+    rows: dict[str, dict[str, str]] = {}
     for name in config.gan:
         for replicas in config.replication.replicas:
             gain = improvement(part, name, f"seeds ×{replicas}")
@@ -110,8 +109,9 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
 def errors(results: pd.DataFrame) -> pd.DataFrame:
     """NMSE of every set, mean over joints ± standard deviation over trainings and noise draws."""
     rows: dict[str, dict[str, str]] = {}
-    for (name, weighted), part in results.groupby(["set", "weighted"]):
-        title = str(name) if str(name).startswith("seeds") else tables.title(str(name))
-        label = "weighted" if weighted else "unweighted"
-        rows.setdefault(title, {})[label] = tables.spread(part.groupby(["training", "repeat"]).nmse.mean())
+    for name in tables.ordered(results["set"].unique()):
+        own = results[results["set"] == name]
+        mean = {w: p.groupby(["training", "repeat"]).nmse.mean() for w, p in own.groupby("weighted")}
+        row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
+        rows[name if name.startswith("seeds") else tables.title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

@@ -23,6 +23,14 @@ _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
 @dataclass(frozen=True)
+class Kinds:
+    """How many seeds of other kinds."""
+
+    paper: Count
+    diagonal: Count
+
+
+@dataclass(frozen=True)
 class Scale:
     """How large an experiment is; the other groups refer to these numbers."""
 
@@ -40,6 +48,10 @@ class Scale:
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
     replications: Count  # noise realisations of whole sets
+    kinds: Kinds
+    counts: list[Count]  # selected trajectories, one comparison for each
+    sizes: list[Count]  # of smaller seed sets
+    draws: Count  # of a kernel density estimate
     trainings: list[Natural]  # of each variant
 
 
@@ -168,6 +180,7 @@ class Surrogates:
     width: Count
     margin_steps: Count  # time points per trajectory at which margins are predicted
     feature_steps: Count  # time points per trajectory that the converter sees
+    data: Literal["broad", "paper"]  # around the seeds and negatives, or these alone
     negatives: dict[str, GanVariant]  # whose output the surrogates learn from, beside the seeds
 
     def __post_init__(self) -> None:
@@ -239,6 +252,25 @@ class Replication:
 
 
 @dataclass(frozen=True)
+class Sensitivity:
+    """What the comparison of excitation sets is repeated with, one change at a time."""
+
+    noises: dict[str, NoiseModel]
+    priors: list[Positive]
+    counts: list[Count]  # selected trajectories
+    repeats: Count  # noise realisations of each
+
+
+@dataclass(frozen=True)
+class Discussion:
+    """Fewer seeds, and a kernel density estimate in place of the generator."""
+
+    sizes: list[Count]  # of the seed set
+    bandwidths: list[Positive]  # of the kernel, in units of Scott's rule
+    draws: Count  # samples of the estimate whose validity is checked
+
+
+@dataclass(frozen=True)
 class Tracking:
     """Where MLflow records."""
 
@@ -286,6 +318,9 @@ class Config:
     long: Long
     identification: Identification
     replication: Replication
+    kinds: dict[str, Seeds]  # other seed sets that the seeds are compared with
+    sensitivity: Sensitivity
+    discussion: Discussion
     tracking: Tracking
     parallel: Parallel
 
@@ -308,6 +343,22 @@ class Config:
                 "replication adds sums that have no order in time: identification.forgetting must be 1"
             )
         self._check_rates()
+        self._check_counts()
+
+    def _check_counts(self) -> None:
+        """Refuse to choose more than there is."""
+        sizes = [size for size in self.discussion.sizes if size > self.seeds.count]
+        if sizes and "discussion" in self.stages:
+            raise ConfigError(
+                f"discussion.sizes has {sizes}, expected at most seeds.count = {self.seeds.count}"
+            )
+        if "sensitivity" in self.stages and max(self.sensitivity.counts) > min(
+            self.seeds.count, self.library.count
+        ):
+            raise ConfigError(
+                f"sensitivity.counts goes to {max(self.sensitivity.counts)}, expected at most seeds.count = "
+                f"{self.seeds.count} and library.count = {self.library.count}"
+            )
         library = self.seeds.count + self.library.count
         if self.selection.count > library:
             raise ConfigError(

@@ -1,6 +1,6 @@
 """What each artifact is made from: the stamps that chain the stages."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -87,7 +87,13 @@ class Task:
     @property
     def seeds(self) -> Stamp:
         """Of the seed set."""
-        return self._stamp("seeds", self.cfg.seeds.method, self.cfg.seeds, {}, ["seeds"])
+        wanted = self.cfg.seeds
+        label = wanted.method if wanted.fitness == "eigenvalue" else f"{wanted.method}-{wanted.fitness}"
+        return self._stamp("seeds", label, wanted, {}, ["seeds"])
+
+    def kind(self, name: str) -> "Task":
+        """The same task with another kind of seeds."""
+        return replace_seeds(self, self.cfg.kinds[name])
 
     @property
     def random_set(self) -> Stamp:
@@ -111,6 +117,7 @@ class Task:
     def library(self, name: str, training: int) -> Stamp:
         """Of a variant's library."""
         inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
+        inputs[SEEDS] = self.seeds.digest  # for the diversity of both together
         return self._stamp("library", name, self.cfg.library, inputs, ["library"], training)
 
     def long(self, harmonics: int) -> Stamp:
@@ -160,6 +167,28 @@ class Task:
         code = [*_IDENTIFICATION, "identification.replication", "stages.replication"]
         return self._stamp("replication", "-".join(self.cfg.gan), values, inputs, code)
 
+    @property
+    def sensitivity(self) -> Stamp:
+        """Of the comparison repeated with other settings."""
+        inputs = {"random": self.random_set.digest, SEEDS: self.seeds.digest}
+        inputs |= {f"{n} {k}": self.library(n, k).digest for n, k in self.short_sets() if n in self.cfg.gan}
+        inputs |= {f"kind {name}": self.kind(name).seeds.digest for name in self.cfg.kinds}
+        values = {**asdict(self.cfg.identification), **asdict(self.cfg.sensitivity)}
+        values["count"] = self.cfg.selection.count
+        code = [*_IDENTIFICATION, "selection", "stages.sensitivity"]
+        return self._stamp("sensitivity", "-".join(self.cfg.gan), values, inputs, code)
+
+    @property
+    def density(self) -> Stamp:
+        """Of the kernel density estimate of the seeds."""
+        inputs = {SEEDS: self.seeds.digest}
+        return self._stamp("density", "kde", self.cfg.discussion, inputs, ["stages.discussion"])
+
+    def timing(self, name: str, training: int) -> Stamp:
+        """Of a generator's measured speed."""
+        inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
+        return self._stamp("timing", name, {}, inputs, ["gan", "stages.timing"], training)
+
     def _trained(self, name: str, training: int) -> int | None:
         """The training that a set depends on, if it depends on one."""
         return None if name in (RANDOM, SEEDS) or name.startswith(LONG) else training
@@ -196,6 +225,17 @@ def study_settings(
     noise = Noise(**asdict(noise_model or settings.noise))
     common = (settings.rate, settings.prior, settings.forgetting, settings.weighted)
     return study.Settings(*common, noise, settings.repeats)
+
+
+def replace_seeds(task: Task, seeds: config.Seeds) -> Task:
+    """The same task with other settings of the seeds."""
+    return Task(replace(task.cfg, seeds=seeds, stages=[]), task.store)
+
+
+def with_subset(task: Task, size: int) -> Task:
+    """The same task, trained on so many of the seeds."""
+    whole = size >= task.cfg.seeds.count
+    return Task(replace(task.cfg, subset=None if whole else size), task.store)
 
 
 def regions(workspace: config.Workspace) -> list[Region]:

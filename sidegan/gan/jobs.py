@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ArtifactError
-from sidegan.gan.labels import Labelled, Progress, blend, label
+from sidegan.gan.labels import MIXTURES, Labelled, Progress, label
 from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.robot import Arm
@@ -42,15 +42,17 @@ def label_share(
     negatives: Tensor,
     count: int,
     steps: int,
+    data: str,
     path: Path,
     seed: int,
     progress: Progress,
 ) -> None:
-    """Write ``count`` labelled samples around the seeds to ``path``, unless they are there."""
+    """Write ``count`` labelled samples to ``path``, unless they are there: of ``data`` broad or paper."""
     if _readable(path):
         return
     generator = torch.Generator().manual_seed(seed)
-    labelled = label(constraints, trajectory, blend(seeds, negatives, count, generator), steps, progress)
+    samples = MIXTURES[data](seeds, negatives, count, generator)
+    labelled = label(constraints, trajectory, samples, steps, progress)
     write_torch(path, vars(labelled))
 
 

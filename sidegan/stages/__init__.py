@@ -20,6 +20,10 @@ _NAMES = (
     "selection",
     "identification",
     "replication",
+    "kinds",
+    "sensitivity",
+    "discussion",
+    "timing",
     "table",
 )
 

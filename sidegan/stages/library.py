@@ -10,9 +10,10 @@ from torch import Tensor
 from sidegan.artifacts import Store
 from sidegan.config import Config
 from sidegan.errors import InfeasibleError
+from sidegan.library import Library
 from sidegan.parallel import Report
 from sidegan.plan import GENERATOR, LIBRARY, REPORT, Task
-from sidegan.stages.common import measured, numbers, produce_all, summary, words
+from sidegan.stages.common import load, measured, numbers, produce_all, summary, words
 from sidegan.storage import read_json, write_json
 from sidegan.tracking import Tracker
 from sidegan.validity import check
@@ -56,4 +57,12 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
     made = measured(task.constraints, task.trajectory, torch.cat(kept)[: wanted.count], name)
     made.save(folder / LIBRARY)
     share = {"drawn": drawn, "valid_share": count / drawn}
-    write_json(folder / REPORT, share | {k: v for k, v in summary(made).items() if k != "valid"})
+    known = {k: v for k, v in summary(made).items() if k != "valid"}
+    write_json(folder / REPORT, share | known | _union(task, made, noise))
+
+
+def _union(task: Task, made: Library, generator: torch.Generator) -> dict[str, float]:
+    """Diversity of the library and the seeds put together."""
+    both = load(task, task.seeds).merge(made)
+    shuffled = summary(both.take(torch.randperm(len(both), generator=generator)))
+    return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}

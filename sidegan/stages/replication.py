@@ -27,8 +27,10 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     produce_all(task, "measurements (%)", stamps, [partial(_measure, task, *one) for one in wanted])
     folder = store.produce(task.replication, partial(_combine, task))
     frame = pd.read_parquet(folder / RESULTS)
-    for (name, training), mean in frame[~frame.weighted].groupby(["set", "training"]).nmse.mean().items():
-        tracker.log_metrics({f"replication/{task.named(str(name), int(training))}": float(mean)})
+    mean = frame[~frame.weighted].groupby(["set", "training"], as_index=False).nmse.mean()
+    tracker.log_metrics(
+        {f"nmse/whole {task.named(n, k)}": value for n, k, value in mean.itertuples(index=False)}
+    )
 
 
 def _measure(task: Task, name: str, training: int, folder: Path, work: Path, report: Report) -> None:

@@ -19,10 +19,15 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Make the seed set."""
     task = Task(cfg, store)
     task.constraints.refuse_home(task.trajectory.home or ())  # before anything is written
-    folder = store.produce(task.seeds, partial(_make, task))
-    facts = numbers(read_json(folder / REPORT))
+    facts = make(task)
     log.info("seeds: %s", words(facts))
     tracker.log_metrics({f"seeds/{key}": value for key, value in facts.items()})
+
+
+def make(task: Task) -> dict[str, float]:
+    """Make the task's seeds unless they are there; what is known of them."""
+    folder = task.store.produce(task.seeds, partial(_make, task))
+    return numbers(read_json(folder / REPORT))
 
 
 def _make(task: Task, folder: Path, work: Path) -> None:

@@ -32,22 +32,24 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
 def _make(task: Task, folder: Path, work: Path) -> None:
     from sidegan.gan import TrajectoryGenerator, jobs
 
-    wanted, workers = task.cfg.surrogates, task.cfg.parallel.workers
+    wanted, workers, number = task.cfg.surrogates, task.cfg.parallel.workers, task.number
     ((name, settings),) = wanted.negatives.items()
     source = task.store.require(task.gan(name, settings, NEGATIVES_TRAINING)) / GENERATOR
     vanilla = TrajectoryGenerator.load(source, task.arm)
     negatives = vanilla.sample(jobs.negatives_wanted(wanted.samples), task.number("negatives"))
     physics, seed_set = (task.constraints, task.trajectory), training_seeds(task).coefficients
     known = (jobs.training_seeds(seed_set)[0], jobs.training_negatives(negatives)[0])
-    size = (-(-wanted.samples // LABEL_SHARES), wanted.margin_steps)
+    count, steps = -(-wanted.samples // LABEL_SHARES), wanted.margin_steps
     shares = [work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
     labelling = [
-        partial(jobs.label_share, *physics, *known, *size, path, task.number(f"labels {i}"))
+        partial(
+            jobs.label_share, *physics, *known, count, steps, wanted.data, path, task.number(f"labels {i}")
+        )
         for i, path in enumerate(shares)
     ]
     run_jobs("labels", labelling, workers, wanted.samples)
     sizes = jobs.Sizes(wanted.width, wanted.margin_steps, wanted.feature_steps)
-    epochs, number = wanted.epochs, task.number
+    epochs = wanted.epochs
     trainings: list[Job] = [
         partial(
             jobs.train_success,

@@ -1,0 +1,59 @@
+"""Stage discussion: the variants trained on fewer seeds, and a kernel density estimate instead of a GAN."""
+
+import logging
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+
+from sidegan.artifacts import Store
+from sidegan.config import Config
+from sidegan.gan.metrics import measure
+from sidegan.plan import RESULTS, Task, with_subset
+from sidegan.report.tables import arrow
+from sidegan.stages import gan, surrogates
+from sidegan.stages.common import training_seeds
+from sidegan.storage import write_parquet
+from sidegan.tracking import Tracker
+
+log = logging.getLogger(__name__)
+
+
+def run(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Train on every size, then measure the density estimate."""
+    task = Task(cfg, store)
+    for size in cfg.discussion.sizes:
+        smaller = with_subset(task, size).cfg
+        log.info("on %d seeds", size)
+        surrogates.run(smaller, store, tracker)
+        gan.run(smaller, store, tracker)
+    folder = store.produce(task.density, partial(_density, task))
+    for row in pd.read_parquet(folder / RESULTS).to_dict("records"):
+        log.info(
+            "kernel density estimate, %g of Scott's bandwidth: %.4f valid", row["bandwidth"], row["success"]
+        )
+
+
+def _density(task: Task, folder: Path, work: Path) -> None:
+    """Validity, fitness and diversity of samples of a Gaussian kernel density estimate of the seeds.
+
+    Source: Scott 1992, Multivariate density estimation (bandwidth); the kernel has the seeds' covariance.
+    """
+    from scipy.stats import gaussian_kde
+
+    seeds = training_seeds(task).coefficients
+    wanted, rows = task.cfg.discussion, []
+    for bandwidth in wanted.bandwidths:
+        flat = seeds.flatten(1).numpy().T
+        estimate = gaussian_kde(flat)
+        estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
+        drawn = estimate.resample(wanted.draws, np.random.default_rng(task.random(f"density {bandwidth}")))
+        c = torch.from_numpy(np.ascontiguousarray(drawn.T)).reshape(-1, *seeds.shape[1:])
+        distance = torch.cdist(c.flatten(1), seeds.flatten(1)).amin(1).mean()
+        facts = measure(task.constraints, task.trajectory, c)
+        rows.append(
+            {"bandwidth": bandwidth, "factor": estimate.factor, "from_seed": float(distance), **facts}
+        )
+    write_parquet(folder / RESULTS, arrow(pd.DataFrame(rows)))
