@@ -1,11 +1,19 @@
 """What the experiments read from the artifacts of a run, as tables."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from sidegan.plan import FACTS, HISTORY, REPORT, RESULTS, SEEDS, Task
+from experiments import exp2
+from sidegan.library import Library
+from sidegan.plan import FACTS, HISTORY, LIBRARY, REPORT, RESULTS, SEEDS, Task, with_subset
+from sidegan.stamp import Stamp
 from sidegan.storage import read_json
+
+History = list[dict[str, float | None]]
 
 
 def errors(task: Task) -> pd.DataFrame:
@@ -18,7 +26,7 @@ def errors(task: Task) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True).assign(seed=task.cfg.seed)
 
 
-def histories(task: Task) -> dict[str, list[list[dict[str, float | None]]]]:
+def histories(task: Task) -> dict[str, list[History]]:
     """Metrics after every epoch of every training of each variant."""
     return {
         name: [
@@ -41,3 +49,111 @@ def generators(task: Task) -> pd.DataFrame:
             known = last | kept | {"condition": last["condition"], "condition_valid": kept["condition"]}
             rows.append({"name": name, "training": training, **known})
     return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Everything that the reproduction report is made from, read when it is asked for."""
+
+    task: Task
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """NMSE and facts of the excitation sets of experiment 1."""
+        return errors(self.task)
+
+    @cached_property
+    def histories(self) -> dict[str, list[History]]:
+        """Metrics after every epoch of every training of each variant."""
+        return histories(self.task)
+
+    @cached_property
+    def generators(self) -> pd.DataFrame:
+        """The seeds and every training of each generator, a row each."""
+        return generators(self.task)
+
+    @cached_property
+    def seeds(self) -> dict[str, Any]:
+        """Report of the seed set."""
+        return self.report(self.task.seeds)
+
+    @cached_property
+    def replication(self) -> exp2.Material:
+        """Experiment 2."""
+        return exp2.collect(self.task)
+
+    @cached_property
+    def sensitivity(self) -> pd.DataFrame:
+        """Experiment 1 with other settings."""
+        return pd.read_parquet(self.task.store.require(self.task.sensitivity) / RESULTS)
+
+    @cached_property
+    def density(self) -> pd.DataFrame:
+        """Samples of kernel density estimates, a row for each bandwidth."""
+        return pd.read_parquet(self.task.store.require(self.task.density) / RESULTS)
+
+    @cached_property
+    def subsets(self) -> dict[int, dict[str, list[History]]]:
+        """Histories of the variants trained on fewer seeds, and on all of them."""
+        sizes = sorted({*self.task.cfg.discussion.sizes, self.task.cfg.seeds.count})
+        return {size: histories(with_subset(self.task, size)) for size in sizes}
+
+    @cached_property
+    def ablation(self) -> dict[str, list[History]]:
+        """Histories of the ablation's variants, the recipe itself first."""
+        wanted = {"eigen": self.task.cfg.gan["eigen"], **self.task.cfg.ablation}
+        return {
+            name: [
+                read_json(self.task.store.require(self.task.gan(name, settings, k)) / HISTORY)
+                for k in self.task.cfg.trainings
+            ]
+            for name, settings in wanted.items()
+        }
+
+    @cached_property
+    def kinds(self) -> dict[str, Library]:
+        """The seeds and the other kinds of seeds."""
+        known = {"gradient": self.library(self.task.seeds)}
+        for name in self.task.cfg.kinds:
+            known[name] = self.library(self.task.kind(name).seeds)
+        return known
+
+    def union(self, name: str, key: str) -> np.ndarray:
+        """A diversity of seeds and library together, one for each training."""
+        return self.generators[self.generators["name"] == name][f"union_{key}"].to_numpy(float)
+
+    def report(self, stamp: Stamp) -> dict[str, Any]:
+        """Report in an artifact."""
+        return read_json(self.task.store.require(stamp) / REPORT)
+
+    def library(self, stamp: Stamp) -> Library:
+        """Library in an artifact."""
+        return Library.load(self.task.store.require(stamp) / LIBRARY, self.task.arm)
+
+    def seconds(self, stamp: Stamp) -> float:
+        """Wall time in which an artifact was made [s]."""
+        return float(read_json(self.task.store.require(stamp) / "stamp.json")["seconds"])
+
+    @cached_property
+    def costs(self) -> pd.DataFrame:
+        """Each time of the paper's text beside ours [s], a row each: key, what, ours, paper."""
+        task, first = self.task, self.task.cfg.trainings[0]
+        seeds, speed = self.seeds, self.report(task.timing("eigen", first))
+        kind = self.report(task.kind("paper").seeds) if "paper" in task.cfg.kinds else None
+        longs = [self.report(task.long(h))["cpu_seconds"] for h in task.cfg.long.harmonics]
+        trainings = [
+            self.seconds(task.gan(n, s, k)) for n, s in task.cfg.gan.items() for k in task.cfg.trainings
+        ]
+        rows = [
+            ("long", "the single long trajectory, CPU", max(longs), 14 * 3600),
+            ("seed", "one seed, CPU", seeds["cpu_seconds"] / seeds["count"], 360),
+            ("seeds", "the seed set, wall", self.seconds(task.seeds), 30 * 3600),
+            ("surrogates", "the surrogates, wall", self.seconds(task.surrogates("broad")), np.nan),
+            ("training", "one training, wall", float(np.mean(trainings)), 2400),
+            ("generation", "one generated trajectory", speed["generation_seconds"], 1.4e-3),
+            ("checked", "one valid trajectory, checked", 1 / speed["valid_per_second"], 1 / 32),
+        ]
+        if kind is not None:
+            once = kind["cpu_seconds"] / kind["count"]
+            rows.insert(2, ("colony", "one seed by gaco + compass search, CPU", once, 360))
+        return pd.DataFrame(rows, columns=["key", "what", "ours", "paper"])

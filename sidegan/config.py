@@ -159,6 +159,7 @@ class GanVariant:
     decay: bool  # both rates fall to nothing over the training
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' covariance
     gradient_penalty: NonNegative
+    data: Literal["broad", "paper"]  # its surrogates' samples: around seeds and negatives, or these alone
     minibatch: bool  # the discriminators see the spread of a batch
     scaling: Literal["joint", "range"]
 
@@ -180,7 +181,6 @@ class Surrogates:
     width: Count
     margin_steps: Count  # time points per trajectory at which margins are predicted
     feature_steps: Count  # time points per trajectory that the converter sees
-    data: Literal["broad", "paper"]  # around the seeds and negatives, or these alone
     negatives: dict[str, GanVariant]  # whose output the surrogates learn from, beside the seeds
 
     def __post_init__(self) -> None:
@@ -305,6 +305,7 @@ class Config:
     subset: Count | None  # train on so many of the seeds; null: on all
     outputs: str
     named: bool  # folders without a stamp in their name, as a pipeline tool wants them
+    publish: str | None  # folder of the reproduction report; null: the run's own
     device: str
     scale: Scale
     robot: Robot
@@ -321,11 +322,15 @@ class Config:
     kinds: dict[str, Seeds]  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity
     discussion: Discussion
+    ablation: dict[str, GanVariant]  # variants that show what each part of the recipe does
     tracking: Tracking
     parallel: Parallel
 
     def __post_init__(self) -> None:
-        for what, name in [("experiment", self.experiment), *(("gan", name) for name in self.gan)]:
+        for what, name in [
+            ("experiment", self.experiment),
+            *(("gan", name) for name in (*self.gan, *self.ablation)),
+        ]:
             if not _NAME.fullmatch(name):
                 raise ConfigError(f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'")
         if not _DEVICE.fullmatch(self.device):
@@ -348,7 +353,7 @@ class Config:
     def _check_counts(self) -> None:
         """Refuse to choose more than there is."""
         sizes = [size for size in self.discussion.sizes if size > self.seeds.count]
-        if sizes and "discussion" in self.stages:
+        if sizes and "subsets" in self.stages:
             raise ConfigError(
                 f"discussion.sizes has {sizes}, expected at most seeds.count = {self.seeds.count}"
             )

@@ -3,6 +3,7 @@
 import logging
 import os
 import queue
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
@@ -85,7 +86,9 @@ def _run_processes(jobs: Sequence[Job], workers: int, told: Callable[[int, float
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    with Manager() as manager:
+    with Manager() as manager, warnings.catch_warnings():
+        # Loky replaces a worker that has grown, and says so; nothing is lost by it.
+        warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
         messages = manager.Queue()
         executor = get_reusable_executor(workers, timeout=600, env=dict.fromkeys(_THREADS, "1"))
         try:

@@ -101,16 +101,16 @@ class Task:
         values = {"count": self.cfg.library.count}
         return self._stamp("random", "random", values, {}, ["seeds.problem", "stages.random"])
 
-    @property
-    def surrogates(self) -> Stamp:
-        """Of success predictor and converters."""
-        return self._stamp("surrogates", "rollout", self.cfg.surrogates, self._taught(), ["gan"])
+    def surrogates(self, data: str) -> Stamp:
+        """Of success predictor and converters that learn from ``broad`` samples or those of the ``paper``."""
+        values = {**asdict(self.cfg.surrogates), "data": data}
+        return self._stamp("surrogates", data, values, self._taught(), ["gan"])
 
     def gan(self, name: str, settings: config.GanVariant, training: int) -> Stamp:
         """Of a trained variant."""
         inputs = self._taught()
         if variant(name, settings).surrogates:
-            inputs["surrogates"] = self.surrogates.digest
+            inputs["surrogates"] = self.surrogates(settings.data).digest
         values = {**asdict(settings), "evaluation": self.cfg.scale.evaluation}
         return self._stamp("gan", name, values, inputs, ["gan"], training)
 
@@ -182,7 +182,7 @@ class Task:
     def density(self) -> Stamp:
         """Of the kernel density estimate of the seeds."""
         inputs = {SEEDS: self.seeds.digest}
-        return self._stamp("density", "kde", self.cfg.discussion, inputs, ["stages.discussion"])
+        return self._stamp("density", "kde", self.cfg.discussion, inputs, ["stages.density"])
 
     def timing(self, name: str, training: int) -> Stamp:
         """Of a generator's measured speed."""
@@ -252,6 +252,7 @@ def regions(workspace: config.Workspace) -> list[Region]:
 def variant(name: str, settings: config.GanVariant) -> Variant:
     """The variant that ``settings`` describe."""
     values = {**asdict(settings), "weights": Weights(**asdict(settings.weights))}
+    del values["data"]
     try:
         return Variant(name, **values)
     except ConfigError as error:

@@ -18,7 +18,7 @@ def stamps(tmp_path_factory):
     @cache
     def made(*overrides):
         task = Task(tiny(*overrides), store)
-        found = {"seeds": task.seeds, "surrogates": task.surrogates, "random": task.random_set}
+        found = {"seeds": task.seeds, "surrogates": task.surrogates("broad"), "random": task.random_set}
         for name, settings in task.cfg.gan.items():
             for k in task.cfg.trainings:
                 found[f"gan {name} {k}"] = task.gan(name, settings, k)

@@ -22,7 +22,9 @@ _NAMES = (
     "replication",
     "kinds",
     "sensitivity",
-    "discussion",
+    "subsets",
+    "density",
+    "ablation",
     "timing",
     "table",
 )

@@ -1,6 +1,7 @@
 """Stage surrogates: train success predictor and converters on exactly labelled samples."""
 
 import logging
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -20,16 +21,21 @@ LABEL_SHARES = 8
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Train success predictor and converters."""
-    task = Task(cfg, store)
-    train_variants(task, cfg.surrogates.negatives, [NEGATIVES_TRAINING])
-    report = read_json(store.produce(task.surrogates, partial(_make, task)) / REPORT)
-    series = {key: value for key, value in report.items() if isinstance(value, list)}
-    log.info("surrogates: %s", words(numbers(report)))
-    tracker.log_metrics({f"surrogates/{key}": value for key, value in numbers(report).items()})
-    tracker.log_history({f"surrogates/{key}": value for key, value in series.items()})
+    make(Task(cfg, store), sorted({"broad", *(settings.data for settings in cfg.gan.values())}), tracker)
 
 
-def _make(task: Task, folder: Path, work: Path) -> None:
+def make(task: Task, data: Iterable[str], tracker: Tracker) -> None:
+    """Train the surrogates of every kind of data, unless they are there."""
+    train_variants(task, task.cfg.surrogates.negatives, [NEGATIVES_TRAINING])
+    for kind in data:
+        report = read_json(task.store.produce(task.surrogates(kind), partial(_make, task, kind)) / REPORT)
+        series = {key: value for key, value in report.items() if isinstance(value, list)}
+        log.info("surrogates, %s data: %s", kind, words(numbers(report)))
+        tracker.log_metrics({f"surrogates {kind}/{key}": value for key, value in numbers(report).items()})
+        tracker.log_history({f"surrogates {kind}/{key}": value for key, value in series.items()})
+
+
+def _make(task: Task, data: str, folder: Path, work: Path) -> None:
     from sidegan.gan import TrajectoryGenerator, jobs
 
     wanted, workers, number = task.cfg.surrogates, task.cfg.parallel.workers, task.number
@@ -42,9 +48,7 @@ def _make(task: Task, folder: Path, work: Path) -> None:
     count, steps = -(-wanted.samples // LABEL_SHARES), wanted.margin_steps
     shares = [work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
     labelling = [
-        partial(
-            jobs.label_share, *physics, *known, count, steps, wanted.data, path, task.number(f"labels {i}")
-        )
+        partial(jobs.label_share, *physics, *known, count, steps, data, path, task.number(f"labels {i}"))
         for i, path in enumerate(shares)
     ]
     run_jobs("labels", labelling, workers, wanted.samples)

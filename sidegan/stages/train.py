@@ -29,7 +29,7 @@ def _train(
     wanted = variant(name, settings)
     predictor = converter = None
     if wanted.surrogates:
-        source = task.store.require(task.surrogates)
+        source = task.store.require(task.surrogates(settings.data))
         predictor = jobs.load_predictor(source, task.arm, task.trajectory)
         if wanted.features != "none":
             converter = jobs.load_converter(source, wanted.features, task.arm, task.trajectory)

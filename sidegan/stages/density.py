@@ -1,4 +1,4 @@
-"""Stage discussion: the variants trained on fewer seeds, and a kernel density estimate instead of a GAN."""
+"""Stage density: a kernel density estimate of the seeds instead of a GAN."""
 
 import logging
 from functools import partial
@@ -10,10 +10,10 @@ import torch
 
 from sidegan.artifacts import Store
 from sidegan.config import Config
+from sidegan.errors import ConfigError
 from sidegan.gan.metrics import measure
-from sidegan.plan import RESULTS, Task, with_subset
+from sidegan.plan import RESULTS, Task
 from sidegan.report.tables import arrow
-from sidegan.stages import gan, surrogates
 from sidegan.stages.common import training_seeds
 from sidegan.storage import write_parquet
 from sidegan.tracking import Tracker
@@ -22,13 +22,8 @@ log = logging.getLogger(__name__)
 
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Train on every size, then measure the density estimate."""
+    """Measure samples of the density estimate."""
     task = Task(cfg, store)
-    for size in cfg.discussion.sizes:
-        smaller = with_subset(task, size).cfg
-        log.info("on %d seeds", size)
-        surrogates.run(smaller, store, tracker)
-        gan.run(smaller, store, tracker)
     folder = store.produce(task.density, partial(_density, task))
     for row in pd.read_parquet(folder / RESULTS).to_dict("records"):
         log.info(
@@ -44,6 +39,10 @@ def _density(task: Task, folder: Path, work: Path) -> None:
     from scipy.stats import gaussian_kde
 
     seeds = training_seeds(task).coefficients
+    if len(seeds) <= seeds[0].numel():
+        raise ConfigError(
+            f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].numel()}"
+        )
     wanted, rows = task.cfg.discussion, []
     for bandwidth in wanted.bandwidths:
         flat = seeds.flatten(1).numpy().T
