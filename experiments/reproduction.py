@@ -8,24 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from sidegan.report.document import (
-    Claims,
-    Document,
-    Picture,
-    Section,
-    Table,
-    illustrate,
-    write_html,
-    write_markdown,
-)
 
 from experiments import exp1, exp2, training
 from experiments.artifacts import Evidence
 from experiments.claims import claims
 from experiments.comparisons import ablation, costs, densities, kinds, sensitivity, subsets
 from sidegan.plan import LONG, SEEDS, Task
-from sidegan.report import figures, interactive, motion, tables
+from sidegan.report import figures, interactive, motion, spatial, tables
+from sidegan.report.document import Claims, Document, Picture, Section, Table, illustrate
 from sidegan.report.export import write_table
+from sidegan.report.markdown import write_markdown
+from sidegan.report.web import write_html
 from sidegan.storage import write_json
 from sidegan.tracking import Tracker
 
@@ -80,8 +73,9 @@ def metrics(evidence: Evidence) -> dict[str, float]:
         for key in ("success", "condition", "distance", "rank", "distance_diagonal"):
             if key in part and part[key].notna().all():
                 known[f"{name}.{key}"] = float(part[key].mean())
-    for (name, weighted), part in evidence.errors.groupby(["set", "weighted"]):
-        known[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(part.nmse.mean())
+    errors = evidence.errors.groupby(["set", "weighted"], as_index=False).nmse.mean()
+    for name, weighted, value in errors.itertuples(index=False):
+        known[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(value)
     norms = evidence.replication.facts.groupby("set").covariance_norm.mean()
     return known | {f"covariance.{name}": float(value) for name, value in norms.items()}
 
@@ -218,21 +212,21 @@ def _figure2(evidence: Evidence, assets: Path) -> Section:
             "traces",
             motion.traces(*physics, generated),
             "End effector along generated trajectories",
-            interactive.traces(*physics, generated),
+            spatial.traces(*physics, generated),
         ),
         illustrate(
             assets,
             "stacked",
             motion.stacked(task.arm, stacks),
             "The single long trajectories beside the short ones of the same total length",
-            interactive.stacked(task.arm, stacks),
+            spatial.stacked(task.arm, stacks),
         ),
         illustrate(
             assets,
             "snapshots",
             motion.snapshots(*physics, generated[:1]),
             "The arm's capsules along one of them",
-            interactive.snapshots(*physics, generated[:1]),
+            spatial.snapshots(*physics, generated[:1]),
         ),
     ]
     return Section("Figure 2: what the trajectories look like", pictures)
