@@ -116,17 +116,13 @@ def sensitivity(frame: pd.DataFrame, weighted: bool) -> pd.DataFrame:
     for (factor, value), row in rows.items():
         best = min(row, key=lambda name: row[name].mean())
         cells = {
-            _title(name): (f"**{_spread(row[name])}**" if name == best else _spread(row[name]))
+            tables.title(name): (f"**{_spread(row[name])}**" if name == best else _spread(row[name]))
             if name in row
             else "—"
             for name in columns
         }
         shown.append({"changed": factor, "to": value, **cells})
     return pd.DataFrame(shown).set_index("changed")
-
-
-def _title(name: str) -> str:
-    return name if name.startswith("seeds,") else tables.title(name)
 
 
 def _spread(values: pd.Series) -> str:

@@ -97,8 +97,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
     rows = {}
     for name in tables.ordered(facts["set"].unique()):
         part = facts[facts["set"] == name]
-        title = name if name.startswith("seeds") else tables.title(name)
-        rows[title] = {
+        rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby("training").covariance_norm.mean()),
             "samples": f"{part.samples.mean():.0f}",
             "paper": PAPER_NORM.get(name, "—"),
@@ -113,5 +112,5 @@ def errors(results: pd.DataFrame) -> pd.DataFrame:
         own = results[results["set"] == name]
         mean = {w: p.groupby(["training", "repeat"]).nmse.mean() for w, p in own.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
-        rows[name if name.startswith("seeds") else tables.title(name)] = row
+        rows[tables.title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

@@ -181,8 +181,9 @@ class Task:
     @property
     def density(self) -> Stamp:
         """Of the kernel density estimate of the seeds."""
-        inputs = {SEEDS: self.seeds.digest}
-        return self._stamp("density", "kde", self.cfg.discussion, inputs, ["stages.density"])
+        wanted = self.cfg.discussion
+        values = {"bandwidths": wanted.bandwidths, "draws": wanted.draws}
+        return self._stamp("density", "kde", values, self._taught(), ["stages.density"])
 
     def timing(self, name: str, training: int) -> Stamp:
         """Of a generator's measured speed."""

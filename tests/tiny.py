@@ -7,7 +7,6 @@ from sidegan.config import validate
 from sidegan.run import CONF
 
 TINY = (
-    "+experiment=exp1",
     "scale=tiny",
     "robot=planar2",
     "workspace=free",
@@ -30,7 +29,7 @@ TINY = (
 )
 
 
-def tiny(*overrides):
-    """The tiny configuration with changes."""
+def tiny(*overrides, experiment="exp1"):
+    """The tiny configuration of an experiment with changes."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        return validate(compose("config", overrides=[*TINY, *overrides]))
+        return validate(compose("config", overrides=[f"+experiment={experiment}", *TINY, *overrides]))

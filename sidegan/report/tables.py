@@ -6,6 +6,7 @@ import pandas as pd
 import pyarrow as pa
 
 _FIRST = ("random", "seeds", "vanilla", "eigen", "diagonal")
+_AGAIN = "seeds ×"  # measured so often
 _GENERATORS = {
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
@@ -28,6 +29,8 @@ def ordered(sets: Iterable[str]) -> list[str]:
     def place(name: str) -> tuple[int, int, str]:
         if name.startswith("long-"):
             return -1, int(name.removeprefix("long-")), name
+        if name.startswith(_AGAIN):
+            return _FIRST.index("seeds"), int(name.removeprefix(_AGAIN)), name
         return _FIRST.index(name) if name in _FIRST else len(_FIRST), 0, name
 
     return sorted(sets, key=place)
@@ -37,7 +40,9 @@ def title(name: str) -> str:
     """Name of a set for people."""
     if name.startswith("long-"):
         return f"single long, {name.removeprefix('long-')} harmonics"
-    return {"seeds": "seeds", "random": "random valid"}.get(name, f"seeds + {name}")
+    if name.startswith("seeds"):
+        return name
+    return "random valid" if name == "random" else f"seeds + {name}"
 
 
 def spread(values: pd.Series) -> str:
