@@ -1,0 +1,170 @@
+"""Figures of motion in space, with matplotlib: traces of the end effector, the arm's capsules on their way.
+
+Source: Jegorova et al. 2020, figure 2.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+from sidegan.report.pose import Mesh, bounds, film, tip_traces
+from sidegan.report.style import DESK, colour
+from sidegan.report.tables import title
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+
+_COLUMNS = 4
+_TIME = "viridis"
+_VIEW = {"elev": 22.0, "azim": -58.0}
+_LIGHT = np.array([0.35, -0.55, 0.76])
+_FADING = 0.16  # opacity that is left of a pose at the next one
+_FLAT = 0.93  # height of a panel over its width
+_PATH = "#b2182b"
+
+Bundles = Mapping[str, tuple[Trajectory, Tensor]]
+
+
+def traces(arm: Arm, family: Trajectory, coefficients: Tensor, desk: float | None = 0.0) -> Figure:
+    """The end effector's path along each trajectory, a panel each, dark at the start and bright at the end.
+
+    Args:
+        arm: whose.
+        family: of the trajectories.
+        coefficients: [rad/s], (B, J, H, 2).
+        desk: height [m] of the desk to draw, none when None.
+
+    Raises:
+        ShapeError: when there is no trajectory, or one does not fit the family.
+    """
+    paths = tip_traces(arm, family, coefficients)
+    columns = min(_COLUMNS, len(paths))
+    rows = -(-len(paths) // columns)
+    figure = _panels(2.7, rows, columns)
+    limits = bounds([paths], desk)
+    for k, path in enumerate(paths):
+        axis = _space(figure, (rows, columns, k + 1), limits, desk)
+        _coloured(axis, path)
+    return figure
+
+
+def stacked(arm: Arm, bundles: Bundles, desk: float | None = 0.0) -> Figure:
+    """Paths of all trajectories of each set together, a panel per set, all to one scale.
+
+    Args:
+        arm: whose.
+        bundles: family and coefficients [rad/s], (B, J, H, 2), by name of the set.
+        desk: height [m] of the desk to draw, none when None.
+
+    Raises:
+        ShapeError: when there is nothing to draw, or a trajectory does not fit its family.
+    """
+    if not bundles:
+        raise ShapeError("there are no sets to draw")
+    paths = {name: tip_traces(arm, family, c) for name, (family, c) in bundles.items()}
+    figure = _panels(3.6, 1, len(paths))
+    limits = bounds(list(paths.values()), desk)
+    for k, (name, set_) in enumerate(paths.items()):
+        axis = _space(figure, (1, len(paths), k + 1), limits, desk)
+        segments = Line3DCollection(list(set_), colors=colour(name), linewidths=0.5, alpha=0.75)
+        axis.add_collection3d(segments, autolim=False)
+        axis.set_title(f"{title(name)}\n{describe(bundles[name][0], len(set_))}", fontsize=9)
+    return figure
+
+
+def describe(family: Trajectory, number: int) -> str:
+    """Number and duration of a set's trajectories, in words."""
+    return f"{family.period:g} s" if number == 1 else f"{number} × {family.period:g} s"
+
+
+def snapshots(
+    arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6, desk: float | None = 0.0
+) -> Figure:
+    """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far.
+
+    Args:
+        arm: whose.
+        family: of the trajectory.
+        coefficients: [rad/s], (1, J, H, 2).
+        count: number of instants, spread evenly.
+        desk: height [m] of the desk to draw, none when None.
+
+    Raises:
+        ShapeError: when there is not exactly one trajectory, or it does not fit the family.
+    """
+    scene = film(arm, family, coefficients, count)
+    limits = bounds([scene.path, *(mesh.vertices for mesh in scene.meshes)], desk)
+    columns = min(count, _COLUMNS - 1)
+    rows = -(-count // columns)
+    figure = _panels(3.0, rows, columns)
+    shades = colormaps[_TIME](np.linspace(0.1, 0.8, count))[:, :3]
+    for k, time in enumerate(scene.times):
+        axis = _space(figure, (rows, columns, k + 1), limits, desk)
+        visible = [(scene.meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
+        axis.add_collection3d(_surfaces(visible), autolim=False)
+        so_far = scene.path[: 1 + round(len(scene.path) * time / family.period)]
+        axis.plot(*so_far.T, color=_PATH, linewidth=1.0, zorder=3)
+        axis.set_title(f"{time:.1f} s", fontsize=9)
+    return figure
+
+
+def _surfaces(visible: Sequence[tuple[Mesh, np.ndarray, float]]) -> Poly3DCollection:
+    """Arms (mesh, colour, opacity) as one collection, which sorts all their faces by depth."""
+    faces, paints = [], []
+    for mesh, shade, opacity in visible:
+        corners = mesh.vertices[mesh.faces]
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        bright = 0.62 + 0.38 * (normals @ _LIGHT)
+        paint = np.clip(shade * bright[:, None] + 0.12 * (bright[:, None] > 0.9), 0, 1)
+        faces.append(corners)
+        paints.append(np.concatenate([paint, np.full((len(paint), 1), opacity)], 1))
+    collection = Poly3DCollection(
+        np.concatenate(faces), facecolors=np.concatenate(paints), linewidths=0, zorder=2
+    )
+    collection.set_rasterized(True)  # thousands of faces: an SVG with each of them would be megabytes
+    return collection
+
+
+def _coloured(axis: Axes3D, path: np.ndarray) -> None:
+    """A path whose colour tells the time."""
+    shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
+    pieces = np.stack([path[:-1], path[1:]], 1)
+    axis.add_collection3d(Line3DCollection(pieces, colors=shades, linewidths=1.3, zorder=3), autolim=False)
+    axis.plot(*path[:1].T, "o", color="black", markersize=3, zorder=4)
+
+
+def _panels(size: float, rows: int, columns: int) -> Figure:
+    """A figure for square panels of this size [inch], with room for titles and labels around each."""
+    # Without automatic layout, which knows nothing of the labels of axes in space.
+    figure = Figure(figsize=(columns * size + 0.3, rows * size * _FLAT + 0.2))
+    FigureCanvasAgg(figure)
+    above, right = 0.36 / (rows * size * _FLAT), 0.5 / (columns * size)
+    figure.subplots_adjust(0.01, 0.12 / rows, 1 - right, 1 - above, wspace=0.14, hspace=0.24)
+    return figure
+
+
+def _space(figure: Figure, place: tuple[int, int, int], limits: np.ndarray, desk: float | None) -> Axes3D:
+    """Axes of equal scale [m], the desk drawn."""
+    axis: Axes3D = figure.add_subplot(*place, projection="3d", computed_zorder=False)
+    axis.view_init(**_VIEW)
+    axis.set(xlim=limits[:, 0], ylim=limits[:, 1], zlim=limits[:, 2])
+    axis.set_box_aspect(limits[1] - limits[0], zoom=1.16)
+    if desk is not None:
+        (x, y, _), (right, back, _) = limits
+        corners = [[(x, y, desk), (right, y, desk), (right, back, desk), (x, back, desk)]]
+        axis.add_collection3d(Poly3DCollection(corners, facecolors=DESK, alpha=0.25, zorder=1), autolim=False)
+    for part, name in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz"):
+        part.set_major_locator(MaxNLocator(4))
+        part.set_pane_color((1, 1, 1, 0))
+        part.set_tick_params(labelsize=6, pad=-3)
+        part.set_label_text(f"{name} [m]", fontsize=7)
+        part.labelpad = -9
+    return axis

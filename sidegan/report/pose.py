@@ -1,0 +1,108 @@
+"""Where an arm is while it moves: traces of its end effector, and its capsules as meshes."""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+from sidegan.validity.capsules import capsule_axes, place_points
+
+_RATE = 25.0  # [Hz] of a drawn trace
+_AROUND, _CAP = 14, 4  # points around a capsule, and rings on each of its half spheres
+_TINY = 1e-9  # [m] below which a capsule is a sphere
+_ROOM = 0.02  # [m] around what is drawn, at least
+
+
+class Mesh(NamedTuple):
+    """A surface: vertices [m], (V, 3), and the four vertices of every face, (F, 4)."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+class Film(NamedTuple):
+    """One trajectory: the end effector's path [m], (T, 3), and the arm at some instants [s], (N,)."""
+
+    path: np.ndarray
+    times: np.ndarray
+    meshes: list[Mesh]
+
+
+def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray:
+    """End effector's positions [m], (B, T, 3), over one period.
+
+    Raises:
+        ShapeError: when there is no trajectory, or one does not fit the family or is not finite.
+    """
+    if len(coefficients) == 0:
+        raise ShapeError("there is no trajectory to draw")
+    motion = family.roll_out(coefficients.to("cpu", torch.float64), family.times(_RATE))
+    batch, count, joints = motion.position.shape
+    q = motion.position.reshape(-1, joints).T
+    return place_points(arm, q, arm.tip[None], [arm.joints - 1])[:, 0].T.reshape(batch, count, 3).numpy()
+
+
+def film(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Film:
+    """The arm at ``count`` instants spread over one period; the ends, where it is at home, are left out.
+
+    Raises:
+        ShapeError: when there is not exactly one trajectory, it does not fit the family, or count is none.
+    """
+    if len(coefficients) != 1:
+        raise ShapeError(f"snapshots are of one trajectory, got {len(coefficients)}")
+    path = tip_traces(arm, family, coefficients)[0]
+    times = family.grid(count)
+    positions = family.derivative(coefficients.to("cpu", torch.float64), times, 0)[0]
+    return Film(path, times.numpy(), [arm_mesh(arm, q) for q in positions])
+
+
+def arm_mesh(arm: Arm, position: Tensor) -> Mesh:
+    """The capsules' surfaces at one joint position [rad or m], (J,)."""
+    a, b = (ends[..., 0].T.numpy() for ends in capsule_axes(arm, position[:, None]))
+    parts = [capsule_mesh(*capsule) for capsule in zip(a, b, arm.capsules.radius.tolist())]
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    if not parts:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 4), int))
+    faces = [part.faces + start for part, start in zip(parts, starts)]
+    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+
+
+def capsule_mesh(a: np.ndarray, b: np.ndarray, radius: float) -> Mesh:
+    """Surface of all points within ``radius`` [m] of the segment from a to b [m], (3,) each."""
+    length = np.linalg.norm(b - a)
+    along = (b - a) / length if length > _TINY else np.array([0.0, 0.0, 1.0])
+    side = np.eye(3)[np.abs(along).argmin()]
+    u = np.cross(along, side)
+    u /= np.linalg.norm(u)
+    v = np.cross(along, u)
+    tilt = np.linspace(0, np.pi / 2, _CAP + 1)
+    # Rings from the pole at a to the pole at b: a half sphere, the tube between, a half sphere.
+    centre = np.repeat([a, b], _CAP + 1, axis=0)
+    height = radius * np.concatenate([-np.cos(tilt), np.sin(tilt)])
+    width = radius * np.concatenate([np.sin(tilt), np.cos(tilt)])
+    if length <= _TINY:  # the two half spheres share their widest ring
+        centre, height, width = (np.delete(x, _CAP, axis=0) for x in (centre, height, width))
+    turn = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
+    circle = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
+    rings = centre[:, None] + height[:, None, None] * along + width[:, None, None] * circle
+    corner = np.arange(rings.shape[0] * _AROUND).reshape(rings.shape[:2])
+    after = np.roll(corner, -1, axis=1)
+    faces = np.stack([corner[:-1], after[:-1], after[1:], corner[1:]], -1)
+    return Mesh(rings.reshape(-1, 3), faces.reshape(-1, 4))
+
+
+def bounds(points: list[np.ndarray], desk: float | None) -> np.ndarray:
+    """Corners [m], (2, 3), of a box with all points (…, 3) in it, and with the arm's foot on the desk."""
+    flat = np.concatenate([x.reshape(-1, 3) for x in points])
+    if desk is not None:
+        flat = np.vstack([flat, [0.0, 0.0, desk]])
+    low, high = flat.min(0), flat.max(0)
+    room = np.maximum(0.04 * (high - low).max(), _ROOM)
+    low, high = low - room, high + room
+    if desk is not None and low[2] > desk - 2 * room:
+        low[2] = desk  # nothing worth showing is below: the desk is the floor of the picture
+    return np.stack([low, high])

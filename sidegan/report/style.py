@@ -1,0 +1,55 @@
+"""Colours and words that the figures and pages share."""
+
+from collections.abc import Iterable
+
+from sidegan.report.tables import ordered
+
+PANELS = {
+    "success": ("success rate", False),
+    "condition": ("median cond(YᵀY)", True),
+    "distance": ("mean distance of coefficients", False),
+    "rank": ("effective rank of coefficients", False),
+    "nearest": ("nearest distance", False),
+    "distance_diagonal": ("mean distance of diag(YᵀY)", False),
+}
+# Told apart on white and on dark pages, and by people who see red and green alike.
+_COLOURS = {
+    "vanilla": "#7f7f7f",
+    "eigen": "#1f77b4",
+    "diagonal": "#d95f02",
+    "seeds": "#7b4fb5",
+    "union": "#d4a200",
+    "random": "#4d9221",
+    "long-6": "#b2182b",
+    "ours": "#1f77b4",
+    "paper": "#a08f7c",
+}
+_LONG = "#ef8a62"
+_PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")
+DESK = "#b59b7c"
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """Colours of groups, in the order to draw them: sets as everywhere else, others from a palette."""
+    names = list(dict.fromkeys(names))
+    if all(name in _COLOURS or name.startswith("long-") for name in names):
+        return {name: colour(name) for name in ordered(names)}
+    return {name: _PALETTE[i % len(_PALETTE)] for i, name in enumerate(names)}
+
+
+def colour(name: str) -> str:
+    """Colour of a set, the same in every figure."""
+    return _COLOURS.get(name, _LONG if name.startswith("long-") else _COLOURS["random"])
+
+
+def lighter(shade: str, opacity: float) -> str:
+    """A colour ``#rrggbb`` as ``rgba(…)``."""
+    red, green, blue = (int(shade[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red}, {green}, {blue}, {opacity:g})"
+
+
+def seconds(duration: float) -> str:
+    """A duration in the unit that people would say: ``1.4 ms``, ``6 min``, ``14 h``."""
+    units = (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3))
+    unit, size = next(((unit, size) for unit, size in units if duration >= size), ("µs", 1e-6))
+    return f"{duration / size:.3g} {unit}"
