@@ -26,6 +26,13 @@ def errors(task: Task) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True).assign(seed=task.cfg.seed)
 
 
+def plant(task: Task) -> pd.DataFrame:
+    """NMSE of every excitation set as executed on the plant, by set, training, repeat, weighted, joint."""
+    folders = [task.store.require(task.plant(*one)) for one in task.sets()]
+    found = [pd.read_parquet(folder / RESULTS) for folder in folders]
+    return pd.concat(found, ignore_index=True).assign(seed=task.cfg.seed)
+
+
 def histories(task: Task) -> dict[str, list[History]]:
     """Metrics after every epoch of every training of each variant."""
     return {
@@ -61,6 +68,11 @@ class Evidence:
     def errors(self) -> pd.DataFrame:
         """NMSE and facts of the excitation sets of experiment 1."""
         return errors(self.task)
+
+    @cached_property
+    def plant(self) -> pd.DataFrame:
+        """NMSE of the excitation sets as executed on the MuJoCo plant."""
+        return plant(self.task)
 
     @cached_property
     def histories(self) -> dict[str, list[History]]:

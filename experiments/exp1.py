@@ -16,12 +16,16 @@ from sidegan.report.export import publish, show, write_table
 from sidegan.storage import write_parquet
 from sidegan.tracking import Tracker
 
-SIMULATOR, WEIGHTED, PLANT = "Simulator", "Simulator, weighted RLS", "Real robot"
+SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
+PLANT, PLANT_WEIGHTED = "MuJoCo plant", "MuJoCo plant, weighted"
 PAPER_ROWS = {
     "Paper, simulator": {"long": "0.2248 ± 0.056", "seeds": "0.0063 ± 0.002", "generated": "0.0028 ± 0.001"},
     "Paper, real robot": {"long": "8.509 ± 9.906", "seeds": "0.0239 ± 0.017", "generated": "0.0210 ± 0.016"},
 }
-RAW = "exp1.parquet"
+RAW, RAW_PLANT = "exp1.parquet", "plant.parquet"
+
+
+_KEYS = ["seed", "set", "training", "repeat", "weighted", "joint"]
 
 
 @dataclass(frozen=True)
@@ -30,12 +34,14 @@ class Material:
 
     Attributes:
         raw: nMSE and facts by set, training, repeat, weighted, joint.
+        plant: the same nMSE from what was executed on the MuJoCo plant.
         histories: metrics after every epoch, by variant, one list for each training.
         generators: validity, fitness and diversity of the seeds and of every generator, a row each.
         config: the run's configuration.
     """
 
     raw: pd.DataFrame
+    plant: pd.DataFrame
     histories: dict[str, list[list[dict[str, float | None]]]]
     generators: pd.DataFrame
     config: Config
@@ -43,19 +49,26 @@ class Material:
 
 def collect(task: Task) -> Material:
     """Everything that the table needs, from the artifacts."""
-    return Material(artifacts.errors(task), artifacts.histories(task), artifacts.generators(task), task.cfg)
+    return Material(
+        artifacts.errors(task),
+        artifacts.plant(task),
+        artifacts.histories(task),
+        artifacts.generators(task),
+        task.cfg,
+    )
 
 
 def present(material: Material, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Table I, what stands behind it, and its figures."""
     config, raw = material.config, material.raw
     write_parquet(folder / RAW, tables.arrow(raw))
+    write_parquet(folder / RAW_PLANT, tables.arrow(material.plant))
     trainings = len(config.trainings)
     over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
     over += f" and {trainings} trainings" if trainings > 1 else ""
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
     made = {
-        "table1": (table1(raw, ["training", "repeat"]), caption),
+        "table1": (table1(raw, material.plant, ["training", "repeat"]), caption),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(material.generators), "Seeds and generators, true physics"),
@@ -71,15 +84,19 @@ def present(material: Material, folder: Path, tracker: Tracker) -> None:
             tracker.log_artifact(path, "figures")
 
 
-def table1(raw: pd.DataFrame, over: list[str]) -> pd.DataFrame:
+def table1(raw: pd.DataFrame, plant: pd.DataFrame, over: list[str]) -> pd.DataFrame:
     """Table I with the paper's rows beside ours; the spread is taken over the columns ``over``."""
     rows = {}
-    for label, weighted in ((SIMULATOR, False), (WEIGHTED, True)):
-        part = raw[raw.weighted == weighted]
+    for label, frame, weighted in (
+        (SIMULATOR, raw, False),
+        (WEIGHTED, raw, True),
+        (PLANT, plant, False),
+        (PLANT_WEIGHTED, plant, True),
+    ):
+        part = frame[frame.weighted == weighted]
         means = part.groupby(["set", *over]).nmse.mean().groupby("set")
         rows[label] = {name: tables.spread(group) for name, group in means}
     columns = tables.ordered(raw["set"].unique())
-    rows[PLANT] = dict.fromkeys(columns, "—")
     for label, paper in PAPER_ROWS.items():
         rows[label] = {name: paper.get(_kind(name), "—") for name in columns}
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
@@ -96,11 +113,14 @@ def _kind(name: str) -> str:
 
 def aggregate(folders: list[Path], sweep: Path) -> pd.DataFrame | None:
     """Table I over all jobs of a sweep: mean ± standard deviation over the seeds of the whole experiment."""
-    found = [pd.read_parquet(folder / RAW) for folder in folders if (folder / RAW).exists()]
-    if not found:
+    whole = [folder for folder in folders if (folder / RAW).exists() and (folder / RAW_PLANT).exists()]
+    if not whole:
         return None
-    raw = pd.concat(found).drop_duplicates(["seed", "set", "training", "repeat", "weighted", "joint"])
-    table = table1(raw, ["seed"])
+    raw, plant = (
+        pd.concat([pd.read_parquet(folder / name) for folder in whole]).drop_duplicates(_KEYS)
+        for name in (RAW, RAW_PLANT)
+    )
+    table = table1(raw, plant, ["seed"])
     caption = (
         f"Table I over {raw.seed.nunique()} seeds of the whole experiment: nMSE, mean ± standard deviation"
     )

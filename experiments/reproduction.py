@@ -139,7 +139,7 @@ def _table1(evidence: Evidence, assets: Path) -> Section:
             _table(
                 assets,
                 "table1",
-                exp1.table1(raw, over),
+                exp1.table1(raw, evidence.plant, over),
                 "nMSE of torque prediction, mean over joints ± standard deviation over noise draws and "
                 "trainings",
             ),

@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.errors import ConfigError
-from sidegan.typed import Bound, Count, Natural, NonNegative, Positive, build
+from sidegan.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
 
 Vector = tuple[float, float, float]
 
@@ -239,6 +239,23 @@ class Identification:
 
 
 @dataclass(frozen=True)
+class Plant:
+    """The arm in MuJoCo; a list holds a value per joint, or one for all."""
+
+    rate: Positive  # [Hz]
+    viscous: list[NonNegative]
+    coulomb: list[NonNegative]
+    rotor_inertia: list[NonNegative]
+    bandwidth: list[Positive]  # [Hz]
+    damping_ratio: list[Positive]
+    feed_forward: Share
+    tolerance: Positive
+    encoder_resolution: list[NonNegative]
+    torque_noise: list[NonNegative]
+    torque_bias: list[float]
+
+
+@dataclass(frozen=True)
 class Replication:
     """Whole sets measured with noise on everything, the seeds several times over."""
 
@@ -318,6 +335,7 @@ class Config:
     selection: Selection
     long: Long
     identification: Identification
+    plant: Plant
     replication: Replication
     kinds: dict[str, Seeds]  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity

@@ -194,6 +194,17 @@ class Task:
         """The training that a set depends on, if it depends on one."""
         return None if name in (RANDOM, SEEDS) or name.startswith(LONG) else training
 
+    def plant(self, name: str, training: int) -> Stamp:
+        """Of the identification from one set that was executed on the plant."""
+        if name.startswith(LONG):
+            inputs = {"long": self.long(int(name.removeprefix(LONG))).digest}
+        else:
+            inputs = {"selection": self.selection(name, training).digest}
+        values = {**asdict(self.cfg.plant), "tests": self.cfg.identification.tests}
+        values["repeats"] = self.cfg.replication.repeats
+        code = ["plant", "recording", "identification.estimate", "identification.model", "stages.plant"]
+        return self._stamp("plant", name, values, inputs, code, self._trained(name, training))
+
     def _taught(self) -> dict[str, str]:
         """What surrogates and generators learn from."""
         known = {"seeds": self.seeds.digest}

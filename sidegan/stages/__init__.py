@@ -19,6 +19,7 @@ _NAMES = (
     "long",
     "selection",
     "identification",
+    "plant",
     "replication",
     "kinds",
     "sensitivity",

@@ -30,18 +30,20 @@ def facts(repeats=2):
 
 def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
     base = {"eigen": 1.0, "long-6": 3.0, "seeds": 2.0}
-    table = exp1.table1(results(lambda name, repeat: base[name] + 2 * repeat), ["repeat"])
+    raw = results(lambda name, repeat: base[name] + 2 * repeat)
+    table = exp1.table1(raw, raw.assign(nmse=raw.nmse * 10), ["repeat"])
     assert list(table.columns) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
     assert table.loc[exp1.SIMULATOR].tolist() == ["4 ± 1.4", "3 ± 1.4", "2 ± 1.4"]
     assert table.loc[exp1.WEIGHTED].tolist() == ["16 ± 5.7", "12 ± 5.7", "8 ± 5.7"]
-    assert table.loc[exp1.PLANT].tolist() == ["—"] * 3
+    assert table.loc[exp1.PLANT].tolist() == ["40 ± 14", "30 ± 14", "20 ± 14"]
     assert table.loc["Paper, simulator"].tolist() == ["0.2248 ± 0.056", "0.0063 ± 0.002", "0.0028 ± 0.001"]
     assert table.loc["Paper, real robot"].tolist() == ["8.509 ± 9.906", "0.0239 ± 0.017", "0.0210 ± 0.016"]
     assert list(table.index)[:3] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.PLANT]
 
 
 def test_what_was_not_identified_with_weights_shows_no_number():
-    table = exp1.table1(results(lambda name, repeat: 1.0, weighted=(False,)), ["repeat"])
+    raw = results(lambda name, repeat: 1.0, weighted=(False,))
+    table = exp1.table1(raw, raw, ["repeat"])
     assert table.loc[exp1.SIMULATOR].tolist() == ["1 ± 0"] * 3
     if exp1.WEIGHTED in table.index:
         assert table.loc[exp1.WEIGHTED].tolist() == ["—"] * 3
@@ -53,6 +55,7 @@ def test_a_sweep_is_mean_and_deviation_over_seeds(tmp_path, capsys):
         folder = tmp_path / f"job{seed}"
         raw = results(lambda name, repeat, size=size: size + repeat)  # means: 1.5 and 3.5
         write_parquet(folder / exp1.RAW, tables.arrow(raw.assign(seed=seed).merge(facts())))
+        write_parquet(folder / exp1.RAW_PLANT, tables.arrow(raw.assign(seed=seed)))
         folders.append(folder)
     table = exp1.aggregate([*folders, folders[0], tmp_path / "failed"], tmp_path / "sweep")
     assert table.loc[exp1.SIMULATOR].tolist() == ["2.5 ± 1.4"] * 3
@@ -74,6 +77,7 @@ def material():
     rows = [{"name": "seeds", "valid": 1.0, **row}, {"name": "eigen", "valid_share": 0.6, **row}]
     return exp1.Material(
         raw=results(lambda name, repeat: 1.0 + repeat).merge(facts()).assign(seed=5),
+        plant=results(lambda name, repeat: 2.0).assign(seed=5),
         histories={"eigen": [[row, row]]},
         generators=pd.DataFrame(rows),
         config=tiny("seed=5"),
@@ -97,13 +101,16 @@ def test_everything_is_printed_written_and_recorded(material, tmp_path, capsys):
     exp1.present(material, tmp_path, Recorder())
     names = ["table1", "joints", "sets", "generators"]
     expected = {f"{name}{end}" for name in names for end in (".csv", ".md")}
-    expected |= {f"{name}{end}" for name in ("training", "nmse") for end in (".png", ".svg")} | {exp1.RAW}
+    expected |= {f"{name}{end}" for name in ("training", "nmse") for end in (".png", ".svg")}
+    expected |= {exp1.RAW, exp1.RAW_PLANT}
     assert {path.name for path in tmp_path.iterdir()} == expected
     assert set(names) <= set(recorded)
-    assert {name.split("/")[1] for name in recorded if "/" in name} == expected - {exp1.RAW}
+    assert {name.split("/")[1] for name in recorded if "/" in name} == expected - {exp1.RAW, exp1.RAW_PLANT}
     out = capsys.readouterr().out
     for text in ("Table I", "seed 5", "seeds + eigen", "1.5 ± 0.71", "0.2248 ± 0.056", "duration [s]"):
         assert text in out, text
     raw = pd.read_parquet(tmp_path / exp1.RAW)
     assert set(raw.seed) == {5} and len(raw) == len(material.raw)
-    pd.testing.assert_frame_equal(exp1.aggregate([tmp_path], tmp_path), exp1.table1(raw, ["seed"]))
+    pd.testing.assert_frame_equal(
+        exp1.aggregate([tmp_path], tmp_path), exp1.table1(raw, material.plant, ["seed"])
+    )
