@@ -26,6 +26,8 @@ _NAMES = (
     "density",
     "ablation",
     "timing",
+    "check",
+    "identify",
     "table",
 )
 
