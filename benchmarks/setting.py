@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from sidegan.dynamics import RigidBody
+from sidegan.gan.variants import Variant
 from sidegan.robot import Arm, load_robot
 from sidegan.seeds.problem import SeedProblem
 from sidegan.trajectory import Trajectory
@@ -22,10 +23,12 @@ class Setting:
     Attributes:
         quick: a tenth of the work: whether everything runs, not how fast it is.
         repeats: timed runs of each benchmark.
+        seeds: how many seeds are optimised.
     """
 
     quick: bool = False
     repeats: int = 5
+    seeds: int = 50
     trajectory: Trajectory = field(default_factory=lambda: Trajectory(7))
 
     def size(self, full: int) -> int:
@@ -41,6 +44,19 @@ class Setting:
     def constraints(self) -> Constraints:
         """The arm 10 cm above its desk."""
         return Constraints(self.arm, [Plane((0.0, 0.0, 1.0), 0.10)])
+
+    def variants(self) -> dict[str, Variant]:
+        """The SIDE-GAN variants of the paper's first experiment, with its schedule."""
+        from hydra import compose, initialize_config_dir
+
+        from sidegan import callbacks  # noqa: F401 - registers what the paths in conf/ use
+        from sidegan.config import validate
+        from sidegan.plan import variant
+        from sidegan.run import CONF
+
+        with initialize_config_dir(str(CONF), version_base="1.3"):
+            cfg = validate(compose("config", overrides=["+experiment=exp1", "scale=paper"]))
+        return {name: variant(name, settings) for name, settings in cfg.gan.items()}
 
     @property
     def body(self) -> RigidBody:

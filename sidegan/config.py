@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from sidegan.config_identify import Identify, Model, Recording, check_files
 from sidegan.errors import ConfigError
 from sidegan.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
 
@@ -60,6 +61,7 @@ class Robot:
     """Which arm: the name of a built-in one, or the path of a URDF."""
 
     name: str
+    gains: list[float] | None  # of the drives, motor current to joint torque [N·m/A]
 
 
 @dataclass(frozen=True)
@@ -341,6 +343,11 @@ class Config:
     sensitivity: Sensitivity
     discussion: Discussion
     ablation: dict[str, GanVariant]  # variants that show what each part of the recipe does
+    recordings: list[str]  # files to identify from
+    validation: list[str]  # files that are held out
+    recording: Recording
+    model: Model
+    identify: Identify
     tracking: Tracking
     parallel: Parallel
 
@@ -365,6 +372,7 @@ class Config:
             raise ConfigError(
                 "replication adds sums that have no order in time: identification.forgetting must be 1"
             )
+        check_files(self.recordings, self.validation)
         self._check_rates()
         self._check_counts()
 

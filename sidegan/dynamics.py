@@ -1,12 +1,13 @@
 """Rigid-body dynamics in torch: regressor, torque, base parameters and Gram matrix, batched.
 
 Everything runs over N states at once with the states in the last, contiguous dimension: vectors are
-(3, N) and joint-wise stacks (3, K, N). Link frames follow the arm's joint frames.
+(3, N) and joint-wise stacks (3, K, N). Link frames follow the arm's joint frames. On processors and in
+float64, compiled kernels do the same work faster where they can be had (``sidegan.kernels``).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import torch
@@ -14,11 +15,14 @@ from scipy.linalg import qr
 from torch import Tensor
 
 from sidegan.errors import RobotError, ShapeError
+from sidegan.kernels import tensors as kernels
+from sidegan.kernels.chain import Chain
 from sidegan.robot import Arm
 from sidegan.trajectory import Trajectory
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _VALUES_AT_ONCE = 4_000_000  # of the full regressor: 32 MB, and four times that in intermediate results
+_STATES_IN_CACHE = 2_000  # of compiled kernels: their regressor stays near the processor
 _RANK_TOLERANCE = 1e-9  # relative; rounding noise sits near 1e-15, the weakest true direction near 1e-3
 
 
@@ -62,6 +66,11 @@ class RigidBody:
         """Base parameters of the arm, from the regressor over random states."""
         return _base_parameters(self)
 
+    @cached_property
+    def chain(self) -> Chain:
+        """The arm as compiled kernels take it."""
+        return Chain.of(self.arm)
+
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
         """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m].
 
@@ -96,7 +105,7 @@ class RigidBody:
         Raises:
             ShapeError: when a shape does not fit the arm.
         """
-        states = self._states(q, dq, ddq)
+        self._check(q, dq, ddq)
         if parameters is None:
             parameters = self.arm.inertial_parameters
         full = 10 * self.joints
@@ -105,25 +114,64 @@ class RigidBody:
                 f"parameters are {tuple(parameters.shape)}, expected ({self.joints}, 10), ({full},) or "
                 f"{(*q.shape[:-1], full)}"
             )
-        v = parameters.to(q.device, q.dtype).reshape(-1, full).T.reshape(self.joints, 10, 1, -1)
-        return self._torque(*states, v)[:, 0].T.reshape(q.shape)
+        v = parameters.to(q.device, q.dtype)
+        if v.ndim <= 2 and v.numel() == full and q.ndim > 1:  # one set for all states
+            q_all, dq_all, ddq_all = (x.reshape(1, -1, self.joints) for x in (q, dq, ddq))
+            return self.torques_of(q_all, dq_all, ddq_all, v.reshape(1, 1, full)).reshape(q.shape)
+        v = v.reshape(-1, full).T.reshape(self.joints, 10, 1, -1)
+        return self._torque(*self._states(q, dq, ddq), v)[:, 0].T.reshape(q.shape)
 
     def torques_of(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor) -> Tensor:
         """Regressor times several parameter sets, (B, K, T, J), of states (B, T, J) and sets (B, K, 10 J).
 
         This is Y v for the K vectors v of each trajectory, at the cost of inverse dynamics.
         """
+        self._check(q, dq, ddq)
+
+        def plain(q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+            return self._torques_of(q, dq, ddq, parameters)
+
+        if not parameters.requires_grad and kernels.usable(q, dq, ddq, parameters):
+            return kernels.torques(self.chain, (q, dq, ddq), parameters, plain)
+        return plain(q, dq, ddq)
+
+    def _torques_of(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor) -> Tensor:
         batch, count, joints = q.shape
         sets = parameters.shape[1]
         v = parameters.permute(2, 1, 0).reshape(joints, 10, sets, batch, 1)
-        v = v.expand(joints, 10, sets, batch, count).reshape(joints, 10, sets, -1)
+        if batch > 1:
+            v = v.expand(joints, 10, sets, batch, count)
+        v = v.reshape(joints, 10, sets, -1)
         tau = self._torque(*self._states(q, dq, ddq), v)
         return tau.reshape(joints, sets, batch, count).permute(2, 1, 3, 0)
 
-    def _states(self, q: Tensor, dq: Tensor, ddq: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def energy_slopes(
+        self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor, weights: Tensor
+    ) -> list[Tensor]:
+        """Gradients in q, dq and ddq, (B, T, J) each, of Σ weight · |Y v|² over K vectors v and time.
+
+        Args:
+            q: joint position, (B, T, J).
+            dq: joint velocity, (B, T, J).
+            ddq: joint acceleration, (B, T, J).
+            parameters: the vectors v, (B, K, 10 J).
+            weights: (B, K).
+        """
+        self._check(q, dq, ddq)
+        if kernels.usable(q, dq, ddq, parameters, weights):
+            return kernels.energy_slopes(self.chain, (q, dq, ddq), parameters, weights)
+        with torch.enable_grad():
+            q, dq, ddq = (x.detach().requires_grad_(True) for x in (q, dq, ddq))
+            energy = (self.torques_of(q, dq, ddq, parameters) ** 2).sum((2, 3))
+            return list(torch.autograd.grad((weights * energy).sum(), (q, dq, ddq)))
+
+    def _check(self, q: Tensor, dq: Tensor, ddq: Tensor) -> None:
         for name, x in (("position", q), ("velocity", dq), ("acceleration", ddq)):
             if x.shape != q.shape or x.shape[-1:] != (self.joints,):
                 raise ShapeError(f"{name} is {tuple(x.shape)}, expected (…, {self.joints}), all three alike")
+
+    def _states(self, q: Tensor, dq: Tensor, ddq: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        self._check(q, dq, ddq)
         q, dq, ddq = (x.reshape(-1, self.joints).T.contiguous() for x in (q, dq, ddq))
         return q, dq, ddq
 
@@ -213,21 +261,24 @@ def joint_placement(arm: Arm, i: int, q: Tensor) -> tuple[Tensor, Tensor, Tensor
 
 def cross(a: Tensor, b: Tensor) -> Tensor:
     """Cross product over the leading dimension, (3, …)."""
-    return torch.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
-    )
+    # Here and below: the gradient of one unbind is one stack, that of nine selections is nine full arrays.
+    (a0, a1, a2), (b0, b1, b2) = a.unbind(), b.unbind()
+    return torch.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def unrotate(turn: Tensor, x: Tensor) -> Tensor:
     """Vectors (3, …, N) of the child's frame, in the parent's."""
-    rows = [turn[r, 0] * x[0] + turn[r, 1] * x[1] + turn[r, 2] * x[2] for r in range(3)]
-    return torch.stack(rows)
+    x0, x1, x2 = x.unbind()
+    return torch.stack(
+        [r0 * x0 + r1 * x1 + r2 * x2 for r0, r1, r2 in (row.unbind() for row in turn.unbind())]
+    )
 
 
 def rotate(turn: Tensor, x: Tensor) -> Tensor:
     """Vectors (3, …, N) of the parent's frame, in the child's."""
-    rows = [turn[0, r] * x[0] + turn[1, r] * x[1] + turn[2, r] * x[2] for r in range(3)]
-    return torch.stack(rows)
+    x0, x1, x2 = x.unbind()
+    rows = (row.unbind() for row in turn.unbind())
+    return torch.stack([r0 * x0 + r1 * x1 + r2 * x2 for r0, r1, r2 in zip(*rows)])
 
 
 def _inertia_columns(u: Tensor, v: Tensor) -> list[Tensor]:
@@ -335,7 +386,10 @@ def gram(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) 
         ShapeError: when the coefficients fit neither the trajectory nor the arm, or are not finite.
     """
     times = trajectory.grid(samples)
-    batch = max(1, _states_at_once(body) // samples)
+    most = _states_at_once(body)
+    if kernels.usable(c):
+        most = min(most, _STATES_IN_CACHE * torch.get_num_threads())
+    batch = max(1, most // samples)
     pieces = [_gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in c.split(batch)]
     return torch.cat(pieces)
 
@@ -345,11 +399,19 @@ def _states_at_once(body: RigidBody) -> int:
 
 
 def _gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-    batch, count, joints = q.shape
+    count = q.shape[1]
     most = _states_at_once(body)
     if count > most:
         parts = zip(*(x.split(most, 1) for x in (q, dq, ddq)))
         return torch.stack([_gram_of(body, *part) * part[0].shape[1] for part in parts]).sum(0) / count
+    if kernels.usable(q, dq, ddq):
+        body._check(q, dq, ddq)
+        return kernels.gram(body.chain, body.base.columns, (q, dq, ddq), partial(_plain_gram, body))
+    return _plain_gram(body, q, dq, ddq)
+
+
+def _plain_gram(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    batch, count, joints = q.shape
     columns = body.base.columns.to(q.device)
     y = body._regressor(*body._states(q, dq, ddq))[:, columns]
     y = y.reshape(joints, len(columns), batch, count).permute(2, 1, 0, 3).flatten(2)

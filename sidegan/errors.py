@@ -17,6 +17,10 @@ class ShapeError(SideganError):
     """An array has the wrong shape, holds non-finite numbers, or does not fit the robot."""
 
 
+class RecordingError(SideganError):
+    """A recording is missing, malformed, in other units than declared, or tells nothing about the arm."""
+
+
 class InfeasibleError(SideganError):
     """A requirement cannot be met: a home in collision, a start that never becomes valid."""
 

@@ -1,5 +1,9 @@
 """The greedy pick of the most informative trajectories of a library."""
 
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate
+
 import torch
 from torch import Tensor
 
@@ -23,20 +27,38 @@ def greedy(diagonals: Tensor, count: int) -> Tensor:
 
     Source: the SIDE-GAN paper, Exp 1, equations for g, f and d.
     """
-    _check(diagonals, count)
-    excitation = diagonals.sum(1)
-    chosen = torch.zeros(len(diagonals), dtype=torch.bool, device=diagonals.device)
-    previous = torch.zeros_like(diagonals[:1])
+    return greedy_in_parts([diagonals], count)
+
+
+def greedy_in_parts(parts: Sequence[Tensor], count: int) -> Tensor:
+    """The same indices as ``greedy`` of all parts laid end to end, (count,), one part in memory at a time.
+
+    Each choice reads every part once, and one of them again; what stays is two numbers per trajectory.
+
+    Args:
+        parts: diagonals, (N_k, p) each; may be read from a file when they are asked for, the same each time.
+        count: how many to choose.
+
+    Raises:
+        ShapeError: when a part is not a finite, non-negative (N_k, p), or ``count`` is not in 1 … N.
+    """
+    sums = _excitation(parts, count)
+    starts = [0, *accumulate(len(part) for part in sums)]
+    excitation = torch.cat(sums)
+    chosen = torch.zeros(len(excitation), dtype=torch.bool, device=excitation.device)
+    previous = parts[0].new_zeros(1, parts[0].shape[1])
     order = []
     for _ in range(count):
         # Not by inner products: their cancellation would decide between near neighbours.
-        distance = torch.cdist(diagonals, previous, compute_mode="donot_use_mm_for_euclid_dist")[:, 0]
-        score = _share(distance, chosen) + _share(excitation, chosen)
-        best = score.masked_fill_(chosen, -1.0).argmax()
+        exact = "donot_use_mm_for_euclid_dist"
+        reach = [torch.cdist(parts[k], previous, compute_mode=exact)[:, 0] for k in range(len(parts))]
+        score = _share(torch.cat(reach), chosen) + _share(excitation, chosen)
+        best = int(score.masked_fill_(chosen, -1.0).argmax())
         chosen[best] = True
-        previous = diagonals[best][None]
+        part = bisect_right(starts, best) - 1
+        previous = parts[part][best - starts[part]][None]
         order.append(best)
-    return torch.stack(order)
+    return torch.tensor(order, device=excitation.device)
 
 
 def _share(x: Tensor, chosen: Tensor) -> Tensor:
@@ -45,11 +67,20 @@ def _share(x: Tensor, chosen: Tensor) -> Tensor:
     return torch.where(largest > 0, x / largest, torch.zeros_like(x))
 
 
-def _check(diagonals: Tensor, count: int) -> None:
-    if diagonals.ndim != 2 or diagonals.shape[1] == 0:
-        raise ShapeError(f"diagonals are {tuple(diagonals.shape)}, expected (N, p)")
-    if not 1 <= count <= len(diagonals):
-        raise ShapeError(f"cannot choose {count} of {len(diagonals)} trajectories")
-    bad = ~(torch.isfinite(diagonals) & (diagonals >= 0)).all(1)
-    if bad.any():
-        raise ShapeError(f"the diagonal of trajectory {int(bad.nonzero()[0])} is not finite and non-negative")
+def _excitation(parts: Sequence[Tensor], count: int) -> list[Tensor]:
+    """Sum of each diagonal, (N_k,) of each part, after a look at their shapes and values."""
+    sums: list[Tensor] = []
+    known = 0
+    for k in range(len(parts)):
+        part = parts[k]
+        if part.ndim != 2 or part.shape[1] == 0:
+            raise ShapeError(f"diagonals are {tuple(part.shape)}, expected (N, p)")
+        bad = ~(torch.isfinite(part) & (part >= 0)).all(1)
+        if bad.any():
+            first = known + int(bad.nonzero()[0])
+            raise ShapeError(f"the diagonal of trajectory {first} is not finite and non-negative")
+        sums.append(part.sum(1))
+        known += len(part)
+    if not 1 <= count <= known:
+        raise ShapeError(f"cannot choose {count} of {known} trajectories")
+    return sums

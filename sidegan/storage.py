@@ -9,10 +9,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sidegan.errors import ArtifactError, ShapeError, StorageError
+from sidegan.errors import ArtifactError, ShapeError, SideganError, StorageError
 
 if TYPE_CHECKING:  # pyarrow and torch are slow to import, and `--help` must not wait for them
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 
 @contextmanager
@@ -119,16 +120,29 @@ def read_parquet(path: Path) -> "pa.Table":
     Raises:
         ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
     """
+    with opened_parquet(path) as file:
+        return file.read()
+
+
+@contextmanager
+def opened_parquet(path: Path) -> "Iterator[pq.ParquetFile]":
+    """A Parquet file to read parts of, its page checksums verified where it has them.
+
+    Raises:
+        ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
+    """
     import pyarrow.parquet as pq
 
     with _reading(path, "Parquet"), pq.ParquetFile(path, page_checksum_verification=True) as file:
-        return file.read()
+        yield file
 
 
 @contextmanager
 def _reading(path: Path, kind: str) -> Iterator[None]:
     try:
         yield
+    except SideganError:  # of what was read, told by its reader
+        raise
     except FileNotFoundError as error:
         raise ArtifactError(f"there is no file {path}") from error
     except Exception as error:  # readers answer a foreign file with anything, a KeyError for instance

@@ -41,6 +41,16 @@ def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
     return arm, _model(arm)
 
 
+def real_links(joints: int, seed: int) -> Tensor:
+    """Inertial parameters, (joints, 10), of links that are made of masses at points: they can exist."""
+    random = np.random.default_rng([joints, seed])
+    links = []
+    for _ in range(joints):
+        points = zip(random.uniform(0.1, 1.0, 6), random.uniform(-0.3, 0.3, (6, 3)))
+        links.append(sum(pin.Inertia(m, p, np.zeros((3, 3))).toDynamicParameters() for m, p in points))
+    return torch.from_numpy(np.stack(links))
+
+
 def random_states(arm: Arm, count: int, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
     """Positions and velocities within the limits and accelerations within ±5, (count, J) each."""
     generator = torch.Generator().manual_seed(seed)

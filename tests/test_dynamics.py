@@ -199,6 +199,8 @@ def test_gram_does_not_depend_on_its_chunks(arm: Arm, states: int, monkeypatch: 
         return RigidBody._regressor(body, q, dq, ddq)
 
     monkeypatch.setattr(dynamics, "_VALUES_AT_ONCE", states * 10 * 7**2)
+    torch.testing.assert_close(gram(body, trajectory, c, 30), whole, atol=1e-11, rtol=1e-11)
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
     monkeypatch.setattr(body, "_regressor", watched)
     torch.testing.assert_close(gram(body, trajectory, c, 30), whole, atol=1e-11, rtol=1e-11)
     assert max(sizes) <= states and sum(sizes) == 5 * 30

@@ -27,15 +27,18 @@ class Measurements:
         velocity: [rad/s or m/s].
         acceleration: [rad/s² or m/s²].
         torque: [N·m or N].
+        sign: smooth sign of the velocity after the low-pass that torque went through, for Coulomb friction: a
+            sign that jumps does not explain a torque that cannot. None takes it from the velocity.
 
     Raises:
-        ShapeError: when the four are not alike, not (S, J), or not finite.
+        ShapeError: when they are not alike, not (S, J), or not finite.
     """
 
     position: Tensor
     velocity: Tensor
     acceleration: Tensor
     torque: Tensor
+    sign: Tensor | None = None
 
     def __post_init__(self) -> None:
         for name, x in self._named():
@@ -63,14 +66,26 @@ class Measurements:
         """Position, velocity and acceleration."""
         return self.position, self.velocity, self.acceleration
 
+    @property
+    def inputs(self) -> tuple[Tensor, ...]:
+        """What a model's regressor is of: the states, and the sign where there is one."""
+        return self.states if self.sign is None else (*self.states, self.sign)
+
+    def copy(self) -> "Measurements":
+        """The same in memory of their own, so that what they were cut from can go."""
+        return Measurements(*(x.clone() for _, x in self._named()))
+
     def append(self, other: "Measurements") -> "Measurements":
         """These samples followed by ``other``'s."""
         if self.joints != other.joints:
             raise ShapeError(f"measurements of {self.joints} and of {other.joints} joints cannot be joined")
+        if (self.sign is None) != (other.sign is None):
+            raise ShapeError("measurements with and without a sign cannot be joined")
         return Measurements(*(torch.cat([x, y]) for (_, x), (_, y) in zip(self._named(), other._named())))
 
     def _named(self) -> list[tuple[str, Tensor]]:
-        return [(field.name, getattr(self, field.name)) for field in fields(self)]
+        named = [(field.name, getattr(self, field.name)) for field in fields(self)]
+        return [(name, x) for name, x in named if x is not None]
 
 
 def chunks(measurements: Measurements | Iterable[Measurements], samples: int) -> Iterator[Measurements]:

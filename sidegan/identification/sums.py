@@ -1,4 +1,4 @@
-"""Least squares on sums: what samples tell about linear parameters, in memory that does not grow with them."""
+"""Least squares on sums: what samples tell about linear parameters, in bounded memory."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,7 @@ from torch import Tensor
 
 from sidegan.errors import ShapeError
 
+_CONSTANT = 1e-13  # of the mean square: a smaller variance is rounding
 _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
 
 
@@ -17,12 +18,14 @@ class Sums(NamedTuple):
         information: Σ Y_jᵀ Y_j, (J, P, P).
         moment: Σ Y_jᵀ τ_j, (J, P).
         energy: Σ τ_j², (J,).
+        total: Σ τ_j, (J,).
         weight: number of samples, each less by its age, ().
     """
 
     information: Tensor
     moment: Tensor
     energy: Tensor
+    total: Tensor
     weight: Tensor
 
     def plus(self, other: "Sums") -> "Sums":
@@ -41,6 +44,13 @@ class Sums(NamedTuple):
             torch.einsum("j,jp->p", squares, self.moment),
         )
 
+    @property
+    def variance(self) -> Tensor:
+        """Variance of each joint's torque, (J,); zero where it is no more than rounding of the sums."""
+        mean, square = self.total / self.weight, self.energy / self.weight
+        found = square - mean.square()
+        return torch.where(found > _CONSTANT * square, found, torch.zeros_like(found))
+
     def squares(self, parameters: Tensor) -> Tensor:
         """Sum of squared residuals of each joint, (J,); resolved to about 1e-13 of the torque's squares."""
         found = self.energy - 2 * self.moment @ parameters + self.information @ parameters @ parameters
@@ -53,6 +63,7 @@ def no_sums(joints: int, parameters: int) -> Sums:
         information=torch.zeros(joints, parameters, parameters, dtype=torch.float64),
         moment=torch.zeros(joints, parameters, dtype=torch.float64),
         energy=torch.zeros(joints, dtype=torch.float64),
+        total=torch.zeros(joints, dtype=torch.float64),
         weight=torch.zeros((), dtype=torch.float64),
     )
 
@@ -65,12 +76,13 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
     """
     age = torch.arange(len(tau) - 1, -1, -1, dtype=torch.float64, device=tau.device)
     decay = forgetting**age
+    total = decay @ tau
     if forgetting < 1:
         root = decay.sqrt()
         y, tau = y * root[:, None, None], tau * root[:, None]
     rows, torque = y.transpose(0, 1), tau.T[..., None]
     moment = (rows.mT @ torque)[..., 0]
-    found = Sums(*(x.cpu() for x in (rows.mT @ rows, moment, tau.square().sum(0), decay.sum())))
+    found = Sums(*(x.cpu() for x in (rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum())))
     if not all(x.isfinite().all() for x in found):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"

@@ -1,1 +1,32 @@
-"""Compiled kernels of the dynamics, chosen at import by what is installed."""
+"""Compiled kernels behind the same functions; the only door to numba.
+
+They are used where numba is installed. The environment variable ``SIDEGAN_KERNELS`` decides otherwise:
+``torch`` for the plain code, which is the readable reference, ``numba`` to be told when numba is missing.
+"""
+
+import importlib.util
+import os
+from functools import cache
+
+from sidegan.errors import ConfigError
+
+VARIABLE = "SIDEGAN_KERNELS"
+
+
+def compiled() -> bool:
+    """Whether compiled kernels are used.
+
+    Raises:
+        ConfigError: when the environment asks for what there is not.
+    """
+    wish = os.environ.get(VARIABLE, "")
+    if wish not in ("", "torch", "numba"):
+        raise ConfigError(f"{VARIABLE} is {wish!r}, expected torch or numba")
+    if wish == "numba" and not _installed():
+        raise ConfigError(f"{VARIABLE} asks for numba, which is not installed")
+    return wish != "torch" and _installed()
+
+
+@cache
+def _installed() -> bool:
+    return importlib.util.find_spec("numba") is not None

@@ -121,19 +121,22 @@ class Library:
             raise ShapeError(f"mask is {tuple(mask.shape)} {mask.dtype}, expected bool ({len(self)},)")
         return self.take(mask.nonzero()[:, 0])
 
-    def merge(self, other: "Library") -> "Library":
-        """These trajectories followed by ``other``'s.
+    def merge(self, *others: "Library") -> "Library":
+        """These trajectories followed by the others', each column put together once.
 
         Raises:
-            ShapeError: when the two differ in anything of ``family``.
+            ShapeError: when two differ in anything of ``family``.
         """
-        mine, theirs = self.family(), other.family()
-        differences = [f"{key} {mine[key]} and {theirs[key]}" for key in mine if mine[key] != theirs[key]]
-        if differences:
-            raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
-        others = other.columns()
-        columns = {name: torch.cat([x, others[name]]) for name, x in self.columns().items()}
-        return replace(self, **self._fields(columns), source=self.source + other.source)
+        mine = self.family()
+        for other in others:
+            theirs = other.family()
+            differences = [f"{key} {mine[key]} and {theirs[key]}" for key in mine if mine[key] != theirs[key]]
+            if differences:
+                raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
+        parts = [other.columns() for other in (self, *others)]
+        columns = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
+        source = [name for other in (self, *others) for name in other.source]
+        return replace(self, **self._fields(columns), source=source)
 
     def describe(self) -> dict[str, Any]:
         """Summary in plain values; medians over the valid trajectories, None where there are none.
@@ -174,7 +177,17 @@ class Library:
         Raises:
             ArtifactError: when the file is missing, damaged, empty, of an unknown format, or for another arm.
         """
-        columns, source, family = parquet.read(path)
+        return cls.of(path, parquet.read(path), arm)
+
+    @classmethod
+    def of(
+        cls,
+        path: Path,
+        content: tuple[dict[str, Tensor], list[str], dict[str, Any]],
+        arm: "Arm | None" = None,
+    ) -> "Library":
+        """Library of what was read from ``path``: columns, sources and metadata; errors as of ``load``."""
+        columns, source, family = content
         if arm is not None and arm.digest != family["digest"]:
             made_for = f"{family['robot']} (digest {family['digest']})"
             raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")

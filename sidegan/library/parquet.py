@@ -17,6 +17,8 @@ if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
 
 FORMAT = 1  # raise it when a column or a key of the metadata changes its meaning
 METADATA_KEY = b"sidegan"
+# Measured numbers hardly compress, and a dictionary of them only costs time.
+OPTIONS: dict[str, Any] = {"compression": "none", "use_dictionary": ["source"]}
 _KEYS: dict[str, type] = {
     "robot": str,
     "digest": str,
@@ -36,18 +38,17 @@ def write(path: Path, columns: dict[str, Tensor], source: list[str], family: dic
     Raises:
         StorageError: when the folder cannot be written or is full.
     """
+    write_parquet(path, table_of(columns, source, family), **OPTIONS)
+
+
+def table_of(columns: dict[str, Tensor], source: list[str], family: dict[str, Any]) -> "pa.Table":
+    """What the file of a library, or a part of it, holds."""
     import pyarrow as pa
 
     arrays = {name: _array(x) for name, x in columns.items()}
     table = pa.table({**arrays, "source": pa.array(source, pa.string())})
     metadata = json.dumps({"format": FORMAT, **family}).encode()
-    # Measured numbers hardly compress, and a dictionary of them only costs time.
-    write_parquet(
-        path,
-        table.replace_schema_metadata({METADATA_KEY: metadata}),
-        compression="none",
-        use_dictionary=["source"],
-    )
+    return table.replace_schema_metadata({METADATA_KEY: metadata})
 
 
 def read(path: Path) -> tuple[dict[str, Tensor], list[str], dict[str, Any]]:
@@ -56,7 +57,11 @@ def read(path: Path) -> tuple[dict[str, Tensor], list[str], dict[str, Any]]:
     Raises:
         ArtifactError: when the file is missing, damaged, empty, of an unknown format, or lacks a column.
     """
-    table = read_parquet(path)
+    return columns_of(path, read_parquet(path))
+
+
+def columns_of(path: Path, table: "pa.Table") -> tuple[dict[str, Tensor], list[str], dict[str, Any]]:
+    """The same of a table, or of some of its rows, that was read from ``path``."""
     family = _family(path, table)
     if not table.num_rows:
         raise ArtifactError(f"{path} holds no trajectories")

@@ -1,7 +1,21 @@
 """What the arm is: placements, axes, inertias, limits and capsules as plain tensors, read from a URDF."""
 
 from sidegan.robot.arm import Arm, Capsules
+from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.load import built_in_robots, load_robot
 from sidegan.robot.oracle import capsule_geometry, pinocchio_model
+from sidegan.robot.write import write_urdf
 
-__all__ = ["Arm", "Capsules", "built_in_robots", "capsule_geometry", "load_robot", "pinocchio_model"]
+__all__ = [
+    "Arm",
+    "Capsules",
+    "about_the_centre",
+    "built_in_robots",
+    "capsule_geometry",
+    "inconsistent_links",
+    "load_robot",
+    "pinocchio_model",
+    "pseudo_inertia",
+    "require_consistent",
+    "write_urdf",
+]

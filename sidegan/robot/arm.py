@@ -50,6 +50,7 @@ class Arm:
         capsules: shapes that enclose the links.
         tip: the end effector [m], (3,), in the last joint's frame.
         urdf: the file all this was read from.
+        link_names: of the link that each joint moves; the joints' names where nothing names the links.
     """
 
     name: str
@@ -68,6 +69,11 @@ class Arm:
     capsules: Capsules
     urdf: Path
     tip: Tensor
+    link_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.link_names:
+            object.__setattr__(self, "link_names", self.joint_names)
 
     @property
     def joints(self) -> int:

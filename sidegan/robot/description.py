@@ -27,6 +27,7 @@ class Description:
         path: the file.
         xml: the URDF without what is only for show, with absolute mesh paths.
         limits: lower, upper, velocity, effort of each joint that moves [rad or m, per s, N·m or N].
+        moved: the link that each of these joints leads to.
         shapeless: links that lack a shape because a mesh file is missing.
     """
 
@@ -34,6 +35,7 @@ class Description:
     path: Path
     xml: str
     limits: dict[str, tuple[float, float, float, float]]
+    moved: dict[str, str]
     shapeless: list[str]
 
 
@@ -49,11 +51,12 @@ def read_description(path: Path) -> Description:
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     _check_tree(root, str(path))
-    limits = {}
+    limits, moved = {}, {}
     for joint in root.findall("joint"):
         where = f"{path}: joint {joint.get('name')!r}"
         if _moves(joint, where):
             limits[joint.get("name", "")] = _limits(joint, where)
+            moved[joint.get("name", "")] = xml.child(joint, "child", where).get("link", "")
     if not limits:
         raise RobotError(f"{path} has no joints that move, expected at least one, revolute or prismatic")
     shapeless = []
@@ -62,7 +65,7 @@ def read_description(path: Path) -> Description:
         check_inertia(link, where)
         if not prepare_shapes(link, path, where):
             shapeless.append(link.get("name", ""))
-    return Description(name, path, ET.tostring(root, encoding="unicode"), limits, shapeless)
+    return Description(name, path, ET.tostring(root, encoding="unicode"), limits, moved, shapeless)
 
 
 def _check_tree(root: ET.Element, where: str) -> None:

@@ -59,6 +59,7 @@ def load_robot(name_or_path: str | Path) -> Arm:
         name=description.name,
         digest=digest_of(numbers, capsules),
         joint_names=names,
+        link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
         urdf=path,
         **numbers,

@@ -18,6 +18,7 @@ from sidegan.storage import read_torch, write_torch
 
 _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
 _LONG_ROUNDS = 50
+_LONG_RESERVE = 0.05  # share of each limit: nothing is to imitate a long trajectory, so it may use the rest
 
 
 class Method(Protocol):
@@ -91,7 +92,7 @@ def make_long(
     best: SeedBatch | None = None
     tried: list[SeedBatch] = []
     for seed in random.spawn(_LONG_ROUNDS):
-        found = Gradient(steps=steps, attempts=1, long=True).optimise(problem, 1, seed)
+        found = Gradient(steps=steps, attempts=1, reserve=_LONG_RESERVE).optimise(problem, 1, seed)
         tried.append(found)
         if len(found) and (best is None or float(found.fitness[0]) < float(best.fitness[0])):
             best = found
@@ -117,14 +118,14 @@ def _task(
     return batch
 
 
-def method_of(name: str, steps: int, attempts: int, **options: int) -> Method:
-    """The optimiser called ``gradient`` or ``paper``.
+def method_of(name: str, steps: int, attempts: int, **options: Any) -> Method:
+    """The optimiser called ``gradient`` or ``paper``; options are further fields of its class.
 
     Raises:
         ConfigError: for another name.
     """
     if name == "gradient":
-        return Gradient(steps=steps, attempts=attempts)
+        return Gradient(steps=steps, attempts=attempts, **options)
     if name == "paper":
         from sidegan.seeds.paper import Paper
 

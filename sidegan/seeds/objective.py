@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from sidegan.kernels import tensors as kernels
 from sidegan.seeds.problem import HOPELESS, SeedProblem
 from sidegan.trajectory import Motion
+from sidegan.validity import Plane
 
 _DISTANCE = 0.25  # [m] clearance that counts like a whole joint range in the penalty
 _STATES_AT_ONCE = 8_192  # bounds the memory of a gradient to about 300 MB for seven joints
@@ -45,13 +47,16 @@ def value_and_gradient(problem: SeedProblem, c: Tensor, penalty: Penalty | None)
     for rows in torch.arange(len(c)).split(batch):
         for columns in torch.arange(problem.samples).split(times):
             piece = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1))
-            states = Motion(
-                motion.time[piece[1]], *(x[piece].detach().requires_grad_(True) for x in motion[1:])
+            states = Motion(motion.time[piece[1]], *(x[piece].detach() for x in motion[1:]))
+            found = problem.body.energy_slopes(
+                states.position, states.velocity, states.acceleration, vectors[piece[0]], weights[piece[0]]
             )
-            surrogate, excess = _terms(problem, states, vectors[piece[0]], weights[piece[0]], penalty)
-            for slope, found in zip(slopes, torch.autograd.grad((surrogate + excess).sum(), states[1:])):
-                slope[piece] = found / problem.samples
-            violation[piece[0]] += excess.detach() / problem.samples
+            if penalty is not None:
+                excess, pushes = _penalty(problem, states, penalty)
+                violation[piece[0]] += excess / problem.samples
+                found = [x + push for x, push in zip(found, pushes)]
+            for slope, x in zip(slopes, found):
+                slope[piece] = x / problem.samples
     (gradient,) = torch.autograd.grad(motion[1:], c, slopes)
     return value + violation, gradient
 
@@ -70,7 +75,7 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
         values, order = grams.diagonal(dim1=1, dim2=2).sort(1)
         vectors = torch.nn.functional.one_hot(order, len(base.columns)).to(c)
     else:
-        values, eigenvectors = torch.linalg.eigh(base.subspace.T @ grams @ base.subspace)
+        values, eigenvectors = kernels.eigh(base.subspace.T @ grams @ base.subspace)
         vectors = (base.subspace @ eigenvectors).transpose(1, 2)
     values = torch.maximum(values, values[:, -1:] / HOPELESS)
     low, high = values[:, :_LOWEST], values[:, -_HIGHEST:]
@@ -82,35 +87,60 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
     return chosen, weights, value
 
 
-def _terms(
-    problem: SeedProblem, states: Motion, vectors: Tensor, weights: Tensor, penalty: Penalty | None
-) -> tuple[Tensor, Tensor]:
-    """Weighted torque energies, whose gradient is that of the fitness, and penalty: sums over time, (B,)."""
-    constraints = problem.constraints
-    own = penalty is not None and constraints.torque
-    if own:
-        parameters = constraints.arm.inertial_parameters.reshape(1, 1, -1).expand(len(vectors), 1, -1)
-        vectors = torch.cat([vectors, parameters], 1)
-    torques = problem.body.torques_of(*states[1:], vectors)
-    energy = (torques[:, : weights.shape[1]] ** 2).sum((2, 3))
-    excess = torch.zeros_like(energy[:, 0])
-    if penalty is not None:
-        torque = torques[:, -1] if own else None
-        excess = penalty.weight * _violation(problem, states.position, states.velocity, torque, penalty)
-    return (weights * energy).sum(1), excess
+def _penalty(problem: SeedProblem, states: Motion, penalty: Penalty) -> tuple[Tensor, list[Tensor]]:
+    """Penalty summed over time, (B,), and its gradients in q, dq and ddq."""
+    q, dq, ddq = (x.requires_grad_(True) for x in states[1:])
+    torque = problem.body.torque(q, dq, ddq) if problem.constraints.torque else None
+    planes = _planes(problem) if kernels.usable(q) else None
+    excess = _limit_excess(problem, q, dq, torque, penalty)
+    if planes is None:
+        excess = excess + _distance_excess(problem, q, penalty)
+    pushes = list(torch.autograd.grad(excess.sum(), (q, dq, ddq), materialize_grads=True))
+    if planes is not None:
+        near, push = _closeness(problem, planes, q.detach(), penalty)
+        excess, pushes[0] = excess + near, pushes[0] + push
+    return penalty.weight * excess.detach(), [penalty.weight * push for push in pushes]
 
 
-def _violation(
+def _limit_excess(
     problem: SeedProblem, q: Tensor, dq: Tensor, torque: Tensor | None, penalty: Penalty
 ) -> Tensor:
-    """Sum over constraints and time of the squared relative violation, (B,)."""
+    """Sum over joints and time of the squared relative violation of limits, (B,)."""
     arm = problem.constraints.arm
-    room = (arm.position_upper - arm.position_lower) / 2
-    position = torch.minimum(q - arm.position_lower, arm.position_upper - q) / room
-    parts = [penalty.limits - position, penalty.limits + dq.abs() / arm.velocity_limit - 1]
+    middle, room = (
+        (arm.position_upper + arm.position_lower) / 2,
+        (arm.position_upper - arm.position_lower) / 2,
+    )
+    parts = [(q - middle).abs() / room, dq.abs() / arm.velocity_limit]
+    uses = [penalty.limits + part - 1 for part in parts]
     if torque is not None:
-        parts.append(penalty.torque + torque.abs() / arm.torque_limit - 1)
-    shape = q.shape[:2]
+        uses.append(penalty.torque + torque.abs() / arm.torque_limit - 1)
+    return torch.stack([(use.clamp_min(0) ** 2).sum((1, 2)) for use in uses]).sum(0)
+
+
+def _distance_excess(problem: SeedProblem, q: Tensor, penalty: Penalty) -> Tensor:
+    """The same of distances, (B,)."""
+    excess = torch.zeros_like(q[:, 0, 0])
     for distance in problem.constraints.clearances(q.reshape(-1, q.shape[-1])).values():
-        parts.append(penalty.distance - distance.reshape(*shape, -1) / _DISTANCE)
-    return torch.stack([(part.clamp_min(0) ** 2).sum((1, 2)) for part in parts]).sum(0)
+        part = penalty.distance - distance.reshape(*q.shape[:2], -1) / _DISTANCE
+        excess = excess + (part.clamp_min(0) ** 2).sum((1, 2))
+    return excess
+
+
+def _closeness(problem: SeedProblem, planes: Tensor, q: Tensor, penalty: Penalty) -> tuple[Tensor, Tensor]:
+    """The same with its gradient, by a compiled kernel, where all regions are planes."""
+    constraints, capsules = problem.constraints, problem.constraints.arm.capsules
+    shapes = [capsules.link, torch.stack([capsules.a, capsules.b]), capsules.radius]
+    shapes += [constraints.pairs, constraints.guarded, planes]
+    reach = penalty.distance * _DISTANCE
+    value, slope = kernels.closeness(problem.body.chain, shapes, q, reach)
+    return value / _DISTANCE**2, slope / _DISTANCE**2
+
+
+def _planes(problem: SeedProblem) -> Tensor | None:
+    """Normals and offsets of the keep-out regions, (R, 4); None where one is no plane."""
+    regions = [region for region in problem.constraints.regions if isinstance(region, Plane)]
+    if len(regions) < len(problem.constraints.regions):
+        return None
+    numbers = [[*region.normal, region.offset] for region in regions]
+    return torch.tensor(numbers, dtype=torch.float64).reshape(-1, 4)

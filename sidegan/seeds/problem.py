@@ -50,16 +50,9 @@ class SeedProblem:
         """Dynamics of the arm."""
         return self.constraints.body
 
-    def start(
-        self, count: int, generator: torch.Generator, reach: float = 0.7, shaping: Tensor | None = None
-    ) -> Tensor:
-        """Random coefficients [rad/s], (count, J, H, 2), each joint using ``reach`` of its tightest limit.
-
-        ``shaping``, (2 H, 2 H), is applied to each joint's white noise; none when None.
-        """
+    def start(self, count: int, generator: torch.Generator, reach: float = 0.7) -> Tensor:
+        """Random coefficients [rad/s], (count, J, H, 2), each joint using ``reach`` of its tightest limit."""
         c = torch.randn(count, *self.trajectory.shape, generator=generator, dtype=torch.float64)
-        if shaping is not None:
-            c = (c.flatten(2) @ shaping.T).reshape(c.shape)
         return c * (reach / self.limit_use(c))[:, :, None, None]
 
     def limit_use(self, c: Tensor) -> Tensor:

@@ -27,6 +27,8 @@ _NAMES = (
     "density",
     "ablation",
     "timing",
+    "check",
+    "identify",
     "table",
 )
 

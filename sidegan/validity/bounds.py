@@ -108,9 +108,7 @@ def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:
     The Newton-Euler recursion on norms: each quantity x of a link carries bounds (|x|, |ẋ|), the
     derivative being that of its components in the link's frame, which turns at the joint's speed.
     """
-    travel = _travel(arm)
-    mass, first = arm.inertial_parameters[:, 0].abs(), arm.inertial_parameters[:, 1:4].norm(dim=1)
-    inertia = torch.linalg.matrix_norm(_inertia_matrices(arm), ord=2)
+    travel, mass, first, inertia = link_norms(arm).values()
     zero = torch.zeros_like(motion.speed[:, 0])
     w, dw, al, dal, a, da = zero, zero, zero, zero, zero + arm.gravity.norm().to(zero), zero
     wrenches = []
@@ -144,6 +142,16 @@ def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:
             df, dn = df + v * f, dn + v * n
             dn, n = dn + travel[i] * df, n + travel[i] * f
     return torch.stack(rates[::-1], 1)
+
+
+def link_norms(arm: Arm) -> dict[str, Tensor]:
+    """Norms that bound torques, (J,) each: way to the next frame, mass, first and second moments of mass."""
+    return {
+        "travel": _travel(arm),
+        "mass": arm.inertial_parameters[:, 0].abs(),
+        "first": arm.inertial_parameters[:, 1:4].norm(dim=1),
+        "spin": torch.linalg.matrix_norm(_inertia_matrices(arm), ord=2),
+    }
 
 
 def _inertia_matrices(arm: Arm) -> Tensor:

@@ -117,6 +117,31 @@ def test_recordings_of_different_arms_are_not_joined():
         list(chunks([recording(4, 2), recording(4, 3)], 5))
 
 
+def signed(count):
+    one = recording(count)
+    return Measurements(*one.states, one.torque, one.velocity.tanh())
+
+
+def test_the_sign_goes_with_its_samples():
+    whole = signed(10)
+    assert torch.equal(whole[2:5].sign, whole.sign[2:5])
+    assert torch.equal(whole[:4].append(whole[4:]).sign, whole.sign)
+    assert whole.inputs[3] is whole.sign and len(recording(3).inputs) == 3
+    copied = whole[2:5].copy()
+    assert torch.equal(copied.sign, whole.sign[2:5]) and copied.sign.data_ptr() != whole.sign[2:5].data_ptr()
+
+
+def test_recordings_with_and_without_a_sign_are_not_joined():
+    with pytest.raises(ShapeError, match="with and without a sign"):
+        signed(3).append(recording(3))
+
+
+def test_a_sign_that_does_not_fit_is_refused():
+    one = recording(3)
+    with pytest.raises(ShapeError, match="sign is"):
+        Measurements(*one.states, one.torque, one.velocity[:2])
+
+
 def test_no_samples_at_once_is_refused():
     with pytest.raises(ConfigError, match="got 0"):
         list(chunks(recording(4), 0))

@@ -78,6 +78,7 @@ def test_the_long_trajectory_uses_its_time_and_is_the_best_of_its_starts(planar_
 
 def test_methods_go_by_name():
     assert method_of("gradient", 7, 2) == Gradient(steps=7, attempts=2)
+    assert method_of("gradient", 7, 2, reserve=0.3) == Gradient(steps=7, attempts=2, reserve=0.3)
     assert method_of("paper", 7, 2, ants=30, evaluations=9).generations == 7
     with pytest.raises(ConfigError, match="'adam'"):
         method_of("adam", 1, 1)

@@ -4,7 +4,12 @@ import pytest
 import torch
 
 from sidegan.excitation import excite
+from sidegan.seeds import SeedProblem
 from sidegan.seeds.objective import Penalty, value_and_gradient
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane
+
+from ..chains import random_chain
 
 
 @pytest.mark.parametrize("diagonal", [False, True])
@@ -56,3 +61,37 @@ def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
         value, gradient = value_and_gradient(planar_problem, c[k : k + 1], Penalty(30.0))
         torch.testing.assert_close(value[0], values[k])
         torch.testing.assert_close(gradient[0], gradients[k])
+
+
+@pytest.mark.parametrize("regions", [[Plane((0, 0, 1), 0.1)], [Plane((0, 0.6, 0.8), -0.2)], []])
+def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch, regions):
+    pytest.importorskip("numba")
+    problem = SeedProblem(Constraints(arm, regions), Trajectory(7), 40)
+    c = problem.start(6, random, 1.3)
+    found = value_and_gradient(problem, c, Penalty(300.0, distance=1.0))
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
+    expected = value_and_gradient(problem, c, Penalty(300.0, distance=1.0))
+    torch.testing.assert_close(found[0], expected[0], rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(found[1], expected[1], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("joints", [3, 6])
+def test_the_compiled_penalty_knows_sliding_joints(joints, random, monkeypatch):
+    pytest.importorskip("numba")
+    constraints = Constraints(random_chain(joints, 0)[0], [Plane((0, 0, 1), -0.3)])
+    problem = SeedProblem(constraints, Trajectory(joints, 2, 8.0, [0.0] * joints), 20)
+    c = problem.start(4, random, 1.0)
+    found = value_and_gradient(problem, c, Penalty(10.0, distance=2.0))
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
+    expected = value_and_gradient(problem, c, Penalty(10.0, distance=2.0))
+    torch.testing.assert_close(found[0], expected[0], rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(found[1], expected[1], rtol=1e-6, atol=1e-6)
+
+
+def test_boxes_take_the_plain_code_for_distances(planar, random):
+    problem = SeedProblem(Constraints(planar, [Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0), 24)
+    c = problem.start(3, random, 1.0)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    up, down = (value_and_gradient(problem, c + s * direction, Penalty(30.0))[0] for s in (1e-6, -1e-6))
+    slope = (value_and_gradient(problem, c, Penalty(30.0))[1] * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=1e-4, atol=1e-4)

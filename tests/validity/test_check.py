@@ -1,15 +1,18 @@
 """The check of whole trajectories: what dense sampling finds, it finds; what is comfortable, it accepts."""
 
 import sys
+from functools import cache
 
 import pytest
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.kernels import VARIABLE
 from sidegan.robot import Arm
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
+from sidegan.validity.fused import kernel
 
 from ..chains import random_chain
 from .critical import DESK, KINDS, isolated, margins_at, named, scaled_to, smallest
@@ -37,39 +40,63 @@ def random_coefficients(trajectory: Trajectory, batch: int, seed: int = 0) -> Te
     return torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
 
 
+@pytest.fixture(autouse=True, params=["compiled", "plain"])
+def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Every law holds for the compiled kernel and for torch alone."""
+    if request.param == "plain":
+        monkeypatch.setenv(VARIABLE, "torch")
+    elif kernel() is None:
+        pytest.skip("numba is not installed")
+    return request.param
+
+
 @pytest.fixture(params=["arm", "planar"])
 def any_arm(request: pytest.FixtureRequest) -> Arm:
     return request.getfixturevalue(request.param)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_bad_only_between_coarse_samples_is_caught(kind: str, any_arm: Arm) -> None:
-    constraints, trajectory, name = isolated(any_arm, kind), family(any_arm), named(kind)
+@cache
+def bad_between_coarse_samples(kind: str, arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
+    """Trajectories that coarse samples do not find fault with, and which of them dense ones do."""
+    constraints, trajectory, name = isolated(arm, kind), family(arm), named(kind)
 
     def coarse(c: Tensor) -> Tensor:
         return smallest(constraints, trajectory, c, COARSE)[name]
 
     c = scaled_to(coarse, random_coefficients(trajectory, 24), target=1e-9)
-    bad = smallest(constraints, trajectory, c, DENSE)[name] < 0
-    assert (coarse(c) >= 0).all() and bad.sum() >= 10
-    validity = check(constraints, trajectory, c)
-    assert not validity.valid[bad].any()
-    for i in torch.nonzero(bad)[:, 0].tolist():
-        assert [failure.constraint for failure in validity.failures(i)] == [name]
+    assert (coarse(c) >= 0).all()
+    return constraints, trajectory, c, smallest(constraints, trajectory, c, DENSE)[name] < 0
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_tiny_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, any_arm: Arm) -> None:
-    constraints, trajectory, name = isolated(any_arm, kind), family(any_arm), named(kind)
+def test_what_is_bad_only_between_coarse_samples_is_caught(kind: str, any_arm: Arm) -> None:
+    constraints, trajectory, c, bad = bad_between_coarse_samples(kind, any_arm)
+    assert bad.sum() >= 10
+    validity = check(constraints, trajectory, c)
+    assert not validity.valid[bad].any()
+    for i in torch.nonzero(bad)[:, 0].tolist():
+        assert [failure.constraint for failure in validity.failures(i)] == [named(kind)]
+
+
+@cache
+def bad_and_good(kind: str, arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
+    """Trajectories with a tiny violation, and some with a comfortable margin."""
+    constraints, trajectory, name = isolated(arm, kind), family(arm), named(kind)
 
     def dense(c: Tensor) -> Tensor:
         return smallest(constraints, trajectory, c, 200.0)[name]
 
     c = random_coefficients(trajectory, 8, seed=1)
-    bad = scaled_to(dense, c, target=-TINY[kind])
-    assert len(bad) >= 5 and not check(constraints, trajectory, bad * (1 + 1e-9)).valid.any()
+    bad = scaled_to(dense, c, target=-TINY[kind]) * (1 + 1e-9)
     good = scaled_to(dense, c, target=COMFORTABLE[kind])
-    good = good[smallest(constraints, trajectory, good, DENSE)[name] > 0.9 * COMFORTABLE[kind]]
+    lasting = smallest(constraints, trajectory, good, DENSE)[name] > 0.9 * COMFORTABLE[kind]
+    return constraints, trajectory, bad, good[lasting]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_tiny_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, any_arm: Arm) -> None:
+    constraints, trajectory, bad, good = bad_and_good(kind, any_arm)
+    assert len(bad) >= 5 and not check(constraints, trajectory, bad).valid.any()
     validity = check(constraints, trajectory, good)
     assert len(good) >= 5 and validity.valid.all(), validity.margins
 
@@ -169,7 +196,8 @@ def test_result_depends_neither_on_the_batch_nor_on_the_chunks(
     whole = check(constraints, trajectory, c)
     assert 0 < whole.valid.sum() < 12
     single = [check(constraints, trajectory, one[None]) for one in c]
-    monkeypatch.setattr(sys.modules["sidegan.validity.check"], "_STATES_AT_ONCE", 37)
+    monkeypatch.setattr(sys.modules["sidegan.validity.search"], "_STATES_AT_ONCE", 37)
+    monkeypatch.setattr(sys.modules["sidegan.validity.check"], "_CELLS_AT_ONCE", 70)
     chunked = check(constraints, trajectory, c)
     assert torch.equal(whole.valid, chunked.valid)
     assert whole.valid.tolist() == [bool(v.valid) for v in single]

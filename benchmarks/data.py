@@ -1,0 +1,101 @@
+"""Benchmarks of selection and identification: greedy, rls."""
+
+import numpy as np
+import torch
+
+from benchmarks.limits import bandwidth, peak
+from benchmarks.setting import Setting
+from benchmarks.timing import Row, cost, medians, threads
+from sidegan.identification import Measurements, identify
+from sidegan.selection import greedy
+
+_LIBRARY, _PICKS = 100_000, 350
+_TRAJECTORIES, _SAMPLES = 6000, 1600  # of the largest identification
+_MEASURED = 60  # of those trajectories
+
+
+def rls(setting: Setting) -> Row:
+    """Seconds to identify from 6000 trajectories on two threads, from a share of them.
+
+    Regressors included, torques given; the stream is read once, in chunks.
+    """
+    count, samples = (5, 400) if setting.quick else (_MEASURED, _SAMPLES)
+    whole = _TRAJECTORIES * _SAMPLES / (count * samples)
+    recordings = _recordings(setting, count, samples)
+    few = recordings[0][: setting.size(400)]
+    y, tau = setting.body.base_regressor(*few.states).numpy(), few.torque.numpy()
+    with threads(2):
+        ours, theirs = medians(
+            min(setting.repeats, 3),
+            lambda: identify(setting.body, iter(recordings)),
+            lambda: _recursion(y, tau),
+        )
+    joints, parameters = y.shape[1:]
+    products = 2 * joints * parameters**2 * _TRAJECTORIES * _SAMPLES
+    return cost(
+        "rls",
+        "s",
+        whole,
+        ours,
+        theirs.wall * _TRAJECTORIES * _SAMPLES / len(few),
+        products / peak(2),
+        45.0,
+        against="the recursion in NumPy, sample by sample, with the regressors given",
+        limit_is=f"{products / 1e9:,.0f} G operations of YᵀY at the measured peak of a matrix product",
+        threads=2,
+    )
+
+
+def selection(setting: Setting) -> Row:
+    """Seconds for the greedy pick of 350 of 100,000, on one thread, beside NumPy on what is left."""
+    count, picks = setting.size(_LIBRARY), setting.size(_PICKS)
+    generator = torch.Generator().manual_seed(0)
+    diagonals = torch.rand(count, setting.body.parameters_count, generator=generator, dtype=torch.float64)
+    few = max(1, picks // 10)
+    with threads(1):
+        ours, theirs = medians(
+            min(setting.repeats, 3), lambda: greedy(diagonals, picks), lambda: _pick(diagonals.numpy(), few)
+        )
+    return cost(
+        "greedy",
+        "s",
+        1.0,
+        ours,
+        theirs.wall * picks / few,
+        picks * diagonals.nbytes / bandwidth(1),
+        2.0,
+        against="NumPy, a tenth of it timed",
+        limit_is="every diagonal read once per pick, at the measured bandwidth of a copy",
+        threads=1,
+    )
+
+
+def _recordings(setting: Setting, count: int, samples: int) -> list[Measurements]:
+    """What would be measured on ``count`` trajectories."""
+    motion = setting.trajectory.roll_out(setting.start(count), setting.trajectory.grid(samples))
+    torque = setting.body.torque(*motion[1:])
+    return [Measurements(*parts) for parts in zip(*motion[1:], torque)]
+
+
+def _recursion(y: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Estimate (p,) by the covariance form: one gain per sample."""
+    covariance, estimate = 1e6 * np.eye(y.shape[2]), np.zeros(y.shape[2])
+    for rows, torque in zip(y, tau):
+        carried = covariance @ rows.T
+        gain = np.linalg.solve(np.eye(len(rows)) + rows @ carried, carried.T).T
+        estimate = estimate + gain @ (torque - rows @ estimate)
+        covariance = covariance - gain @ carried.T
+        covariance = (covariance + covariance.T) / 2  # else rounding makes it diverge
+    return estimate
+
+
+def _pick(diagonals: np.ndarray, count: int) -> list[int]:
+    """The greedy pick as one would write it down."""
+    left, previous, chosen = np.arange(len(diagonals)), np.zeros(diagonals.shape[1]), []
+    for _ in range(count):
+        far = np.linalg.norm(diagonals[left] - previous, axis=1)
+        total = diagonals[left].sum(1)
+        best = left[np.argmax(far / far.max() + total / total.max())]
+        chosen.append(int(best))
+        previous, left = diagonals[best], left[left != best]
+    return chosen

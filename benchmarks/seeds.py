@@ -1,0 +1,65 @@
+"""Benchmark of the seeds: CPU time of a valid seed, beside the paper's optimiser at a small budget."""
+
+import numpy as np
+import torch
+
+from benchmarks.setting import Setting
+from benchmarks.timing import Row, Timing, cost, medians, threads, timed
+from sidegan.seeds.gradient import Gradient
+from sidegan.seeds.objective import Penalty, value_and_gradient
+from sidegan.seeds.paper import ConditionProblem, Paper
+from sidegan.seeds.result import SeedBatch
+
+_PAPER_SECONDS = 360.0  # per seed
+_FULL = Paper()  # the paper's optimiser at its configured budget
+_SMALL, _QUICK = Paper(20, 50, 1000, attempts=1), Paper(2, 10, 20, attempts=1)
+
+
+def seeds(setting: Setting) -> Row:
+    """CPU seconds per valid seed of the default optimiser on one thread, failures and checks included."""
+    ours = Gradient(steps=20) if setting.quick else Gradient()
+    made: list[SeedBatch] = []
+    random = np.random.SeedSequence(0)
+    small = _QUICK if setting.quick else _SMALL
+    with threads(1):
+        run = timed(lambda: made.append(ours.optimise(setting.problem, setting.seeds, random)))
+        tried = small.optimise(setting.problem, 1, random)
+        together, alone, evaluation = _costs(setting)
+    ants, steps = _FULL.generations * _FULL.ants, _FULL.evaluations
+    spent = small.generations * small.ants + small.evaluations
+    reached = f"median condition number of our {len(made[0])}"
+    theirs = (
+        f"condition number of gaco + compass search after {spent:,} evaluations, {tried.cpu_seconds:.0f} s"
+    )
+    return cost(
+        "seeds",
+        "CPU s/trajectory",
+        1 / max(1, len(made[0])),
+        Timing(run.cpu, run.cpu),
+        ants * together + steps * alone,
+        ours.steps * evaluation,
+        0.3,
+        against=f"gaco + compass search, {ants + steps:,} evaluations at the measured cost of one",
+        limit_is=f"{ours.steps} evaluations at the measured cost of one",
+        threads=1,
+        also={"the paper": _PAPER_SECONDS, reached: _median(made[0]), theirs: _median(tried)},
+    )
+
+
+def _costs(setting: Setting) -> tuple[float, float, float]:
+    """CPU seconds of an evaluation in the colony's batch, one alone, and one of ours with its gradient."""
+    problem = setting.problem
+    paper = ConditionProblem(problem)
+    x = np.random.default_rng(0).uniform(-1, 1, (_FULL.ants, paper.range.numel()))
+    c = setting.start(setting.size(50))
+    batch, one, gradient = medians(
+        setting.repeats,
+        lambda: paper.batch_fitness(x.ravel()),
+        lambda: paper.fitness(x[0]),
+        lambda: value_and_gradient(problem, c, Penalty(30.0)),
+    )
+    return batch.cpu / len(x), one.cpu, gradient.cpu / len(c)
+
+
+def _median(batch: SeedBatch) -> float | str:
+    return float(torch.median(batch.fitness)) if len(batch) else "none became valid"

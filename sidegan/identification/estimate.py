@@ -1,0 +1,165 @@
+"""One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError
+from sidegan.identification.accuracy import covariance_of, torque_errors
+from sidegan.identification.consistent import ConsistentFit
+from sidegan.identification.gather import SAMPLES_AT_ONCE, Linear, Reach, Samples, again, gather
+from sidegan.identification.linear import Essential, Ols, Recursive, Tls, Weighted
+from sidegan.identification.prior import Ridge
+from sidegan.identification.robust import Huber
+from sidegan.identification.sums import Sums, condition
+
+METHODS: dict[str, type[Ols]] = {
+    "ols": Ols,
+    "weighted": Weighted,
+    "huber": Huber,
+    "tls": Tls,
+    "rls": Recursive,
+    "ridge": Ridge,
+    "essential": Essential,
+    "consistent": ConsistentFit,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimated parameters of a model, with what is known about their errors.
+
+    Attributes:
+        method: how they were found.
+        names: of the parameters, (P,).
+        parameters: θ, (P,).
+        covariance: of the parameters' errors, (P, P). It holds for errors of the torque, each joint with its
+            own size and its own correlation over time; errors of the states are not in it.
+        weights: what each joint's equations were multiplied with, (J,).
+        residual_rms: root mean square of τ − Y θ [N·m or N], (J,).
+        inflation: how many samples tell as much as one independent one, (J,).
+        correlation: of residuals with their neighbours in time, (J,).
+        condition: of the weighted regressor with columns scaled to one length; infinite when a direction is
+            not excited at all.
+        samples: number of samples of all joints.
+        reach: how far and how fast the joints moved.
+        sums: over the samples, from which other weights can be tried.
+        standard: link parameters and terms in ``Model.standard_names``' order, (F,), where the method gives
+            them (consistent); None otherwise.
+    """
+
+    method: str
+    names: tuple[str, ...]
+    parameters: Tensor
+    covariance: Tensor
+    weights: Tensor
+    residual_rms: Tensor
+    inflation: Tensor
+    correlation: Tensor
+    condition: float
+    samples: int
+    reach: Reach
+    sums: Sums
+    standard: Tensor | None = None
+
+    @property
+    def deviation(self) -> Tensor:
+        """Standard deviation of each parameter's error, (P,)."""
+        return self.covariance.diagonal().clamp_min(0).sqrt()
+
+    @property
+    def relative_deviation(self) -> Tensor:
+        """Standard deviation over the parameter's size, (P,); zero for one that was dropped."""
+        size = self.parameters.abs()
+        return torch.where(self.deviation > 0, self.deviation / size, torch.zeros_like(size))
+
+    @property
+    def information(self) -> Tensor:
+        """Weighted Σ Yᵀ Y, (P, P)."""
+        return self.sums.weighted(self.weights)[0]
+
+    @property
+    def moment(self) -> Tensor:
+        """Weighted Σ Yᵀ τ, (P,)."""
+        return self.sums.weighted(self.weights)[1]
+
+
+def estimate(
+    method: str,
+    model: Linear,
+    measurements: Samples,
+    samples_at_once: int = SAMPLES_AT_ONCE,
+    **settings: Any,
+) -> Estimate:
+    """Parameters of a model from measurements, by one of ``METHODS``.
+
+    Samples are read in pieces, so memory does not grow with their number. All methods but huber read them
+    once and take a stream as well.
+
+    ===========  ==================================================================================
+    method       settings (default)
+    ===========  ==================================================================================
+    ols          prior (1e6): variance of each parameter before any sample
+    weighted     prior; joint j's equations over its residual's size, until that settles (IDIM-IRLS)
+    huber        prior, threshold (1.345): residuals beyond so many deviations count less
+    tls          prior, weighted (True): the regressor has errors too, in proportion to its columns
+    rls          prior, forgetting (1.0), weighted (False)
+    ridge        prior, relative (0.3): share to within which the description is believed
+    essential    prior, ratio (30) of largest over smallest relative deviation, loss (0.02) of fit
+    consistent   prior, pull ("logdet"), strength (1.0), margin (1e-4), total_mass: ``Conditions``
+    ===========  ==================================================================================
+
+    Args:
+        method: name of the estimator.
+        model: linear in its parameters; ridge and consistent need a ``Model``.
+        measurements: one recording, several, or a stream of them in the order of time.
+        samples_at_once: largest number of samples whose regressor is held.
+        settings: of the method.
+
+    Raises:
+        ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
+        ShapeError: when there are no samples, they do not fit the model, or there is no torque at all.
+        RobotError: when a description that is not consistent is to be pulled towards.
+        InfeasibleError: when no consistent parameters meet the conditions.
+    """
+    estimator = method_of(method, settings)
+    if isinstance(estimator, Huber):
+        measurements = again(measurements, method)
+    gathered = gather(model, measurements, samples_at_once, estimator.forgetting)
+    if isinstance(estimator, Huber):
+        fit = estimator.fit_again(model, gathered, measurements, samples_at_once)
+    else:
+        fit = estimator.fit(model, gathered)
+    errors, sums = torque_errors(model, gathered, fit), gathered.sums
+    return Estimate(
+        method=method,
+        names=tuple(model.names),
+        parameters=fit.parameters,
+        covariance=covariance_of(sums, fit, errors),
+        weights=fit.weights,
+        residual_rms=(sums.squares(fit.parameters) / sums.weight).sqrt(),
+        inflation=errors.inflation,
+        correlation=errors.first,
+        condition=condition(sums.weighted(fit.weights)[0]),
+        samples=gathered.samples,
+        reach=gathered.reach,
+        sums=sums,
+        standard=fit.standard,
+    )
+
+
+def method_of(method: str, settings: dict[str, Any]) -> Ols:
+    """An estimator with its settings.
+
+    Raises:
+        ConfigError: when the method or a setting is unknown, or its value impossible.
+    """
+    if method not in METHODS:
+        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
+    known = [f.name for f in fields(METHODS[method])]
+    unknown = [name for name in settings if name not in known]
+    if unknown:
+        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(known)}")
+    return METHODS[method](**settings)

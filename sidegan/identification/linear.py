@@ -1,0 +1,145 @@
+"""Estimators that need no more than the sums over the samples."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+from sidegan.identification.fit import LEAST_INFORMATION, Fit, least_squares, positive, reweighted
+from sidegan.identification.gather import Gathered, Linear
+from sidegan.identification.sums import Sums, solve
+
+
+@dataclass(frozen=True)
+class Ols:
+    """Least squares with equal weights; directions that no sample excites stay at zero."""
+
+    prior: float = 1e6
+    forgetting: ClassVar[float] = 1.0
+
+    def __post_init__(self) -> None:
+        positive("prior", self.prior)
+
+    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+        """Parameters of least weighted squares."""
+        return least_squares(gathered.sums, torch.ones(model.joints, dtype=torch.float64), 1 / self.prior)
+
+
+@dataclass(frozen=True)
+class Weighted(Ols):
+    """Least squares with joint j's equations over the size of its residual, repeated until that settles.
+
+    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS).
+    """
+
+    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+        """Parameters of largest likelihood for Gaussian errors with a variance per joint."""
+        return reweighted(gathered.sums, 1 / self.prior)
+
+
+@dataclass(frozen=True)
+class Recursive(Ols):
+    """Recursive least squares: samples of age k count forgetting^k as much."""
+
+    forgetting: float = 1.0  # type: ignore[misc]
+    weighted: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive("forgetting", self.forgetting, 1.0)
+
+    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+        """Parameters after the last sample."""
+        least = max(self.forgetting**gathered.samples / self.prior, LEAST_INFORMATION)
+        if self.weighted:
+            return reweighted(gathered.sums, least)
+        return least_squares(gathered.sums, torch.ones(model.joints, dtype=torch.float64), least)
+
+
+@dataclass(frozen=True)
+class Tls(Ols):
+    """Total least squares: every column of the regressor has errors in proportion to its size.
+
+    Columns and torque are scaled to one length; the smallest singular vector of both together is found
+    from its square, which resolves condition numbers up to about 1e7.
+
+    Source: Golub, Van Loan 1980; Gautier, Briot 2014 for robots.
+    """
+
+    weighted: bool = True
+
+    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+        """Parameters from the smallest direction of [Y τ].
+
+        Raises:
+            ShapeError: when a parameter, or a combination of them, is not excited.
+        """
+        sums = gathered.sums
+        first = reweighted(sums, 1 / self.prior) if self.weighted else Ols(self.prior).fit(model, gathered)
+        information, moment = sums.weighted(first.weights)
+        energy = first.weights.square() @ sums.energy
+        last = torch.cat([moment, energy[None]])
+        both = torch.cat([torch.cat([information, moment[:, None]], 1), last[None]])
+        scale = both.diagonal().sqrt()
+        if not (scale > 0).all():
+            silent = [model.names[i] for i in (scale[:-1] <= 0).nonzero()[:, 0].tolist()] or ["the torque"]
+            raise ShapeError(f"total least squares needs every column excited; zero: {', '.join(silent)}")
+        values, vectors = torch.linalg.eigh(both / scale[:, None] / scale)
+        smallest = vectors[:, 0]
+        if smallest[-1].abs() < math.sqrt(torch.finfo(torch.float64).eps):
+            raise ShapeError("total least squares has no solution: a parameter combination is not excited")
+        parameters = -smallest[:-1] / smallest[-1] * scale[-1] / scale[:-1]
+        freed = information - values[0].clamp_min(0) * torch.diag(scale[:-1].square())
+        _, inverse = solve(freed, moment, 1 / self.prior)
+        return Fit(parameters, inverse, first.weights, first.prior)
+
+
+@dataclass(frozen=True)
+class Essential(Ols):
+    """Weighted least squares on the parameters that the samples can tell; the others are held at zero.
+
+    The parameter of the largest relative deviation is dropped, again and again, while that is more than
+    ``ratio`` times the smallest and the residual's squares grow by no more than ``loss``.
+
+    Source: Pham, Gautier 1991, Essential parameters of robots.
+    """
+
+    ratio: float = 30.0
+    loss: float = 0.02
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive("ratio", self.ratio)
+        positive("loss", self.loss)
+
+    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+        """Parameters of which the dropped ones are exactly zero, and so are their errors."""
+        sums = gathered.sums
+        full = reweighted(sums, 1 / self.prior)
+        squares = full.weights.square()
+        most = (1 + self.loss) * float(squares @ sums.squares(full.parameters))
+        kept, found = torch.arange(model.count), full
+        while len(kept) > 1:
+            relative = found.inverse.diagonal()[kept].sqrt() / found.parameters[kept].abs()
+            if relative.max() <= self.ratio * relative.min():
+                break
+            fewer = kept[torch.arange(len(kept)) != relative.argmax()]
+            tried = _subset(sums, full.weights, fewer, 1 / self.prior)
+            if float(squares @ sums.squares(tried.parameters)) > most:
+                break
+            kept, found = fewer, tried
+        return found
+
+
+def _subset(sums: Sums, weights: Tensor, kept: Tensor, least: float) -> Fit:
+    information, moment = sums.weighted(weights)
+    some, inverse = solve(information[kept][:, kept], moment[kept], least)
+    parameters, padded = torch.zeros_like(moment), torch.zeros_like(information)
+    parameters[kept] = some
+    padded[kept[:, None], kept] = inverse
+    prior = torch.zeros_like(information)
+    prior[kept, kept] = least
+    return Fit(parameters, padded, weights, prior)

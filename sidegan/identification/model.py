@@ -1,0 +1,183 @@
+"""What torque is explained with: rigid-body base parameters, rotor inertias and friction, linear in all."""
+
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.dynamics import LINK_PARAMETERS, RigidBody
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.formulas import formula
+from sidegan.identification.terms import LETTERS, Terms
+from sidegan.robot import Arm
+
+_DEPENDENT = 1e-8  # relative length of a column's new part; rounding leaves 1e-14, a true one 1e-3
+_NO_PART = 1e-10  # a smaller coefficient in a grouping is rounding
+_STATES_PER_JOINT = 60
+_ACCELERATION = 5.0  # [rad/s²] of the states that groupings are found with
+
+
+class Model:
+    """A model of an arm's torque, τ = Y θ with P parameters θ.
+
+    The rigid-body base parameters come first, in ``body.base``'s order, then per term the joints' own
+    parameters. A parameter that has the same effect as those before it (such as the rotor inertia of the
+    first joint and the inertia about its axis) has no column: it is grouped into theirs.
+
+    Args:
+        body: the arm; its own inertial parameters are used as ``nominal`` only.
+        terms: what is added to the rigid bodies.
+
+    Attributes:
+        names: of the parameters, such as "Izz6" or "fv3", (P,).
+        kinds: names of the terms in use, in the order of their columns.
+        standard_names: of the J links' ten parameters and then each term's J, (F,).
+        mapping: parameters from standard ones, (P, F).
+        stribeck: velocity of each joint's Stribeck term, (J,); None without it.
+
+    Raises:
+        ConfigError: when the Stribeck velocities are not one per joint.
+
+    Source: Gautier 1991, Numerical calculation of the base inertial parameters of robots.
+    """
+
+    def __init__(self, body: RigidBody, terms: Terms | None = None) -> None:
+        self.body, self.terms = body, terms or Terms()
+        self.stribeck = self.terms.velocities(body.joints)
+        self.kinds = self.terms.kinds
+        joints, rigid = body.joints, len(body.base.values)
+        links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
+        extras = [f"{LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
+        kept, grouped = self._grouped()
+        self._kept = kept
+        self.standard_names = [*links, *extras]
+        top = torch.cat([body.base.mapping, grouped[:rigid]], 1)
+        rest = torch.cat([torch.zeros(len(kept), 10 * joints, dtype=torch.float64), grouped[rigid:]], 1)
+        self.mapping = torch.cat([top, rest])
+        self.names = [*body.base.names, *(extras[int(k)] for k in kept)]
+        self._place = {name: i for i, name in enumerate(self.names)}
+
+    @property
+    def arm(self) -> Arm:
+        """The arm that is modelled."""
+        return self.body.arm
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J."""
+        return self.body.joints
+
+    @property
+    def count(self) -> int:
+        """Number of parameters P."""
+        return len(self.names)
+
+    @property
+    def rigid(self) -> int:
+        """Number of rigid-body base parameters, the first of the P."""
+        return len(self.body.base.values)
+
+    @cached_property
+    def formulas(self) -> list[str]:
+        """What each parameter is made of, such as "Izz6 + Iyy7 + 0.0061 m7", (P,)."""
+        return [formula(row, self.standard_names) for row in self.mapping]
+
+    @cached_property
+    def nominal(self) -> Tensor:
+        """Parameters of the arm's description, without friction and rotor inertia, (P,)."""
+        return self.base_of(self.arm.inertial_parameters)
+
+    def base_of(self, inertial: Tensor, terms: dict[str, Tensor] | None = None) -> Tensor:
+        """Parameters θ (P,) of links (J, 10) in Pinocchio's order and of terms, name of ``Terms`` → (J,).
+
+        Raises:
+            ShapeError: when a shape does not fit.
+            ConfigError: when a term is not in the model.
+        """
+        if inertial.shape != (self.joints, 10):
+            raise ShapeError(f"link parameters are {tuple(inertial.shape)}, expected ({self.joints}, 10)")
+        standard = torch.zeros(self.mapping.shape[1], dtype=torch.float64)
+        standard[: 10 * self.joints] = inertial.double().reshape(-1)
+        for name, values in (terms or {}).items():
+            standard[self.standard_slice(name)] = torch.as_tensor(values, dtype=torch.float64)
+        return self.mapping @ standard
+
+    def standard_slice(self, term: str) -> slice:
+        """Where a term's J parameters are among the standard ones."""
+        if term not in self.kinds:
+            raise ConfigError(f"the model has no term {term!r}, it has {', '.join(self.kinds) or 'none'}")
+        start = (10 + self.kinds.index(term)) * self.joints
+        return slice(start, start + self.joints)
+
+    def index(self, name: str) -> int:
+        """Position of a parameter among the P, such as of "fv3".
+
+        Raises:
+            ConfigError: when there is no such parameter.
+        """
+        if name not in self._place:
+            raise ConfigError(f"the model has no parameter {name!r}, it has {', '.join(self.names)}")
+        return self._place[name]
+
+    def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
+        """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
+
+        It is a view of an array with the states last, in which products over samples are fast.
+
+        Args:
+            q: joint position [rad or m].
+            dq: joint velocity.
+            ddq: joint acceleration.
+            sign: what Coulomb and Stribeck friction follow; tanh(dq / sign_width) when None.
+
+        Raises:
+            ShapeError: when a shape does not fit the arm.
+        """
+        if q.ndim != 2 or (sign is not None and sign.shape != q.shape):
+            found = tuple(q.shape) if sign is None else f"{tuple(q.shape)} and sign {tuple(sign.shape)}"
+            raise ShapeError(f"position is {found}, expected (S, {self.joints})")
+        y = q.new_zeros(self.joints, self.count, len(q))
+        full = self.body.regressor(q, dq, ddq).permute(1, 2, 0)
+        torch.index_select(full, 1, self.body.base.columns.to(q.device), out=y[:, : self.rigid])
+        signals = self.terms.signals(dq, ddq, self.stribeck, sign)
+        for place, k in enumerate(self._kept.tolist(), start=self.rigid):
+            y[k % self.joints, place] = signals[k // self.joints][:, k % self.joints]
+        return y.permute(2, 0, 1)
+
+    def torque(
+        self, parameters: Tensor, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None
+    ) -> Tensor:
+        """Torque [N·m or N], (S, J), of parameters (P,) at states (S, J)."""
+        if parameters.shape != (self.count,):
+            raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {self.count}")
+        return self.regressor(q, dq, ddq, sign) @ parameters.to(q)
+
+    def _grouped(self) -> tuple[Tensor, Tensor]:
+        """Indices of the extra columns that are independent, and all extras' shares in the P parameters."""
+        joints, base = self.joints, self.body.base
+        q, dq, ddq = states_within(self.arm, _STATES_PER_JOINT * joints)
+        rigid = self.body.base_regressor(q, dq, ddq).reshape(-1, len(base.values)).numpy()
+        signals = [torch.diag_embed(x) for x in self.terms.signals(dq, ddq, self.stribeck)]
+        extras = torch.cat([q.new_zeros(len(q), joints, 0), *signals], 2)
+        extra = extras.reshape(len(rigid), -1).numpy()
+        y = np.concatenate([rigid, extra], 1)
+        new = np.abs(np.diag(np.linalg.qr(y / np.linalg.norm(y, axis=0))[1]))[rigid.shape[1] :]
+        kept = np.flatnonzero(new > _DEPENDENT)
+        basis = np.concatenate([rigid, extra[:, kept]], 1)
+        norms = np.linalg.norm(basis, axis=0)
+        shares = np.linalg.lstsq(basis / norms, extra, rcond=None)[0] / norms[:, None]
+        shares[np.abs(shares) < _NO_PART] = 0.0
+        shares[:, kept] = np.eye(len(norms))[:, rigid.shape[1] :]
+        return torch.from_numpy(kept), torch.from_numpy(shares)
+
+
+def states_within(arm: Arm, count: int, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
+    """Random positions and velocities within an arm's limits and accelerations within ±5, (count, J) each.
+
+    Slow velocities are as frequent as fast ones are: friction changes most there.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    draw = torch.rand(3, count, arm.joints, generator=generator, dtype=torch.float64) * 2 - 1
+    q = torch.lerp(arm.position_lower, arm.position_upper, (draw[0] + 1) / 2)
+    return q, arm.velocity_limit * draw[1] ** 3, _ACCELERATION * draw[2]

@@ -1,0 +1,103 @@
+"""Which trajectories to run next: those that make the weak parameters certain soonest."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.estimate import Estimate
+from sidegan.identification.model import Model
+from sidegan.trajectory import Trajectory
+
+_STATES_AT_ONCE = 4096
+_GRAMS_AT_ONCE = 256
+
+
+class NextRuns(NamedTuple):
+    """Trajectories to run, the most useful one first.
+
+    Attributes:
+        indices: (count,).
+        variance: of the weak parameters, summed in units of their effect, over what it is now, after each
+            run, (count,).
+    """
+
+    indices: Tensor
+    variance: Tensor
+
+
+def grams_of(
+    model: Model, estimate: Estimate, trajectory: Trajectory, c: Tensor, samples: int = 80
+) -> Tensor:
+    """Information per sample on a model's parameters that trajectories give, (N, P, P).
+
+    Args:
+        model: what was identified.
+        estimate: its errors say how much each joint's torque tells, and how many samples count as one.
+        trajectory: the family of trajectories.
+        c: coefficients [rad/s], (N, J, H, 2).
+        samples: time points per trajectory.
+
+    Raises:
+        ShapeError: when the coefficients do not fit or are not finite.
+    """
+    trajectory.check(c)
+    times, weights = trajectory.grid(samples), certainty(estimate)
+    found = []
+    for part in c.split(max(1, _STATES_AT_ONCE // samples)):
+        states = [x.flatten(0, 1) for x in trajectory.roll_out(part, times)[1:]]
+        y = (model.regressor(*states) * weights[:, None]).reshape(len(part), -1, model.count)
+        found.append(y.mT @ y / samples)
+    return torch.cat(found)
+
+
+def certainty(estimate: Estimate) -> Tensor:
+    """One over the deviation that a sample's error would have if samples were independent, (J,)."""
+    return 1 / (estimate.residual_rms * estimate.inflation.sqrt())
+
+
+def most_informative(
+    estimate: Estimate, grams: Tensor, effects: Tensor, samples: int, count: int = 5
+) -> NextRuns:
+    """The greedy pick of trajectories by what is left of the parameters' variances after running them.
+
+    Args:
+        estimate: what is known so far.
+        grams: of the candidates, from ``grams_of``, (N, P, P).
+        effects: how much each parameter matters per unit, (P,); zero for those that are certain enough.
+        samples: number of samples that running one trajectory gives.
+        count: how many to choose; one may be chosen more than once, as running it again helps too.
+
+    Raises:
+        ShapeError: when a shape does not fit or there are no candidates.
+        ConfigError: when a number is not positive.
+    """
+    parameters = len(estimate.parameters)
+    if grams.shape[1:] != (parameters, parameters) or not len(grams) or effects.shape != (parameters,):
+        raise ShapeError(
+            f"grams are {tuple(grams.shape)} and effects {tuple(effects.shape)}, expected "
+            f"(N, {parameters}, {parameters}) and ({parameters},)"
+        )
+    if samples < 1 or count < 1:
+        raise ConfigError(f"samples and count are {samples} and {count}, expected at least 1")
+    scale = estimate.deviation.clamp_min(torch.finfo(torch.float64).tiny)
+    outer = scale[:, None] * scale
+    known = torch.linalg.pinv(estimate.covariance / outer, hermitian=True)
+    targets = torch.diag(effects * scale)[:, effects > 0]
+    now, indices, left = _variance(known[None], targets)[0], [], []
+    for _ in range(count):
+        parts = grams.split(_GRAMS_AT_ONCE)
+        variances = torch.cat([_variance(known + samples * part * outer, targets) for part in parts])
+        best = int(variances.argmin())
+        known = known + samples * grams[best] * outer
+        indices.append(best)
+        left.append(float(variances[best] / now))
+    return NextRuns(torch.tensor(indices), torch.tensor(left, dtype=torch.float64))
+
+
+def _variance(information: Tensor, targets: Tensor) -> Tensor:
+    """Sum over targets t of tᵀ information⁻¹ t, (N,)."""
+    factor = torch.linalg.cholesky(information)
+    half = torch.linalg.solve_triangular(factor, targets.expand(len(information), -1, -1), upper=False)
+    return half.square().sum((1, 2))

@@ -1,0 +1,88 @@
+"""What an arm's description says about its parameters before anything is measured."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError
+from sidegan.identification.accuracy import torque_errors
+from sidegan.identification.fit import Fit, TorqueErrors, positive, reweighted
+from sidegan.identification.gather import Gathered, Linear
+from sidegan.identification.linear import Ols
+from sidegan.identification.model import Model
+from sidegan.identification.sums import solve
+from sidegan.robot import Arm
+
+_LIGHT, _SMALL = 0.02, 0.05  # a link is taken for at least this share of the heaviest, and of 0.05 m
+
+
+def scales(arm: Arm) -> tuple[Tensor, Tensor]:
+    """Mass [kg] and length [m] that are typical of each link, (J,) each, from its description.
+
+    Raises:
+        ConfigError: when no link has a mass.
+    """
+    x = arm.inertial_parameters
+    if not x[:, 0].max() > 0:
+        raise ConfigError(
+            f"no link of {arm.name} has a mass in its description: there is nothing to pull towards"
+        )
+    mass = x[:, 0].clamp_min(_LIGHT * float(x[:, 0].max()))
+    gyration = ((x[:, 4] + x[:, 6] + x[:, 9]).clamp_min(0) / 2 / mass).sqrt()
+    return mass, gyration.clamp_min(_SMALL)
+
+
+def typical(arm: Arm) -> Tensor:
+    """Size that is typical of each link parameter, (J, 10): m, m l and m l²."""
+    mass, length = scales(arm)
+    power = torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2, 2], dtype=torch.float64)
+    return mass[:, None] * length[:, None] ** power
+
+
+def information(model: Model, relative: float) -> Tensor:
+    """Information (P, P) of the belief that link parameters are right within a share of their typical size.
+
+    Terms are not believed anything about, and neither are rotor inertias inside groupings.
+    """
+    deviation = relative * typical(model.arm).reshape(-1)
+    rows = model.body.base.mapping * deviation
+    out = torch.zeros(model.count, model.count, dtype=torch.float64)
+    out[: model.rigid, : model.rigid] = torch.linalg.inv(rows @ rows.T)
+    return out
+
+
+@dataclass(frozen=True)
+class Ridge(Ols):
+    """Weighted least squares pulled towards the description, as strongly as that is believed.
+
+    ``relative`` is the standard deviation of the description's link parameters over their typical size.
+    """
+
+    relative: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive("relative", self.relative)
+
+    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+        """Most probable parameters.
+
+        Raises:
+            ConfigError: when the model is not one of an arm, or its description has no masses.
+        """
+        if not isinstance(model, Model):
+            raise ConfigError("ridge pulls towards an arm's description: it needs a Model")
+        prior = information(model, self.relative)
+        weights, errors = likelihood(model, gathered, self.prior)
+        found, moment = gathered.sums.weighted(weights)
+        step, inverse = solve(found + prior, moment - found @ model.nominal, 1 / self.prior)
+        flat = torch.eye(model.count, dtype=torch.float64) / self.prior
+        return Fit(model.nominal + step, inverse, weights, prior + flat, errors=errors)
+
+
+def likelihood(model: Linear, gathered: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:
+    """Weights (J,) with which equations count as much as they tell, beside other knowledge; torque errors."""
+    first = reweighted(gathered.sums, 1 / prior)
+    errors = torque_errors(model, gathered, first)
+    return first.weights / errors.inflation.sqrt(), errors

@@ -1,0 +1,98 @@
+"""How well parameters predict torques, on samples that come in pieces."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.estimate import estimate
+from sidegan.identification.gather import Linear, Samples, pieces, residual_of
+from sidegan.identification.measurements import Measurements
+from sidegan.identification.sums import Sums
+
+_CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
+
+
+class Score(NamedTuple):
+    """Errors of predicted torques.
+
+    Attributes:
+        nmse: mean((τ − τ̂)²) / var(τ) of each joint, (J,); one is as good as predicting the mean.
+        rmse: root mean square of τ − τ̂ [N·m or N], (J,).
+        samples: number of samples.
+    """
+
+    nmse: Tensor
+    rmse: Tensor
+    samples: int
+
+    @property
+    def nmse_mean(self) -> float:
+        """Mean over joints."""
+        return float(self.nmse.mean())
+
+
+def score(model: Linear, parameters: Tensor, measurements: Samples) -> Score:
+    """Errors of the torques that parameters (P,) predict for measurements.
+
+    Raises:
+        ShapeError: when nothing fits the model, there are no samples, or a joint's torque is constant.
+    """
+    if parameters.shape != (len(model.names),):
+        raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {len(model.names)}")
+    squares = mean = spread = torch.zeros(model.joints, dtype=torch.float64)
+    largest, samples = 0.0, 0
+    for part in pieces(measurements):
+        tau = part.torque.double()
+        squares = squares + residual_of(model, part, parameters).square().sum(0)
+        shift, count = tau.mean(0) - mean, samples + len(part)  # variances of pieces are joined: Chan 1979
+        spread = spread + tau.var(0, correction=0) * len(part) + shift**2 * (samples * len(part) / count)
+        mean = mean + shift * len(part) / count
+        largest, samples = max(largest, float(tau.abs().max())), count
+    if not samples:
+        raise ShapeError("there are no samples to test with")
+    constant = ((spread / samples).sqrt() <= _CONSTANT * largest).nonzero()[:, 0]
+    if len(constant):
+        raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")
+    return Score(squares / spread, (squares / samples).sqrt(), samples)
+
+
+def score_of_sums(sums: Sums, parameters: Tensor) -> Score:
+    """The same from the sums over samples; infinite where a joint's torque is constant."""
+    squares, variance = sums.squares(parameters) / sums.weight, sums.variance
+    nmse = torch.where(variance > 0, squares / variance, torch.inf)
+    return Score(nmse, squares.sqrt(), round(float(sums.weight)))
+
+
+class Folds(NamedTuple):
+    """Each recording predicted by what was identified from all others.
+
+    Attributes:
+        nmse: (K, J).
+        rmse: [N·m or N], (K, J).
+        parameters: identified without recording k, (K, P).
+    """
+
+    nmse: Tensor
+    rmse: Tensor
+    parameters: Tensor
+
+
+def folds(method: str, model: Linear, recordings: Sequence[Measurements], **settings: Any) -> Folds:
+    """Cross-validation over K recordings, settings as for ``estimate``.
+
+    Raises:
+        ConfigError: when there are fewer than two recordings; otherwise as ``estimate`` and ``score``.
+    """
+    if len(recordings) < 2:
+        raise ConfigError(f"cross-validation needs at least two recordings, got {len(recordings)}")
+    found, scores = [], []
+    for k, held_out in enumerate(recordings):
+        others = [x for i, x in enumerate(recordings) if i != k]
+        found.append(estimate(method, model, others, **settings).parameters)
+        scores.append(score(model, found[-1], held_out))
+    return Folds(
+        torch.stack([s.nmse for s in scores]), torch.stack([s.rmse for s in scores]), torch.stack(found)
+    )

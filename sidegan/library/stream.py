@@ -1,0 +1,110 @@
+"""Libraries larger than memory: written part by part, their diagonals and single rows read from the file."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import ArtifactError, ShapeError
+from sidegan.library import parquet
+from sidegan.library.collection import Library
+from sidegan.storage import opened_parquet, replacing
+
+if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
+    import pyarrow.parquet as pq
+
+
+def save_parts(path: Path, parts: Iterable[Library]) -> int:
+    """Number of trajectories written to one Parquet file, a row group per part, whole or not at all.
+
+    ``Library.load`` reads the file like any other, where memory suffices.
+
+    Raises:
+        ShapeError: when there is no trajectory, or two parts differ in anything of ``Library.family``.
+        StorageError: when the folder cannot be written or is full.
+    """
+    import pyarrow.parquet as pq
+
+    count, family, writer = 0, None, None
+    with replacing(path) as neighbour:
+        try:
+            for part in parts:
+                family = family or part.family()
+                if part.family() != family:
+                    raise ShapeError(f"parts of a library differ: {family} and {part.family()}")
+                table = parquet.table_of(part.columns(), part.source, part.family())
+                if writer is None:
+                    options = {**parquet.OPTIONS, "write_page_checksum": True}
+                    writer = pq.ParquetWriter(neighbour, table.schema, **options)
+                writer.write_table(table)
+                count += len(part)
+            if not count:
+                raise ShapeError("an empty library cannot be saved")
+        finally:
+            if writer is not None:
+                writer.close()
+    return count
+
+
+class Diagonals(Sequence[Tensor]):
+    """Diagonals of YᵀY / T of a library's file, (N_k, p) for each of its row groups, read when asked for.
+
+    Raises:
+        ArtifactError: when the file is missing, damaged or no library.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with _opened(path) as file:
+            self._groups = file.num_row_groups
+            self._width = len(file.read_row_group(0, columns=["diagonal"])["diagonal"][0])
+
+    def __len__(self) -> int:
+        return self._groups
+
+    def __getitem__(self, index: int) -> Tensor:  # type: ignore[override]
+        if not 0 <= index < self._groups:
+            raise IndexError(f"row group {index} of {self._groups}")
+        with _opened(self.path) as file:
+            column = file.read_row_group(index, columns=["diagonal"])["diagonal"].combine_chunks()
+        values = np.array(column.flatten().to_numpy(zero_copy_only=False))
+        return torch.from_numpy(values).reshape(-1, self._width)
+
+
+def take(path: Path, indices: Tensor | Sequence[int]) -> Library:
+    """The trajectories at ``indices``, (K,), of a library's file, in that order; one row group at a time.
+
+    Raises:
+        ArtifactError: when the file is missing, damaged or no library.
+        ShapeError: when an index is outside the library, or there is none.
+    """
+    wanted = torch.as_tensor(indices, dtype=torch.long).reshape(-1)
+    found: list[Library] = []
+    order: list[Tensor] = []
+    start = 0
+    with _opened(path) as file:
+        for group in range(file.num_row_groups):
+            count = file.metadata.row_group(group).num_rows
+            here = ((wanted >= start) & (wanted < start + count)).nonzero()[:, 0]
+            if len(here):
+                rows = file.read_row_group(group).take((wanted[here] - start).numpy())
+                found.append(Library.of(path, parquet.columns_of(path, rows)))
+                order.append(here)
+            start += count
+    outside = wanted[(wanted < 0) | (wanted >= start)]
+    if len(outside) or not len(wanted):
+        which = f"index {int(outside[0])} is outside" if len(outside) else "no index was given for"
+        raise ShapeError(f"{which} a library of {start} trajectories")
+    return found[0].merge(*found[1:]).take(torch.cat(order).argsort())
+
+
+@contextmanager
+def _opened(path: Path) -> "Iterator[pq.ParquetFile]":
+    with opened_parquet(path) as file:
+        if parquet.METADATA_KEY not in (file.schema_arrow.metadata or {}) or not file.metadata.num_rows:
+            raise ArtifactError(f"{path} is not a library of sidegan that holds trajectories")
+        yield file

@@ -1,0 +1,183 @@
+"""Executing a motion: servos, physics, and what the sensors make of it."""
+
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.dynamics import RigidBody
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.plant.model import mujoco_model
+from sidegan.plant.settings import PlantSettings
+from sidegan.robot import Arm, require_consistent
+from sidegan.trajectory import Motion, concatenate
+
+if TYPE_CHECKING:
+    import mujoco
+
+_STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
+_POSTURES = 64  # random ones over which a joint's largest inertia is taken
+_OFF_GRID = 1e-3  # share by which a time step may be another: a period may not be a whole number of them
+_AT_THE_LIMIT = 0.999  # of the torque limit
+
+
+class Executed(NamedTuple):
+    """What was recorded: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
+
+    time: Tensor
+    position: Tensor
+    velocity: Tensor
+    torque: Tensor
+
+
+class Plant:
+    """An arm in MuJoCo, each joint under a position servo with inverse-dynamics feed-forward.
+
+    The torque is the drives': it moves the rotors and overcomes friction too.
+
+    Args:
+        arm: the arm; its torque limits, where it has any, are the drives'.
+        settings: friction, drives, servos and sensors.
+
+    Raises:
+        RobotError: when a link is not physically consistent (each is named), or MuJoCo refuses the arm.
+        ConfigError: when the settings do not fit the arm.
+    """
+
+    def __init__(self, arm: Arm, settings: PlantSettings) -> None:
+        require_consistent(arm)
+        settings.check(arm.joints)
+        self.arm, self.settings, self.body = arm, settings, RigidBody(arm)
+
+    @cached_property
+    def gains(self) -> tuple[Tensor, Tensor]:
+        """Stiffness [N·m/rad] and damping [N·m·s/rad] of the servos, (J,) each.
+
+        A joint that alone moves its largest inertia has the bandwidth and damping ratio of the settings.
+        """
+        inertia = self._largest_inertia() + self._each("rotor_inertia")
+        speed = 2 * np.pi * self._each("bandwidth")
+        return inertia * speed**2, 2 * inertia * speed * self._each("damping_ratio")
+
+    @cached_property
+    def model(self) -> "mujoco.MjModel":
+        """MuJoCo's model with servos."""
+        return mujoco_model(self.arm, self.settings, *self.gains)
+
+    def execute(self, motion: Motion, seed: int | np.random.SeedSequence) -> Executed:
+        """What the sensors recorded of a motion, or of several executed one after another.
+
+        Args:
+            motion: states (B, T, J) at the plant's rate (``Trajectory.times(settings.rate)``); with
+                B > 1, motions that begin and end at rest at one position.
+            seed: of the sensors' noise.
+
+        Raises:
+            ShapeError: when the motion does not fit the arm or the rate, or is not finite.
+            InfeasibleError: when a joint does not follow.
+        """
+        self._check(motion)
+        if len(motion.position) > 1:
+            motion = concatenate(motion)
+        reference = Motion(motion.time, *(x[0].double() for x in motion[1:]))
+        position, velocity, torque = self._simulate(reference)
+        self._check_tracking(reference, position, torque)
+        return self._sensed(reference.time.double() - reference.time[0], position, velocity, torque, seed)
+
+    def _simulate(self, reference: Motion) -> tuple[Tensor, Tensor, Tensor]:
+        """True position, velocity and torque, (T, J) each.
+
+        The servo's damping acts on the speed at the end of a step (that is what implicit integration
+        means), and so the torque that moved the arm over a step is that of the speed after it; a drive
+        that is at its limit when the step begins stays there.
+        """
+        from mujoco import MjData, mj_getState, mj_stateSize, mjtState, rollout
+
+        stiffness, damping = self.gains
+        ahead = torch.cat([reference.velocity[1:], reference.velocity[-1:]])
+        target = reference.position + (damping * ahead + self._feed_forward(reference)) / stiffness
+        data = MjData(self.model)
+        data.qpos[:], data.qvel[:] = reference.position[0].numpy(), reference.velocity[0].numpy()
+        spec = mjtState.mjSTATE_FULLPHYSICS
+        start = np.empty(mj_stateSize(self.model, spec))
+        mj_getState(self.model, data, start, spec)
+        states, _ = rollout.rollout(self.model, data, start, target.numpy()[None])
+        joints = self.arm.joints  # a state is time, positions, velocities
+        states = torch.from_numpy(np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints])
+        position, velocity = states[:, :joints], states[:, joints:]
+        spring, limit = stiffness * (target - position[:-1]), self.arm.torque_limit
+        wanted = spring - damping * velocity[:-1]
+        torque = torch.where(
+            wanted.abs() < limit, spring - damping * velocity[1:], wanted.clamp(-limit, limit)
+        )
+        return position[:-1], velocity[:-1], torque
+
+    def _feed_forward(self, reference: Motion) -> Tensor:
+        """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
+        parts = zip(*(x.split(_STATES_AT_ONCE) for x in reference[1:]))
+        torque = torch.cat([self.body.torque(*part) for part in parts])
+        torque = torque + self._each("rotor_inertia") * reference.acceleration
+        return self.settings.feed_forward * torque
+
+    def _sensed(
+        self,
+        time: Tensor,
+        position: Tensor,
+        velocity: Tensor,
+        torque: Tensor,
+        seed: int | np.random.SeedSequence,
+    ) -> Executed:
+        """Signals as encoders and torque sensors have them; speeds are differences of encoder readings."""
+        resolution = self._each("encoder_resolution")
+        read = torch.where(resolution > 0, (position / resolution).round() * resolution, position)
+        speed = torch.where(resolution > 0, torch.gradient(read, dim=0)[0] * self.settings.rate, velocity)
+        draw = torch.from_numpy(np.random.default_rng(seed).standard_normal(torque.shape))
+        noisy = torque + self._each("torque_bias") + self._each("torque_noise") * draw
+        return Executed(time, read, speed, noisy)
+
+    def _check(self, motion: Motion) -> None:
+        joints, rate = self.arm.joints, self.settings.rate
+        count = len(motion.time)
+        for name, x in zip(motion._fields[1:], motion[1:]):
+            if x.ndim != 3 or x.shape[1:] != (count, joints) or not len(x) or count < 2:
+                raise ShapeError(
+                    f"{name} is {tuple(x.shape)}, expected (B, {count}, {joints}), two samples or more"
+                )
+            if not x.isfinite().all():
+                raise ShapeError(f"{name} of the motion is not finite")
+        steps = motion.time.double().diff() * rate
+        if not ((steps - 1).abs() <= _OFF_GRID).all():
+            found = f"{float(steps.min()) / rate:.6g} to {float(steps.max()) / rate:.6g} s"
+            raise ShapeError(
+                f"the motion's time steps are {found}, expected {1 / rate:g} s: the plant runs at {rate:g} Hz"
+            )
+
+    def _check_tracking(self, reference: Motion, position: Tensor, torque: Tensor) -> None:
+        error = (position - reference.position).abs().nan_to_num(nan=torch.inf)
+        late = (error > self.settings.tolerance).nonzero()
+        if not len(late):
+            return
+        sample, joint = late[0].tolist()
+        name, limit = self.arm.joint_names[joint], float(self.arm.torque_limit[joint])
+        saturated = (torque[: sample + 1, joint].abs() >= _AT_THE_LIMIT * limit).any()
+        hint = f"; its torque reached the limit of {limit:g} N·m before" if saturated else ""
+        raise InfeasibleError(
+            f"joint {name!r} does not follow: after {sample / self.settings.rate:.3f} s it is more than "
+            f"{self.settings.tolerance:g} rad off its reference{hint}"
+        )
+
+    def _largest_inertia(self) -> Tensor:
+        """Largest diagonal element of the mass matrix over random postures, (J,)."""
+        arm = self.arm
+        random = torch.Generator().manual_seed(0)
+        share = torch.rand(_POSTURES, 1, arm.joints, generator=random, dtype=torch.float64)
+        q = torch.lerp(arm.position_lower, arm.position_upper, share).expand(-1, arm.joints, -1)
+        unit = torch.eye(arm.joints, dtype=torch.float64).expand_as(q)
+        still = torch.zeros_like(q)
+        column = self.body.torque(q, still, unit) - self.body.torque(q, still, still)
+        return column.diagonal(dim1=1, dim2=2).amax(0)
+
+    def _each(self, name: str) -> Tensor:
+        return self.settings.of(name, self.arm.joints)

@@ -1,0 +1,38 @@
+"""What was executed, as the files in which recordings come."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sidegan.errors import ConfigError
+from sidegan.plant.execute import Executed
+from sidegan.storage import replacing, write_parquet
+
+_LETTERS = {"position": "q", "velocity": "qd", "torque": "tau"}
+
+
+def save_recording(executed: Executed, path: Path) -> None:
+    """Write a recording as CSV or Parquet: ``t`` [s], then ``q1`` … ``qd1`` … ``tau1`` … in SI units.
+
+    Args:
+        executed: what to write.
+        path: ending in .csv or .parquet.
+
+    Raises:
+        ConfigError: when the path ends otherwise.
+        StorageError: when the file cannot be written.
+    """
+    columns = {"t": executed.time.numpy()}
+    for signal, letter in _LETTERS.items():
+        values = getattr(executed, signal).numpy()
+        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    if path.suffix == ".parquet":
+        import pyarrow as pa
+
+        write_parquet(path, pa.table(columns))
+    elif path.suffix == ".csv":
+        table = np.column_stack(list(columns.values()))
+        with replacing(path) as draft:
+            np.savetxt(draft, table, "%.17g", ",", header=",".join(columns), comments="", encoding="utf-8")
+    else:
+        raise ConfigError(f"{path} ends in {path.suffix!r}, expected .csv or .parquet")

@@ -1,0 +1,138 @@
+"""From a file to recordings in SI units, whole or in pieces of bounded memory."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from sidegan.errors import RecordingError
+from sidegan.recording.bags import bag_pieces, is_bag
+from sidegan.recording.binary import npz_table, parquet_table
+from sidegan.recording.columns import Columns
+from sidegan.recording.recording import SIGNALS, Recording, joined
+from sidegan.recording.tables import ROWS_AT_ONCE, Numbers, Piece, Table, reading
+from sidegan.recording.text import text_table
+
+_MOST_CORRUPT = 0.5  # of the rows of a piece
+_READERS = {
+    **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
+    **dict.fromkeys((".parquet", ".pq"), parquet_table),
+    ".npz": npz_table,
+}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recorded file that can be read in pieces, as often as needed.
+
+    Args:
+        path: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3 or .mcap).
+        columns: where it keeps what, and in which units.
+        joint_names: of the arm.
+        rows: most samples per piece.
+    """
+
+    path: Path
+    columns: Columns
+    joint_names: tuple[str, ...]
+    rows: int = ROWS_AT_ONCE
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self.path.name
+
+    def __iter__(self) -> Iterator[Recording]:
+        """Consecutive pieces of the recording.
+
+        Raises:
+            RecordingError: when the file cannot be read or does not fit the arm.
+        """
+        if not self.path.exists():
+            raise RecordingError(f"there is no recording {self.path}")
+        if is_bag(self.path):
+            pieces, where = bag_pieces(self.path, self.columns, self.joint_names, self.rows)
+        else:
+            table = _open(self.path, self.rows)
+            where = self.columns.resolve(self.name, table.columns, self.joint_names)
+            pieces = table.pieces([c for columns in where.values() for c in columns])
+        for piece in pieces:
+            yield _recording(self, piece, where)
+
+
+def load_recording(path: Path | str, columns: Columns, joint_names: Sequence[str]) -> Recording:
+    """A whole recording in memory.
+
+    Args:
+        path: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3 or .mcap).
+        columns: where it keeps what, and in which units.
+        joint_names: of the arm.
+
+    Raises:
+        RecordingError: when the file cannot be read, holds no samples, or does not fit the arm.
+    """
+    source = Source(Path(path), columns, tuple(joint_names))
+    parts = list(source)
+    if not parts:
+        raise RecordingError(f"{source.name} holds no samples")
+    return joined(parts)
+
+
+def _open(path: Path, rows: int) -> Table:
+    """A file that is not a bag, by its suffix."""
+    suffix = path.suffix.lower()
+    if suffix not in _READERS:
+        raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
+    with reading(path):
+        return _READERS[suffix](path, rows)
+
+
+def _recording(source: Source, piece: Piece, where: dict[str, list[str]]) -> Recording:
+    """A piece in SI units without its corrupt rows."""
+    joints, units = len(source.joint_names), source.columns.units
+    found: dict[str, Numbers] = {}
+    for signal in ("time", *SIGNALS):
+        if signal in where:
+            parts = [piece.columns[c] for c in where[signal]]
+            x = parts[0] if len(parts) == 1 else np.stack(parts, 1)
+            if signal != "time" and x.ndim == 1:
+                x = x[:, None]
+            if signal != "time" and x.shape[1:] != (joints,):
+                raise RecordingError(
+                    f"{source.name}: {where[signal][0]!r} is {x.shape}, the arm has {joints} joints"
+                )
+            found[signal] = x * units.factor(signal)
+    good, corrupt = _finite_rows(source, piece, where, found)
+    tensors = {name: torch.from_numpy(x[good]) for name, x in found.items()}
+    return Recording(source.name, source.joint_names, corrupt=(*piece.skipped, *corrupt), **tensors)
+
+
+def _finite_rows(
+    source: Source, piece: Piece, where: dict[str, list[str]], found: dict[str, Numbers]
+) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
+    """Which rows hold a number in every column, and the row and reason of the others."""
+    flat = [x[:, None] if x.ndim == 1 else x for x in found.values()]
+    bad = ~np.isfinite(np.concatenate(flat, 1))
+    names = [
+        columns[k] if len(columns) > 1 or x.shape[1] == 1 else f"{columns[0]}[{k}]"
+        for columns, x in zip((where[s] for s in found), flat)
+        for k in range(x.shape[1])
+    ]
+    wrong = np.asarray(bad.any(1))
+    if len(wrong) and wrong.mean() > _MOST_CORRUPT:
+        share = bad.mean(0)
+        worst = [name for name, part in zip(names, share) if part > _MOST_CORRUPT / len(names)]
+        rows = f"rows {piece.rows[0]} to {piece.rows[-1]}"
+        raise RecordingError(
+            f"{source.name}: {wrong.mean():.0%} of {rows} are without a number, "
+            f"in column {', '.join(worst[:8])}"
+        )
+    corrupt = []
+    for k in np.flatnonzero(wrong):
+        lacking = [name for name, is_bad in zip(names, bad[k]) if is_bad]
+        told = ", ".join(lacking[:3]) + (" …" if len(lacking) > 3 else "")
+        corrupt.append((int(piece.rows[k]), f"no number in {told}"))
+    return ~wrong, corrupt

@@ -1,0 +1,88 @@
+"""What a recording is, raw and conditioned."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import RecordingError
+
+SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """S samples of a J-joint arm as they were recorded, float64 in SI units; rows without a number are out.
+
+    Attributes:
+        name: for people, the file's name.
+        joint_names: of the arm, in its order.
+        time: stamps [s], (S,), in the order of the file: jitter, duplicates and gaps are still in.
+        position: [rad or m], (S, J).
+        velocity: [rad/s or m/s], (S, J), where recorded.
+        acceleration: [rad/s² or m/s²], (S, J), where recorded.
+        torque: [N·m or N], (S, J), where recorded.
+        current: of the motors [A], (S, J), where recorded.
+        corrupt: row (the header is row 1 of a text file, otherwise counted from 1) and reason of what was
+            left out.
+
+    Raises:
+        RecordingError: when the shapes are not alike or a value is not finite.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    time: Tensor
+    position: Tensor
+    velocity: Tensor | None = None
+    acceleration: Tensor | None = None
+    torque: Tensor | None = None
+    current: Tensor | None = None
+    corrupt: tuple[tuple[int, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        expected = (len(self.time), len(self.joint_names))
+        for name, x in self.signals().items():
+            if x.shape != expected:
+                raise RecordingError(
+                    f"{self.name}: {name} is {tuple(x.shape)}, expected {expected}: (samples, joints)"
+                )
+        for name, x in {"time": self.time, **self.signals()}.items():
+            if not x.isfinite().all():
+                raise RecordingError(f"{self.name}: {name} holds a value that is not finite")
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def signals(self) -> dict[str, Tensor]:
+        """The signals that were recorded, by name, (S, J) each."""
+        found = {name: getattr(self, name) for name in SIGNALS}
+        return {name: x for name, x in found.items() if x is not None}
+
+
+class Segment(NamedTuple):
+    """A stretch without gaps on a uniform grid, filtered: time (S,) [s], the others (S, J) in SI units."""
+
+    time: Tensor
+    position: Tensor
+    velocity: Tensor
+    acceleration: Tensor
+    torque: Tensor
+
+
+def joined(parts: Iterable[Recording]) -> Recording:
+    """One recording of consecutive parts of the same file.
+
+    Raises:
+        RecordingError: when there is no part, or no sample in any.
+    """
+    parts = list(parts)
+    if not sum(map(len, parts)):
+        raise RecordingError(f"{parts[0].name if parts else 'the recording'} holds no samples")
+    first = parts[0]
+    found = {name: torch.cat([part.signals()[name] for part in parts]) for name in first.signals()}
+    corrupt = tuple(row for part in parts for row in part.corrupt)
+    time = torch.cat([part.time for part in parts])
+    return Recording(first.name, first.joint_names, time, corrupt=corrupt, **found)

@@ -1,0 +1,269 @@
+"""Interactive plots of an identification."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sidegan.report.identification.data import Friction, Numbers, Report, Signals
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
+ROLES = {"training": "#8795a1", "validation": "#0b66c3"}
+_JOINTS = ("#0b66c3", "#d9480f", "#1a7f4b", "#8e44ad", "#b26a00", "#0f8b8d", "#c2185b", "#5b6b7b")
+_POINTS = 1200  # of a line: as many as a screen can show
+_CLOUD = 500  # samples of a friction curve
+_RECORDINGS = 12  # that can be chosen among
+_LAGS = 60  # samples over which residuals are correlated
+_DECADES = 100.0  # range of an axis below which powers of ten are too few marks
+_NAMED = 60  # parameters up to which a correlation has its names beside it
+_GRID = "#e6ebef"
+
+
+def torques(report: Report) -> "go.Figure":
+    """Measured and predicted torque and their difference, a row per joint, a recording at a time."""
+    from plotly.subplots import make_subplots
+
+    names = list(report.joint_names)
+    figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.24 / len(names))
+    shown = shown_recordings(report.signals)
+    for k, signals in enumerate(shown):
+        for j in range(len(names)):
+            for trace in _lines(signals, j, visible=k == 0, legend=j == 0):
+                figure.add_trace(trace, row=j + 1, col=1)
+    per = 3 * len(names)
+    buttons = [
+        {
+            "label": f"{signals.name} ({signals.role})",
+            "method": "update",
+            "args": [{"visible": [i // per == k for i in range(per * len(shown))]}],
+        }
+        for k, signals in enumerate(shown)
+    ]
+    corner = {"x": 0, "xref": "x domain", "xanchor": "left", "y": 1, "yref": "y domain", "yanchor": "bottom"}
+    for j, name in enumerate(names):
+        words = {"text": name, "showarrow": False}
+        figure.add_annotation(**words, **corner, row=j + 1, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(names), col=1)
+    menus = [{"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "pad": {"b": 22}}]
+    _style(figure, 104 * len(names) + 160, top=90)
+    return figure.update_layout(updatemenus=menus, hovermode="x unified")
+
+
+def shown_recordings(signals: Sequence[Signals]) -> list[Signals]:
+    """The recordings that the report shows, those of the validation first."""
+    return sorted(signals, key=lambda one: one.role != "validation")[:_RECORDINGS]
+
+
+def errors(report: Report) -> "go.Figure":
+    """Normalised error of each joint, on what was trained on and on what was held out."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for role, colour in ROLES.items():
+        if (column := f"nmse_{role}") in report.errors:
+            values = report.errors[column]
+            figure.add_bar(x=list(report.joint_names), y=values, name=role, marker_color=colour)
+    figure.update_yaxes(type="log", title_text="nMSE", exponentformat="power")
+    figure.update_layout(showlegend=True)
+    return _style(figure, 330)
+
+
+def residual_spread(report: Report) -> "go.Figure":
+    """Spread of each joint's residuals, in units of its torque's standard deviation."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for role, colour in ROLES.items():
+        parts = [one for one in report.signals if one.role == role]
+        for j, name in enumerate(report.joint_names if parts else ()):
+            share = np.concatenate([_relative_residual(one, j) for one in parts])
+            look = {"name": role, "legendgroup": role, "showlegend": j == 0, "marker_color": colour}
+            figure.add_box(**_five_numbers(share), x=[name], offsetgroup=role, **look)
+    figure.update_yaxes(title_text="residual / std of the torque")
+    figure.update_layout(boxmode="group")
+    return _style(figure, 360)
+
+
+def residual_correlation(report: Report) -> "go.Figure":
+    """How residuals are correlated over time, a line per joint, of the longest recording shown."""
+    import plotly.graph_objects as go
+
+    longest = max(shown_recordings(report.signals), key=lambda one: len(one.time))
+    step = float(np.nanmedian(np.diff(longest.time)))
+    figure = go.Figure()
+    for j, name in enumerate(report.joint_names):
+        correlation = autocorrelation(longest.measured[:, j] - longest.predicted[:, j])
+        line = {"color": _JOINTS[j % len(_JOINTS)], "width": 1.4}
+        lags = np.arange(len(correlation)) * step
+        figure.add_scatter(x=lags, y=correlation, name=name, mode="lines", line=line)
+    figure.update_yaxes(title_text="autocorrelation", range=[-1, 1.05])
+    figure.update_xaxes(title_text=f"lag [s], {longest.name}")
+    _style(figure, 400)
+    return figure.update_layout(legend={"y": 0, "yanchor": "bottom"}, margin={"b": 110})
+
+
+def friction(friction: Friction, names: Sequence[str]) -> "go.Figure":
+    """Friction over velocity, the identified law over samples of torque less the rigid body's."""
+    from plotly.subplots import make_subplots
+
+    columns = min(4, len(names))
+    rows = -(-len(names) // columns)
+    figure = make_subplots(
+        rows=rows,
+        cols=columns,
+        subplot_titles=list(names),
+        vertical_spacing=0.35 / rows,
+        horizontal_spacing=0.06,
+    )
+    some = slice(None, None, max(1, len(friction.measured) // _CLOUD))
+    for j in range(len(names)):
+        place = {"row": j // columns + 1, "col": j % columns + 1}
+        figure.add_scatter(
+            x=_small(friction.measured_velocity[some, j]),
+            y=_small(friction.measured[some, j]),
+            mode="markers",
+            marker={"color": MEASURED, "size": 3, "opacity": 0.5},
+            name="samples",
+            showlegend=j == 0,
+            **place,
+        )
+        figure.add_scatter(
+            x=_small(friction.velocity[j]),
+            y=_small(friction.torque[j]),
+            mode="lines",
+            line={"color": RESIDUAL, "width": 2},
+            name="identified",
+            showlegend=j == 0,
+            **place,
+        )
+        figure.update_xaxes(title_text="rad/s" if j + columns >= len(names) else "", **place)
+    figure.update_annotations(font_size=13)
+    return _style(figure, 230 * rows + 70, top=64)
+
+
+def correlations(correlation: Numbers, names: Sequence[str]) -> "go.Figure":
+    """Correlation of the parameters' errors, (P, P)."""
+    import plotly.graph_objects as go
+
+    labels = list(names)
+    heat = go.Heatmap(
+        z=_small(correlation),
+        x=labels,
+        y=labels,
+        zmin=-1,
+        zmax=1,
+        colorscale="RdBu",
+        reversescale=True,
+        colorbar={"thickness": 12, "outlinewidth": 0},
+        hovertemplate="%{y} · %{x}: %{z:.2f}<extra></extra>",
+    )
+    figure = go.Figure(heat)
+    few = len(labels) <= _NAMED
+    figure.update_xaxes(
+        showticklabels=few, tickfont_size=8, tickangle=-90, dtick=1, ticks="", type="category"
+    )
+    figure.update_yaxes(
+        showticklabels=few,
+        tickfont_size=8,
+        dtick=1,
+        autorange="reversed",
+        ticks="",
+        scaleanchor="x",
+        constrain="domain",
+        type="category",
+    )
+    figure.update_xaxes(constrain="domain")
+    return _style(figure, 560)
+
+
+def spectrum(singular_values: Numbers) -> "go.Figure":
+    """Singular values of the weighted regressor, largest first."""
+    import plotly.graph_objects as go
+
+    values = np.sort(np.asarray(singular_values))[::-1]
+    figure = go.Figure(go.Bar(x=np.arange(1, len(values) + 1), y=values, marker_color=PREDICTED))
+    positive = values[values > 0]
+    narrow = not len(positive) or positive[0] < _DECADES * positive[-1]
+    figure.update_yaxes(
+        type="log", title_text="singular value", exponentformat="power", dtick="D2" if narrow else 1
+    )
+    figure.update_xaxes(title_text="direction, strongest first")
+    return _style(figure, 330)
+
+
+def autocorrelation(x: Numbers, lags: int = _LAGS) -> Numbers:
+    """Autocorrelation of a signal (S,) at lags 0 … ``lags``; NaN, where lines break, counts as nothing."""
+    x = np.nan_to_num(x - np.nanmean(x))
+    count = min(lags, len(x) - 1) + 1
+    products = np.array([float(x[: len(x) - k] @ x[k:]) for k in range(count)])
+    return products / products[0] if products[0] else np.eye(1, count)[0]
+
+
+def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> "Iterator[go.Scatter]":
+    """Measured, predicted and difference of one joint, thinned so that peaks stay."""
+    import plotly.graph_objects as go
+
+    measured, predicted = signals.measured[:, joint], signals.predicted[:, joint]
+    kept = thinned(measured, _POINTS)
+    lines = {"measured": (measured, MEASURED, 2.2), "predicted": (predicted, PREDICTED, 1.2)}
+    lines["difference"] = (measured - predicted, RESIDUAL, 1.0)
+    for name, (values, colour, width) in lines.items():
+        yield go.Scatter(
+            x=_small(signals.time[kept]),
+            y=_small(values[kept]),
+            name=name,
+            legendgroup=name,
+            mode="lines",
+            line={"color": colour, "width": width},
+            visible=visible,
+            showlegend=legend,
+            hovertemplate="%{y:.3g}",
+        )
+
+
+def thinned(x: Numbers, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Indices of at most ``most`` samples of a signal (S,), the extremes of each stretch among them."""
+    if len(x) <= most:
+        return np.arange(len(x))
+    edges = np.linspace(0, len(x), most // 2 + 1).astype(int)
+    kept = []
+    for start, end in pairwise(edges):
+        part = x[start:end]
+        filled = np.nan_to_num(part)
+        kept += [start + int(filled.argmin()), start + int(filled.argmax())]
+    return np.unique(kept)
+
+
+def _relative_residual(signals: Signals, joint: int) -> Numbers:
+    residual = signals.measured[:, joint] - signals.predicted[:, joint]
+    deviation = float(np.nanstd(signals.measured[:, joint]))
+    return residual[np.isfinite(residual)] / (deviation or 1.0)
+
+
+def _five_numbers(x: Numbers) -> dict[str, list[float]]:
+    """A box from the 2nd, 25th, 50th, 75th and 98th percentile, so that no samples are in the file."""
+    names = ("lowerfence", "q1", "median", "q3", "upperfence")
+    return {name: [float(value)] for name, value in zip(names, np.percentile(x, [2, 25, 50, 75, 98]))}
+
+
+def _small(x: Numbers) -> Numbers:
+    """Half the bytes; a screen shows less."""
+    return np.asarray(x, dtype=np.float32)
+
+
+def _style(figure: "go.Figure", height: int, top: int = 36) -> "go.Figure":
+    figure.update_layout(
+        template="none",
+        height=height,
+        margin={"l": 64, "r": 16, "t": top, "b": 48},
+        font={"family": "system-ui, sans-serif", "size": 12, "color": "#1c2733"},
+        legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
+        bargap=0.3,
+    )
+    figure.update_xaxes(gridcolor=_GRID, zerolinecolor=_GRID, linecolor="#b8c2cb", automargin=True)
+    figure.update_yaxes(gridcolor=_GRID, zerolinecolor="#b8c2cb", automargin=True)
+    return figure

@@ -1,0 +1,102 @@
+"""Which links could exist: mass, centre of mass and inertia that some distribution of mass has."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import RobotError, ShapeError
+from sidegan.robot.arm import Arm
+
+_ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the triangle inequality exactly
+
+
+def pseudo_inertia(parameters: Tensor) -> Tensor:
+    """Pseudo-inertia [kg, kg·m, kg·m²], (J, 4, 4), of parameters (J, 10); positive definite for a real link.
+
+    It is [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h.
+
+    Source: Wensing, Kim, Slotine 2018, Linear matrix inequalities for physically consistent inertial
+    parameter identification, eq. 13.
+    """
+    inertia = inertia_matrices(parameters)
+    unit = torch.eye(3, dtype=parameters.dtype, device=parameters.device)
+    second = inertia.diagonal(dim1=-2, dim2=-1).sum(-1)[:, None, None] / 2 * unit - inertia
+    first = parameters[:, 1:4, None]
+    return torch.cat([torch.cat([second, first], 2), torch.cat([first.mT, parameters[:, :1, None]], 2)], 1)
+
+
+def inertia_matrices(parameters: Tensor) -> Tensor:
+    """Inertia about the joint's frame [kg·m²], (J, 3, 3), of parameters (J, 10)."""
+    xx, xy, yy, xz, yz, zz = parameters[:, 4:].unbind(1)
+    return torch.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], 1).reshape(-1, 3, 3)
+
+
+def about_the_centre(parameters: Tensor) -> tuple[Tensor, Tensor]:
+    """Centre of mass [m], (J, 3), and inertia about it [kg·m²], (J, 3, 3); the masses must not be zero."""
+    mass, first = parameters[:, :1], parameters[:, 1:4]
+    centre = first / mass
+    square = (first * centre).sum(1)[:, None, None] * torch.eye(3, dtype=parameters.dtype)
+    return centre, inertia_matrices(parameters) - square + first[:, :, None] * centre[:, None, :]
+
+
+def inconsistent_links(arm: Arm | Tensor, names: Sequence[str] | None = None) -> list[tuple[str, str]]:
+    """Links that cannot exist, each with the reason; an empty list when all are physically consistent.
+
+    A link is what one joint moves, with everything that is fixed to it.
+
+    Args:
+        arm: an arm, or inertial parameters about the joints' frames in Pinocchio's order, (J, 10).
+        names: what to call the links; the arm's own names, or their numbers from 1, when None.
+
+    Raises:
+        ShapeError: when parameters are not (J, 10), or there are not as many names.
+    """
+    parameters = arm.inertial_parameters if isinstance(arm, Arm) else arm
+    if parameters.ndim != 2 or parameters.shape[1] != 10:
+        raise ShapeError(f"inertial parameters are {tuple(parameters.shape)}, expected (J, 10)")
+    if names is None:
+        own = arm.link_names if isinstance(arm, Arm) else ()
+        names = own or tuple(str(i + 1) for i in range(len(parameters)))
+    if len(names) != len(parameters):
+        raise ShapeError(f"there are {len(names)} names of {len(parameters)} links")
+    reasons = [_reason(link[None]) for link in parameters.detach().double().cpu()]
+    return [(name, reason) for name, reason in zip(names, reasons) if reason]
+
+
+def require_consistent(arm: Arm, parameters: Tensor | None = None) -> None:
+    """Raise unless every link is physically consistent.
+
+    Args:
+        arm: the arm.
+        parameters: to judge instead of the arm's own, (J, 10).
+
+    Raises:
+        RobotError: with every link that is not, and why.
+        ShapeError: when the parameters do not fit the arm.
+    """
+    wrong = inconsistent_links(arm.inertial_parameters if parameters is None else parameters, arm.link_names)
+    if wrong:
+        links = "; ".join(f"link {name!r}: {reason}" for name, reason in wrong)
+        raise RobotError(f"{arm.name} is not physically consistent: {links}")
+
+
+def _reason(parameters: Tensor) -> str:
+    """Why a link (1, 10) cannot exist; empty when it can."""
+    if not parameters.isfinite().all():
+        return "a parameter is not finite"
+    mass = float(parameters[0, 0])
+    if not mass > 0:
+        return f"its mass is {mass:.4g} kg, expected more than 0"
+    centre, inertia = (x[0] for x in about_the_centre(parameters))
+    low, middle, high = torch.linalg.eigvalsh(inertia).tolist()
+    moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m² about the centre of mass"
+    if not low > 0:
+        about_joint = torch.linalg.eigvalsh(inertia_matrices(parameters)[0])
+        if about_joint[0] > 0:
+            place = ", ".join(f"{x:.4g}" for x in centre.tolist())
+            return f"its centre of mass ({place}) m is too far out for its inertia: {moments}"
+        return f"{moments}, expected more than 0"
+    if high - low - middle > _ROUNDING * high:
+        return f"{moments}: the largest exceeds the sum of the others"
+    return ""

@@ -1,0 +1,162 @@
+"""A URDF with other inertias: the source's text, byte for byte, but for the `<inertial>` elements."""
+
+import re
+import xml.parsers.expat as expat
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import RobotError, ShapeError
+from sidegan.robot import xml
+from sidegan.robot.arm import Arm
+from sidegan.robot.consistency import about_the_centre, require_consistent
+from sidegan.robot.description import read_description
+from sidegan.storage import replacing
+
+_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+_TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
+
+
+def write_urdf(arm: Arm, parameters: Tensor, path: Path) -> None:
+    """Write the arm's URDF with these inertial parameters in place of its own, and nothing else changed.
+
+    Each joint's parameters go to the link that it moves; links that are fixed to that one lose their
+    inertia, which is part of it already. The file appears whole, and only after it was read back to the
+    same parameters.
+
+    Args:
+        arm: the arm, read from a URDF.
+        parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joints' frames, (J, 10).
+        path: where to write; beside the source, if mesh files are named relative to it.
+
+    Raises:
+        RobotError: when a link would not be physically consistent, the source is no longer the arm's,
+            or cannot carry the parameters.
+        ShapeError: when the parameters are not (J, 10).
+        StorageError: when the file cannot be written.
+    """
+    if parameters.shape != (arm.joints, 10):
+        raise ShapeError(f"inertial parameters are {tuple(parameters.shape)}, expected ({arm.joints}, 10)")
+    parameters = parameters.detach().double().cpu()
+    require_consistent(arm, parameters)
+    carriers = _carriers(arm)
+    inertials = {link: _inertial(row) for link, row in zip(arm.link_names, parameters)}
+    wanted = {link: inertials.get(link, b"") for link, carrier in carriers.items() if carrier is not None}
+    text = arm.urdf.read_bytes()
+    with replacing(path) as draft:
+        draft.write_bytes(_replaced(text, wanted))
+        _check(arm, parameters, draft)
+
+
+def _carriers(arm: Arm) -> dict[str, str | None]:
+    """Which moved link each link is part of; None for those on the base.
+
+    Raises:
+        RobotError: when the file's joints are not the arm's.
+    """
+    if not arm.urdf.is_file():
+        raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
+    root = xml.parse(arm.urdf)
+    joints = [j for j in root.findall("joint") if j.get("type") is not None]
+    ends = {_end(j, "child"): (_end(j, "parent"), j) for j in joints}
+    moved = {_end(j, "child"): j.get("name") for j in joints if j.get("type") != "fixed"}
+    if moved != dict(zip(arm.link_names, arm.joint_names)):
+        raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
+
+    def carrier(link: str) -> str | None:
+        while link not in moved:
+            if link not in ends:
+                return None
+            link = ends[link][0]
+        return link
+
+    return {name: carrier(name) for link in root.findall("link") if (name := link.get("name", ""))}
+
+
+def _end(joint: "xml.ET.Element", end: str) -> str:
+    return xml.child(joint, end, joint.get("name", "")).get("link", "")
+
+
+def _inertial(parameters: Tensor) -> bytes:
+    """An `<inertial>` element of parameters (10,), about the centre of mass."""
+    centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
+    place = " ".join(map(repr, centre.tolist()))
+    lines = [
+        "<inertial>",
+        f'      <mass value="{float(parameters[0])!r}"/>',
+        f'      <origin xyz="{place}" rpy="0 0 0"/>',
+        f'      <inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}"',
+        f'               iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/>',
+        "    </inertial>",
+    ]
+    return "\n".join(lines).encode("ascii")
+
+
+def _replaced(text: bytes, wanted: dict[str, bytes]) -> bytes:
+    """A URDF's text with the inertias of the links ``wanted`` replaced, inserted, or (empty) taken out."""
+    edits = _edits(text, wanted)
+    for start, end, new in sorted(edits, reverse=True):
+        text = text[:start] + new + text[end:]
+    return text
+
+
+def _edits(text: bytes, wanted: dict[str, bytes]) -> list[tuple[int, int, bytes]]:
+    """What to change: from byte, to byte, new text."""
+    parser = expat.ParserCreate()
+    path: list[str] = []
+    link, opened = "", 0
+    found: dict[str, tuple[int, int]] = {}
+    missing: list[tuple[str, int]] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal link, opened
+        path.append(tag)
+        if path == ["robot", "link"]:
+            link, opened = attributes.get("name", ""), parser.CurrentByteIndex
+        elif path == ["robot", "link", "inertial"]:
+            found.setdefault(link, (parser.CurrentByteIndex, -1))
+
+    def end(tag: str) -> None:
+        if path == ["robot", "link", "inertial"] and found[link][1] < 0:
+            found[link] = found[link][0], _tag_end(text, parser.CurrentByteIndex)
+        elif path == ["robot", "link"] and wanted.get(link) and link not in found:
+            missing.append((link, opened))
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(text, True)
+    edits = [(*span, wanted[name]) for name, span in found.items() if name in wanted]
+    return edits + [_insertion(text, position, wanted[name]) for name, position in missing]
+
+
+def _insertion(text: bytes, position: int, inertial: bytes) -> tuple[int, int, bytes]:
+    """Put an inertia as first child into the `<link>` that opens at a byte."""
+    end = _tag_end(text, position)
+    if text[end - 2 : end] != b"/>":
+        return end, end, b"\n    " + inertial
+    return end - 2, end, b">\n    " + inertial + b"\n  </link>"
+
+
+def _tag_end(text: bytes, position: int) -> int:
+    """The byte after the tag that opens at a byte."""
+    tag = _TAG.match(text, position)
+    if tag is None or b"\0" in tag.group():
+        raise RobotError("tags take more than a byte per letter in this file's encoding: save it as UTF-8")
+    return tag.end()
+
+
+def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
+    """Raise unless the file reads as the same arm with these parameters."""
+    from sidegan.robot import model as pin_model
+
+    chain = pin_model.kinematics_and_inertias(pin_model.build(read_description(file)))
+    same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
+    for name, value in chain.items():
+        scale = float(same[name].double().abs().max())
+        if value.shape != same[name].shape or not torch.allclose(
+            value.double(), same[name].double(), rtol=0, atol=_TOLERANCE * max(scale, 1.0)
+        ):
+            what = name.replace("_", " ")
+            raise RobotError(f"{arm.urdf} with new inertias does not read as {arm.name}: another {what}")

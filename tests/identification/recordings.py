@@ -1,0 +1,55 @@
+"""Made-up recordings with known parameters."""
+
+import numpy as np
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.identification import Measurements, Model, Terms
+
+FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
+
+
+def multisine(joints, samples, seed=0, rate=100.0, sines=4):
+    """Position, velocity and acceleration, (S, J) each, of sums of sines that no two joints share."""
+    random = np.random.default_rng(seed)
+    time = torch.arange(samples, dtype=torch.float64)[:, None, None] / rate
+    speed = torch.from_numpy(random.uniform(0.5, 4.0, (sines, joints)))
+    size = torch.from_numpy(random.uniform(0.2, 0.6, (sines, joints)))
+    angle = time * speed + torch.from_numpy(random.uniform(0, 2 * np.pi, (sines, joints)))
+    q, dq, ddq = size * angle.sin(), size * speed * angle.cos(), -size * speed**2 * angle.sin()
+    return q.sum(1), dq.sum(1), ddq.sum(1)
+
+
+def truth_of(model):
+    """Parameters (P,) of the description with friction, another one at every joint."""
+    grow = torch.linspace(1.0, 0.4, model.joints, dtype=torch.float64)
+    terms = {name: FRICTION[name] * grow for name in model.kinds if name in FRICTION}
+    return model.base_of(model.arm.inertial_parameters, terms)
+
+
+def recorded(model, samples=1500, noise=0.0, seed=0):
+    """Measurements of the model with its true parameters, with white noise [N·m] on torque."""
+    states = multisine(model.joints, samples, seed)
+    torque = model.torque(truth_of(model), *states)
+    draw = torch.from_numpy(np.random.default_rng([seed, 1]).normal(size=torque.shape))
+    level = torch.as_tensor(noise, dtype=torch.float64)
+    return Measurements(*states, torque + level * draw)
+
+
+class Fixed:
+    """A linear model whose regressor (S, J, P) is known beforehand; the first position is the sample."""
+
+    def __init__(self, y):
+        self.y, self.joints, self.count = y, y.shape[1], y.shape[2]
+        self.names = [f"p{i + 1}" for i in range(self.count)]
+
+    def regressor(self, q, dq, ddq, sign=None):
+        return self.y[q[:, 0].long()]
+
+    def measurements(self, torque):
+        rows = torch.arange(len(torque), dtype=torch.float64)[:, None].expand(torque.shape)
+        return Measurements(rows, torch.zeros_like(torque), torch.zeros_like(torque), torque)
+
+
+def model_of(arm, **terms):
+    return Model(RigidBody(arm), Terms(**terms))

@@ -1,0 +1,94 @@
+"""What estimates say about their own errors, against the errors that are made."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import butter, sosfiltfilt, sosfreqz
+
+from sidegan.identification import estimate
+from sidegan.identification.residuals import correlation
+from tests.identification.recordings import Fixed, model_of, multisine, truth_of
+
+DRAWS = 100
+
+
+def errors_over_draws(model, samples, colour, method="weighted", **settings):
+    """Errors over their stated deviations, (draws, P), and how many parameters are within 3 of them."""
+    states = multisine(model.joints, samples, seed=4)
+    y, truth = model.regressor(*states), truth_of(model)
+    fixed, level = Fixed(y), torch.linspace(2.0, 0.2, model.joints, dtype=torch.float64)
+    found = []
+    for k in range(DRAWS):
+        noise = colour(np.random.default_rng([k, 7]).normal(size=(samples, model.joints)))
+        data = fixed.measurements(y @ truth + level * torch.from_numpy(noise.copy()))
+        one = estimate(method, fixed, data, **settings)
+        found.append((one.parameters - truth) / one.deviation)
+    return torch.stack(found)
+
+
+def low_passed(noise):
+    """Noise after the zero-phase filter that recordings go through: 5 Hz at 100 Hz."""
+    return sosfiltfilt(butter(4, 0.1, output="sos"), noise, axis=0)
+
+
+class TestStatedDeviations:
+    @pytest.mark.parametrize("method", ["weighted", "ols", "huber", "rls"])
+    def test_hold_for_white_noise(self, planar, method):
+        found = errors_over_draws(model_of(planar), 500, lambda x: x, method)
+        assert (found.abs() <= 3).double().mean() >= 0.99
+        assert found.std() == pytest.approx(1.0, abs=0.12)
+
+    def test_hold_on_the_arm_of_seven_joints(self, arm):
+        found = errors_over_draws(model_of(arm), 1500, lambda x: x)
+        assert (found.abs() <= 3).double().mean() >= 0.99
+        assert found.std() == pytest.approx(1.0, abs=0.05)
+
+    def test_hold_for_filtered_noise(self, planar):
+        found = errors_over_draws(model_of(planar), 2000, low_passed)
+        assert (found.abs() <= 3).double().mean() >= 0.99
+        assert found.std() == pytest.approx(1.0, abs=0.12)
+
+    def test_hold_for_outliers_with_huber(self, planar):
+        def contaminated(noise):
+            rare = np.random.default_rng(abs(int(noise[0, 0] * 1e6))).random(noise.shape) < 0.05
+            return np.where(rare, 10 * noise, noise)
+
+        found = errors_over_draws(model_of(planar), 300, contaminated, "huber")
+        assert (found.abs() <= 3).double().mean() >= 0.99
+
+    def test_do_not_depend_on_what_is_kept_of_a_long_recording(self, planar):
+        model, samples = model_of(planar), 4000
+        y = model.regressor(*multisine(2, samples))
+        noise = torch.from_numpy(np.random.default_rng(0).normal(size=(samples, 2)))
+        data = Fixed(y).measurements(y @ truth_of(model) + noise)
+        few, all_ = (estimate("weighted", Fixed(y), data, samples_at_once=n) for n in (40, 4000))
+        assert (few.deviation / all_.deviation - 1).abs().max() < 0.25
+
+
+class TestCorrelation:
+    @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
+    def test_of_an_autoregressive_process(self, phi):
+        random = np.random.default_rng(1)
+        r = np.zeros((20_000, 2))
+        for t in range(1, len(r)):
+            r[t] = phi * r[t - 1] + random.normal(size=2)
+        found = correlation(torch.from_numpy(r).split(4096))
+        assert found.inflation.tolist() == pytest.approx([(1 + phi) / (1 - phi)] * 2, rel=0.2)
+        assert found.first.tolist() == pytest.approx([phi] * 2, abs=0.03)
+
+    def test_of_filtered_noise_is_one_over_the_share_of_the_band(self):
+        r = low_passed(np.random.default_rng(0).normal(size=(40_000, 1)))
+        found = correlation([torch.from_numpy(r.copy())])
+        passed = np.abs(sosfreqz(butter(4, 0.1, output="sos"), 4096)[1]) ** 4  # power, forth and back
+        assert 1 / passed.mean() < float(found.inflation) < 1.3 / passed.mean()
+
+    @settings(max_examples=30, deadline=None)
+    @given(st.integers(1, 60), st.integers(0, 99))
+    def test_is_at_least_one_for_anything(self, samples, seed):
+        r = torch.from_numpy(np.random.default_rng(seed).normal(size=(samples, 3)))
+        r[:, 2] = 0  # a residual of nothing correlates with nothing
+        found = correlation([r, r[:1]])
+        assert (found.inflation >= 1).all() and found.inflation.isfinite().all()
+        assert found.samples == samples + 1

@@ -1,0 +1,175 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.dynamics import RigidBody
+from sidegan.errors import ConfigError, InfeasibleError, RobotError
+from sidegan.identification import Conditions, Model, consistent, estimate
+from sidegan.identification.inertia import from_pseudo_inertia, least_eigenvalues, pseudo_inertia
+from sidegan.identification.prior import scales
+from sidegan.robot import Arm
+from tests.identification.recordings import model_of, recorded, truth_of
+
+MASS = st.floats(0.1, 20.0)
+
+
+def links_of(model, found):
+    return found.standard[: 10 * model.joints].reshape(-1, 10)
+
+
+def least(model, links):
+    return least_eigenvalues(links, *scales(model.arm))
+
+
+@pytest.fixture(scope="module")
+def noisy(arm):
+    """A recording so short and noisy that least squares gives links that cannot exist."""
+    model = model_of(arm)
+    return model, recorded(model, 150, noise=3.0)
+
+
+def changed(arm: Arm, link: int, parameter: int, value: float) -> Arm:
+    """The arm with one link parameter changed."""
+    parameters = arm.inertial_parameters.clone()
+    parameters[link, parameter] = value
+    return replace(arm, inertial_parameters=parameters)
+
+
+class TestPseudoInertia:
+    @settings(max_examples=50, deadline=None)
+    @given(st.integers(0, 10_000))
+    def test_there_and_back(self, seed):
+        links = torch.from_numpy(np.random.default_rng(seed).normal(size=(3, 10)))
+        torch.testing.assert_close(from_pseudo_inertia(pseudo_inertia(links)), links)
+
+    @settings(max_examples=50, deadline=None)
+    @given(st.integers(0, 10_000), MASS)
+    def test_of_points_with_masses_is_positive(self, seed, mass):
+        random = np.random.default_rng(seed)
+        points = np.column_stack([random.normal(size=(8, 3)), np.ones(8)])
+        pseudo = torch.from_numpy(np.einsum("n,ni,nj->ij", mass * random.uniform(0.1, 1, 8), points, points))
+        link = from_pseudo_inertia(pseudo)
+        inertia = np.array(
+            [[link[4], link[5], link[7]], [link[5], link[6], link[8]], [link[7], link[8], link[9]]]
+        )
+        a, b, c = np.linalg.eigvalsh(inertia)
+        assert link[0] > 0 and a > 0 and a + b > c
+        torch.testing.assert_close(pseudo_inertia(link), pseudo)
+
+    def test_of_the_built_in_arms_exists(self, arm, planar):
+        for one in (arm, planar):
+            assert (least_eigenvalues(one.inertial_parameters, *scales(one)) > 0).all()
+
+
+class TestFit:
+    @pytest.mark.parametrize("pull", ["logdet", "euclid"])
+    def test_every_link_can_exist_where_least_squares_gives_some_that_cannot(self, noisy, pull):
+        model, data = noisy
+        found = estimate("consistent", model, data, pull=pull)
+        assert (least(model, links_of(model, found)) > 0.9e-4).all()
+        for name in ("rotor_inertia", "viscous", "coulomb"):
+            assert (found.standard[model.standard_slice(name)] > -1e-6).all()
+        torch.testing.assert_close(model.mapping @ found.standard, found.parameters)
+
+    def test_a_loose_fit_of_good_data_is_weighted_least_squares(self, planar):
+        model = model_of(planar)
+        data = recorded(model, 3000, noise=0.01)
+        plain = estimate("weighted", model, data)
+        found = estimate("consistent", model, data, strength=1e-3)
+        assert ((found.parameters - plain.parameters).abs() < 0.2 * plain.deviation + 1e-6).all()
+
+    def test_a_strong_pull_gives_the_description(self, noisy):
+        model, data = noisy
+        for pull in ("logdet", "euclid"):
+            found = links_of(model, estimate("consistent", model, data, strength=1e7, pull=pull))
+            torch.testing.assert_close(found, model.arm.inertial_parameters, rtol=1e-2, atol=2e-3)
+
+    def test_is_closer_to_the_truth_than_least_squares(self, noisy):
+        model, data = noisy
+        truth = truth_of(model)
+        scale = estimate("weighted", model, data).deviation
+        errors = {
+            m: ((estimate(m, model, data).parameters - truth) / scale).norm()
+            for m in ("weighted", "consistent")
+        }
+        assert errors["consistent"] < errors["weighted"]
+
+    def test_the_total_mass_is_kept(self, noisy):
+        model, data = noisy
+        found = estimate("consistent", model, data, total_mass=16.0)
+        assert float(links_of(model, found)[:, 0].sum()) == pytest.approx(16.0, rel=1e-5)
+
+    def test_no_terms_are_no_trouble(self, planar):
+        model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
+        found = estimate("consistent", model, recorded(model, 300))
+        assert found.standard.shape == (20,)
+
+    def test_the_best_point_has_no_better_neighbours(self, planar):
+        model = model_of(planar)
+        plain = estimate("weighted", model, recorded(model, 200, noise=1.0))
+        information, moment = plain.information, plain.moment
+        found = consistent(model, information, moment, Conditions(strength=2.0))
+
+        def cost(standard):
+            x = model.mapping @ standard
+            links = standard[:20].reshape(2, 10)
+            now, first = pseudo_inertia(links), pseudo_inertia(planar.inertial_parameters)
+            divergence = (
+                torch.linalg.solve(first, now).diagonal(dim1=1, dim2=2).sum() - torch.logdet(now).sum()
+            )
+            return float(0.5 * x @ information @ x - moment @ x + 2.0 * divergence)
+
+        best, random = cost(found.standard), np.random.default_rng(0)
+        for _ in range(200):
+            step = 1e-3 * torch.from_numpy(random.normal(size=found.standard.shape)) * found.standard.abs()
+            assert cost(found.standard + step) >= best - 1e-4 * abs(best)
+
+
+class TestAccepted:
+    def test_by_mujoco_and_pinocchio(self, noisy):
+        import mujoco
+        import pinocchio as pin
+
+        model, data = noisy
+        links = links_of(model, estimate("consistent", model, data))
+        bodies = []
+        for row in links.numpy():
+            inertia = pin.Inertia.FromDynamicParameters(row)
+            assert np.linalg.eigvalsh(inertia.inertia).min() > 0
+            back = pin.PseudoInertia.FromInertia(inertia).toMatrix()
+            assert np.linalg.eigvalsh(back).min() > 0
+            i = inertia.inertia
+            full = " ".join(f"{x:.17g}" for x in (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
+            place = " ".join(f"{x:.17g}" for x in inertia.lever)
+            inertial = f'mass="{inertia.mass:.17g}" pos="{place}" fullinertia="{full}"'
+            bodies.append(f"<body><joint/><inertial {inertial}/></body>")
+        xml = f"<mujoco><worldbody>{''.join(bodies)}</worldbody></mujoco>"
+        loaded = mujoco.MjModel.from_xml_string(xml)
+        np.testing.assert_allclose(loaded.body_mass[1:], links[:, 0], rtol=1e-9)
+
+
+class TestBadInput:
+    def test_a_description_that_cannot_exist_is_named(self, arm):
+        bad = changed(changed(arm, 2, 4, 10.0), 5, 0, 1e-3)
+        model = model_of(bad)
+        with pytest.raises(
+            RobotError, match=rf"links of {arm.joint_names[2]}, {arm.joint_names[5]}: pull='euclid'"
+        ):
+            estimate("consistent", model, recorded(model, 200, noise=0.1))
+        found = estimate("consistent", model, recorded(model, 200, noise=0.1), pull="euclid")
+        assert (least(model, links_of(model, found)) > 0).all()
+
+    def test_a_description_without_masses(self, planar):
+        light = Model(RigidBody(replace(planar, inertial_parameters=0 * planar.inertial_parameters)))
+        with pytest.raises(ConfigError, match="no link of planar2 has a mass"):
+            estimate("consistent", light, recorded(light, 100, noise=0.1))
+
+    def test_what_cannot_be_met(self, noisy):
+        model, data = noisy
+        text = r"no bodies that can exist meet the conditions \(margin 0.5, 5 kg in all\): infeasible"
+        with pytest.raises(InfeasibleError, match=text):
+            estimate("consistent", model, data, margin=0.5, total_mass=5.0)

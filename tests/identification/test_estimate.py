@@ -1,0 +1,292 @@
+from time import process_time
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import METHODS, Measurements, Rls, estimate
+from tests.identification.recordings import Fixed, model_of, recorded, truth_of
+
+STREAMED = [name for name in METHODS if name != "huber"]
+PLAIN = ["ols", "weighted", "huber", "tls", "rls"]  # need no arm, and scale with the torque
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """Regressor (400, 3, 6) with columns of unlike sizes and torque (400, 3) with noise of unlike sizes."""
+    random = np.random.default_rng(3)
+    y = random.normal(size=(400, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
+    tau = y @ random.normal(size=6) + random.normal(size=(400, 3)) * [1, 0.3, 0.05]
+    return torch.from_numpy(y), torch.from_numpy(tau)
+
+
+def fitted(method, rows, **settings):
+    model = Fixed(rows[0])
+    return estimate(method, model, model.measurements(rows[1]), **settings)
+
+
+def flat(rows, weights=(1.0, 1.0, 1.0)):
+    w = np.asarray(weights)
+    y = (rows[0].numpy() * w[:, None]).reshape(-1, 6)
+    return y, (rows[1].numpy() * w).reshape(-1)
+
+
+def close(found, expected, rtol=1e-8):
+    found, expected = torch.as_tensor(found).numpy(), torch.as_tensor(expected).numpy()
+    np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * np.abs(expected).max())
+
+
+class TestClosedForms:
+    def test_ols(self, rows):
+        close(fitted("ols", rows, prior=1e12).parameters, np.linalg.lstsq(*flat(rows), rcond=None)[0])
+
+    def test_weighted_is_a_fixed_point_of_its_weights(self, rows):
+        found = fitted("weighted", rows, prior=1e12)
+        close(found.parameters, np.linalg.lstsq(*flat(rows, found.weights.numpy()), rcond=None)[0])
+        residual = rows[1] - rows[0] @ found.parameters
+        close(found.residual_rms, residual.square().mean(0).sqrt())
+        close(found.weights, 1 / found.residual_rms, rtol=2e-3)
+
+    @pytest.mark.parametrize("weighted", [False, True])
+    def test_tls(self, rows, weighted):
+        found = fitted("tls", rows, prior=1e12, weighted=weighted)
+        y, tau = flat(rows, found.weights.numpy())
+        both = np.column_stack([y, tau])
+        scale = np.linalg.norm(both, axis=0)
+        last = np.linalg.svd(both / scale)[2][-1]
+        close(found.parameters, -last[:-1] / last[-1] * scale[-1] / scale[:-1])
+
+    @pytest.mark.parametrize("forgetting", [0.99, 1.0])
+    def test_rls(self, rows, forgetting):
+        rls = Rls(6, 3, prior=10.0, forgetting=forgetting)
+        rls.update(*rows)
+        found = fitted("rls", rows, prior=10.0, forgetting=forgetting, samples_at_once=37)
+        close(found.parameters, rls.estimate)
+
+    def test_weighted_rls_that_forgets_nothing_is_weighted(self, rows):
+        found = fitted("rls", rows, weighted=True)
+        close(found.parameters, fitted("weighted", rows).parameters)
+
+    def test_huber_solves_its_equations(self, rows):
+        torque = rows[1].clone()
+        torque[::10] += 20.0
+        found = fitted("huber", (rows[0], torque), threshold=1.5)
+        scale = 1 / found.weights
+        size = (torque - rows[0] @ found.parameters) / scale
+        psi = size.clamp(-1.5, 1.5)
+        pull = torch.einsum("sj,sjp->p", psi / scale, rows[0])
+        most = torch.einsum("sj,sjp->p", psi.abs() / scale, rows[0].abs())
+        assert (pull.abs() < 2e-4 * most).all()
+        normal = torch.randn(1_000_000, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+        expected = float(normal.clamp(-1.5, 1.5).square().mean())
+        assert psi.square().mean(0).tolist() == pytest.approx([expected] * 3, rel=1e-2)
+
+    def test_ridge(self, planar):
+        model, data = model_of(planar), recorded(model_of(planar), 200, noise=0.5)
+        found = estimate("ridge", model, data, relative=0.1)
+        from sidegan.identification.prior import information
+
+        root = torch.linalg.cholesky(
+            information(model, 0.1) + 1e-6 * torch.eye(model.count, dtype=torch.float64)
+        ).T
+        y = (model.regressor(*data.states) * found.weights[:, None]).reshape(-1, model.count)
+        stacked = torch.cat([y, root])
+        right = torch.cat([(data.torque * found.weights).reshape(-1), root @ model.nominal])
+        close(found.parameters, torch.linalg.lstsq(stacked, right[:, None]).solution[:, 0], rtol=1e-6)
+
+    def test_essential_is_least_squares_on_what_it_kept(self, rows):
+        truth = torch.tensor([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], dtype=torch.float64)
+        noise = torch.from_numpy(np.random.default_rng(0).normal(size=rows[1].shape))
+        torque = rows[0] @ truth + 0.1 * noise
+        found = fitted("essential", (rows[0], torque), prior=1e12, ratio=100.0, loss=0.05)
+        kept = found.parameters != 0
+        assert torch.equal(kept, truth != 0)
+        y, tau = flat((rows[0], torque), found.weights.numpy())
+        close(found.parameters[kept], np.linalg.lstsq(y[:, kept.numpy()], tau, rcond=None)[0])
+        assert not found.deviation[~kept].any() and not found.relative_deviation[~kept].any()
+
+    def test_condition_is_that_of_scaled_columns(self, rows):
+        found = fitted("weighted", rows)
+        y, _ = flat(rows, found.weights.numpy())
+        assert found.condition == pytest.approx(np.linalg.cond(y / np.linalg.norm(y, axis=0)), rel=1e-6)
+
+
+class TestLaws:
+    @pytest.mark.parametrize("method", METHODS)
+    def test_exact_torques_give_the_true_parameters(self, planar, method):
+        model = model_of(planar)
+        found = estimate(method, model, recorded(model, 600))
+        tolerance = 2e-3 if method == "consistent" else 1e-4
+        scale = truth_of(model).abs().clamp_min(0.1)
+        assert ((found.parameters - truth_of(model)).abs() / scale).max() < tolerance
+
+    @settings(max_examples=15, deadline=None)
+    @given(factor=st.floats(0.01, 100.0), method=st.sampled_from(PLAIN))
+    def test_parameters_scale_with_the_torque(self, rows, factor, method):
+        one = fitted(method, rows, prior=1e12)
+        other = fitted(method, (rows[0], factor * rows[1]), prior=1e12)
+        close(other.parameters, factor * one.parameters, rtol=1e-3 if method == "huber" else 1e-6)
+        close(other.deviation, factor * one.deviation, rtol=1e-2)
+
+    @settings(max_examples=15, deadline=None)
+    @given(seed=st.integers(0, 1000), method=st.sampled_from(["ols", "weighted", "rls", "huber"]))
+    def test_what_the_model_explains_moves_the_parameters_only(self, rows, seed, method):
+        shift = torch.from_numpy(np.random.default_rng(seed).normal(size=6))
+        one = fitted(method, rows, prior=1e12)
+        other = fitted(method, (rows[0], rows[1] + rows[0] @ shift), prior=1e12)
+        close(other.parameters, one.parameters + shift, rtol=1e-3 if method == "huber" else 1e-6)
+
+    @settings(max_examples=20, deadline=None)
+    @given(at_once=st.integers(1, 500), cut=st.integers(1, 399), method=st.sampled_from(STREAMED[:4]))
+    def test_neither_pieces_nor_recordings_matter(self, rows, at_once, cut, method):
+        model = Fixed(rows[0])
+        data = model.measurements(rows[1])
+        whole = estimate(method, model, data)
+        found = estimate(method, model, iter([data[:cut], data[cut:]]), samples_at_once=at_once)
+        close(found.parameters, whole.parameters)
+        assert found.samples == 400
+
+    @pytest.mark.parametrize("method", METHODS)
+    def test_no_more_samples_are_held_than_asked_for(self, planar, method):
+        model = model_of(planar)
+        regressor, sizes = model.regressor, []
+
+        def watched(q, *rest):
+            sizes.append(len(q))
+            return regressor(q, *rest)
+
+        model.regressor = watched
+        found = estimate(method, model, [recorded(model_of(planar), 3000, 0.1)], samples_at_once=100)
+        assert found.samples == 3000 and max(sizes) == 100
+
+    def test_an_hour_at_one_kilohertz_takes_two_minutes_at_most(self, arm):
+        model = model_of(arm)
+        recording = recorded(model, 4096, 0.1)
+        stream = (recording for _ in range(10))
+        start = process_time()
+        found = estimate("weighted", model, stream)
+        assert (process_time() - start) / found.samples * 3600 * 1000 < 120
+
+    def test_outliers_drag_least_squares_but_not_huber(self, rows):
+        clean = fitted("weighted", rows).parameters
+        torque = rows[1].clone()
+        torque[::15] += 30.0
+        error = {
+            m: float((fitted(m, (rows[0], torque)).parameters - clean).norm()) for m in ("weighted", "huber")
+        }
+        assert error["huber"] < 0.2 * error["weighted"]
+
+    def test_tls_is_right_where_the_regressor_is_noisy_too(self, rows):
+        random = np.random.default_rng(0)
+        truth, errors = torch.tensor([0.1, 3.0, 30.0, 1.0, 150.0, 3.0], dtype=torch.float64), {}
+        torque = rows[0] @ truth
+        size = torque.square().mean().sqrt()
+        y = rows[0] + 0.3 * rows[0].square().mean((0, 1)).sqrt() * torch.from_numpy(
+            random.normal(size=rows[0].shape)
+        )
+        tau = torque + 0.3 * size * torch.from_numpy(random.normal(size=torque.shape))
+        for method in ("ols", "tls"):
+            settings = {"weighted": False} if method == "tls" else {}
+            found = fitted(method, (y, tau), prior=1e12, **settings)
+            errors[method] = float(((found.parameters - truth) / truth).norm())
+        assert errors["tls"] < 0.5 * errors["ols"]
+
+    def test_huber_says_when_it_has_not_settled(self, rows, caplog):
+        torque = 1e3 * rows[1].sign()  # nothing that a model with errors would leave
+        found = fitted("huber", (rows[0][:20], torque[:20]), threshold=0.05)
+        assert found.parameters.isfinite().all()
+        assert "has not settled" in caplog.text
+
+    def test_forgetting_follows_a_change(self, rows):
+        torque = rows[0] @ torch.ones(6, dtype=torch.float64)
+        torque[200:] *= 2
+        found = fitted("rls", (rows[0], torque), forgetting=0.9)
+        close(found.parameters, 2 * np.ones(6), rtol=1e-3)
+
+    def test_ridge_goes_from_the_description_to_the_data(self, planar):
+        model = model_of(planar)
+        data = recorded(model, 300, noise=1.0)
+        tight, loose = (estimate("ridge", model, data, relative=r).parameters for r in (1e-6, 1e4))
+        close(tight[: model.rigid], model.nominal[: model.rigid], rtol=1e-3)
+        close(loose, estimate("weighted", model, data).parameters, rtol=1e-2)
+
+    def test_what_is_not_excited_stays_unknown(self, planar):
+        model = model_of(planar)
+        data = recorded(model, 300)
+        still = torch.zeros_like(data.velocity)
+        rest = Measurements(data.position, still, still, data.torque)
+        found = estimate("weighted", model, rest)
+        assert found.condition == np.inf
+        assert found.deviation[model.index("fv1")] == pytest.approx(1e3, rel=1e-3)
+
+
+class TestBadInput:
+    def test_unknown_method(self, rows):
+        with pytest.raises(ConfigError, match="'lasso', expected one of ols, weighted, huber"):
+            fitted("lasso", rows)
+
+    def test_unknown_setting(self, rows):
+        with pytest.raises(ConfigError, match="ols has no setting threshold; it has prior"):
+            fitted("ols", rows, threshold=1.0)
+
+    @pytest.mark.parametrize(
+        ("method", "settings"),
+        [
+            ("ols", {"prior": 0.0}),
+            ("weighted", {"prior": float("inf")}),
+            ("huber", {"threshold": -1.0}),
+            ("rls", {"forgetting": 1.01}),
+            ("ridge", {"relative": 0.0}),
+            ("essential", {"ratio": 0.0}),
+            ("essential", {"loss": float("nan")}),
+            ("consistent", {"pull": "both"}),
+            ("consistent", {"strength": 0.0}),
+            ("consistent", {"margin": -1e-3}),
+            ("consistent", {"total_mass": 0.0}),
+        ],
+    )
+    def test_impossible_settings(self, rows, method, settings):
+        with pytest.raises(ConfigError, match=f"{next(iter(settings))} is .*, expected"):
+            fitted(method, rows, **settings)
+
+    def test_huber_refuses_a_stream(self, rows):
+        model = Fixed(rows[0])
+        with pytest.raises(ConfigError, match="huber reads the samples several times"):
+            estimate("huber", model, iter([model.measurements(rows[1])]))
+
+    @pytest.mark.parametrize("method", ["ridge", "consistent"])
+    def test_a_pull_needs_an_arm(self, rows, method):
+        with pytest.raises(ConfigError, match="needs a Model"):
+            fitted(method, rows)
+
+    def test_no_samples(self, rows):
+        with pytest.raises(ShapeError, match="no samples"):
+            estimate("ols", Fixed(rows[0]), [])
+
+    def test_something_else_among_the_measurements(self, rows):
+        with pytest.raises(ShapeError, match="hold a str"):
+            estimate("ols", Fixed(rows[0]), ["a.csv"])
+
+    def test_another_number_of_joints(self, planar, rows):
+        with pytest.raises(ShapeError, match="3 joints, the model has 2"):
+            estimate("ols", model_of(planar), Fixed(rows[0]).measurements(rows[1]))
+
+    @pytest.mark.parametrize("method", ["weighted", "huber", "tls", "essential"])
+    def test_no_torque(self, rows, method):
+        with pytest.raises(ShapeError, match="all torques are zero"):
+            fitted(method, (rows[0], 0 * rows[1]))
+
+    def test_tls_needs_every_column(self, rows):
+        y = rows[0].clone()
+        y[..., 2] = 0
+        with pytest.raises(ShapeError, match="needs every column excited; zero: p3"):
+            fitted("tls", (y, rows[1]))
+
+    def test_tls_needs_independent_columns(self, rows):
+        y = rows[0].clone()
+        y[..., 2] = y[..., 1]
+        with pytest.raises(ShapeError, match="not excited"):
+            fitted("tls", (y, rows[1]))

@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import Model, Terms
+from sidegan.identification.formulas import formula
+from sidegan.identification.model import states_within
+from sidegan.identification.single import SingleRegressor
+from tests.chains import random_chain
+from tests.identification.recordings import model_of, multisine
+
+ALL = Terms(stribeck=0.2)
+
+
+@pytest.fixture(scope="module")
+def arms(arm, planar):
+    return [arm, planar, random_chain(4, 1)[0], random_chain(5, 3)[0], random_chain(3, 2)[0]]
+
+
+class TestRegressor:
+    def test_gives_the_torque_of_all_standard_parameters(self, arms):
+        for arm in arms:
+            model = Model(RigidBody(arm), ALL)
+            q, dq, ddq = states_within(arm, 40, seed=5)
+            full = torch.from_numpy(np.random.default_rng(0).normal(size=model.mapping.shape[1]))
+            sign = torch.tanh(dq / 0.01)
+            signals = [ddq, dq, sign, torch.ones_like(dq), sign * torch.exp(-((dq / 0.2) ** 2))]
+            terms = full[10 * arm.joints :].reshape(5, arm.joints)
+            expected = model.body.torque(q, dq, ddq, full[: 10 * arm.joints])
+            expected = expected + sum(x * term for x, term in zip(signals, terms))
+            found = model.torque(model.mapping @ full, q, dq, ddq)
+            assert (found - expected).abs().max() < 1e-9 * expected.abs().max()
+
+    def test_columns_are_independent_and_rigid_ones_come_first(self, arms):
+        for arm in arms:
+            model = Model(RigidBody(arm), ALL)
+            y = model.regressor(*states_within(arm, 60 * arm.joints, seed=9))
+            rows = y.reshape(-1, model.count)
+            assert torch.linalg.matrix_rank(rows / rows.norm(dim=0), rtol=1e-9) == model.count
+            assert tuple(model.names[: model.rigid]) == model.body.base.names
+
+    def test_one_state_at_a_time_is_the_same(self, arms):
+        for arm in arms:
+            model = Model(RigidBody(arm), ALL)
+            single, states = SingleRegressor(model), states_within(arm, 20, seed=2)
+            y = model.regressor(*states).numpy()
+            for i in range(20):
+                found = single(*(x[i].numpy() for x in states))
+                np.testing.assert_allclose(found, y[i], atol=1e-12 * np.abs(y).max())
+
+    def test_friction_follows_the_sign_where_one_is_given(self, planar):
+        model = model_of(planar)
+        q, dq, ddq = multisine(2, 30)
+        y = model.regressor(q, dq, ddq, 0.5 * torch.ones_like(q))
+        assert (y[:, 1, model.index("fc2")] == 0.5).all()
+        assert torch.equal(model.regressor(q, dq, ddq, torch.tanh(dq / 0.01)), model.regressor(q, dq, ddq))
+
+
+class TestGroupings:
+    def test_the_first_rotor_acts_like_the_first_link(self, arm):
+        model = model_of(arm)
+        assert "Ia1" not in model.names
+        assert model.formulas[model.index("Izz1")].endswith("Ia1")
+        assert [n for n in model.names if n.startswith("Ia")] == [f"Ia{i}" for i in range(3, 8)]
+
+    def test_formulas_add_up_to_the_parameters(self, arm):
+        model = model_of(arm, stribeck=0.1)
+        values = dict(
+            zip(model.standard_names, np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
+        )
+        full = torch.tensor([values[name] for name in model.standard_names], dtype=torch.float64)
+        for text, expected in zip(model.formulas, (model.mapping @ full).tolist()):
+            words = text.replace("- ", "-").replace("+ ", "").split()
+            total, factor = 0.0, 1.0
+            for word in words:
+                name = word.lstrip("-")
+                if name in values:
+                    total += (-1 if word.startswith("-") else 1) * factor * values[name]
+                    factor = 1.0
+                else:
+                    factor = float(word)
+            assert total == pytest.approx(expected, rel=1e-3)
+
+    def test_reads_as_people_write(self):
+        shares = torch.tensor([0.0, -1.0, 0.0780001, 1.0], dtype=torch.float64)
+        assert formula(shares, ["a", "b", "m7", "m6"]) == "m6 - b + 0.078 m7"
+
+    def test_the_nominal_parameters_are_those_of_the_description(self, arm):
+        model = model_of(arm)
+        assert torch.equal(model.nominal[: model.rigid], model.body.base.values)
+        assert not model.nominal[model.rigid :].any()
+
+    def test_without_terms_only_rigid_bodies_are_left(self, planar):
+        model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
+        states = multisine(2, 20)
+        assert model.names == list(model.body.base.names)
+        assert torch.equal(model.regressor(*states), model.body.base_regressor(*states))
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(
+        "settings", [{"sign_width": 0.0}, {"stribeck": -1.0}, {"stribeck": float("nan")}]
+    )
+    def test_impossible_velocities(self, settings):
+        with pytest.raises(ConfigError, match="expected finite velocities above zero"):
+            Terms(**settings)
+
+    def test_one_stribeck_velocity_too_many(self, planar):
+        with pytest.raises(ConfigError, match="3 Stribeck velocities, expected 2"):
+            model_of(planar, stribeck=(0.1, 0.1, 0.1))
+
+    def test_unknown_names(self, planar):
+        model = model_of(planar, viscous=False)
+        with pytest.raises(ConfigError, match="no parameter 'fv1'"):
+            model.index("fv1")
+        with pytest.raises(ConfigError, match="no term 'viscous', it has rotor_inertia, coulomb, offset"):
+            model.base_of(planar.inertial_parameters, {"viscous": torch.ones(2)})
+
+    def test_shapes(self, planar):
+        model = model_of(planar)
+        q = torch.zeros(4, 2, dtype=torch.float64)
+        with pytest.raises(ShapeError, match=r"sign \(3, 2\), expected \(S, 2\)"):
+            model.regressor(q, q, q, q[:3])
+        with pytest.raises(ShapeError, match=r"expected \(S, 2\)"):
+            model.regressor(q[None], q[None], q[None])
+        with pytest.raises(ShapeError, match="the model has"):
+            model.torque(torch.zeros(3, dtype=torch.float64), q, q, q)
+        with pytest.raises(ShapeError, match=r"expected \(2, 10\)"):
+            model.base_of(torch.zeros(3, 10))

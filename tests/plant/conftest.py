@@ -1,0 +1,46 @@
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+
+from sidegan.plant import PlantSettings
+from sidegan.robot import Arm
+from sidegan.trajectory import Motion, Trajectory
+from sidegan.typed import build
+
+from ..chains import random_chain, real_links
+
+CONF = Path(__file__).parents[2] / "conf" / "plant"
+
+
+@pytest.fixture(scope="session")
+def chain() -> Callable[..., Arm]:
+    """A random chain whose links can exist."""
+
+    def make(joints: int, seed: int) -> Arm:
+        return replace(random_chain(joints, seed)[0], inertial_parameters=real_links(joints, seed))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def standard() -> PlantSettings:
+    """The settings in conf/plant/mujoco.yaml."""
+    return build(PlantSettings, yaml.safe_load((CONF / "mujoco.yaml").read_text(encoding="utf-8")))
+
+
+@pytest.fixture(scope="session")
+def motions() -> Callable[..., Motion]:
+    """Lively random motions (count, T, J) of an arm."""
+
+    def make(arm: Arm, count: int = 1, period: float = 4.0, rate: float = 1000.0, seed: int = 0) -> Motion:
+        home = ((arm.position_lower + arm.position_upper) / 2).tolist()
+        trajectory = Trajectory(arm.joints, 3, period, home)
+        random = torch.Generator().manual_seed(seed)
+        c = torch.randn(count, arm.joints, 3, 2, generator=random, dtype=torch.float64)
+        return trajectory.roll_out(0.1 * arm.velocity_limit[:, None, None] * c, trajectory.times(rate))
+
+    return make

@@ -1,0 +1,44 @@
+"""What the plant executes is identified through the door of recordings: its settings come back."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.identification import Measurements, Model, estimate, nmse
+from sidegan.plant import execute_all
+from sidegan.recording import Recording, Settings, condition
+from sidegan.seeds.problem import SeedProblem
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints
+
+FAMILY = Trajectory(7, 6, 16.0)
+
+
+def measurements_of(executed, joint_names, settings):
+    recording = Recording("plant", joint_names, *executed[:3], torque=executed.torque)
+    return [Measurements(*segment[1:]) for segment in condition(recording, settings)]
+
+
+@pytest.fixture(scope="module")
+def executions(arm, standard):
+    start = torch.Generator().manual_seed(0)
+    c = SeedProblem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
+    how = partial(measurements_of, joint_names=arm.joint_names, settings=Settings(bandwidth=6 / 16))
+    return execute_all(arm, standard, FAMILY, c, np.random.SeedSequence(0), how, workers=1)
+
+
+def test_friction_rotors_and_bias_come_back(arm, standard, executions):
+    model = Model(RigidBody(arm))
+    found = estimate("weighted", model, [part for parts in executions[:6] for part in parts])
+    values = dict(zip(model.names, found.parameters.tolist()))
+    for name, setting, error in (("fv", "viscous", 0.2), ("fc", "coulomb", 0.1), ("fo", "torque_bias", 0.05)):
+        for j, wanted in enumerate(standard.of(setting, 7).tolist()):
+            assert values[f"{name}{j + 1}"] == pytest.approx(wanted, abs=error), f"{name}{j + 1}"
+    rotors = [value for name, value in values.items() if name.startswith("Ia")]
+    assert rotors == pytest.approx([standard.rotor_inertia[0]] * len(rotors), abs=0.03)
+    tests = [part for parts in executions[6:] for part in parts]
+    pairs = [(part.torque, model.torque(found.parameters, *part.inputs)) for part in tests]
+    assert float(nmse(*(torch.cat(x) for x in zip(*pairs))).mean()) < 0.02

@@ -1,0 +1,65 @@
+"""MuJoCo's inverse dynamics are Pinocchio's and ours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.errors import ConfigError, RobotError
+from sidegan.plant import PlantSettings, inverse_dynamics, mujoco_model
+from sidegan.robot import built_in_robots, load_robot, pinocchio_model
+
+from ..chains import random_states
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_inverse_dynamics_are_pinocchios(name):
+    arm = load_robot(name)
+    states = random_states(arm, 200)
+    torques = inverse_dynamics(mujoco_model(arm), *states)
+    model = pinocchio_model(arm)
+    data = model.createData()
+    for torque, *state in zip(torques, *(x.numpy() for x in states)):
+        np.testing.assert_allclose(torque, pin.rnea(model, data, *state), rtol=0, atol=1e-9)  # N·m
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3, 6, 9])
+@pytest.mark.parametrize("seed", range(4))
+def test_inverse_dynamics_of_any_chain_are_ours(chain, joints, seed):
+    arm = chain(joints, seed)
+    states = random_states(arm, 50, seed)
+    torques = inverse_dynamics(mujoco_model(arm), *states)
+    torch.testing.assert_close(torques, RigidBody(arm).torque(*states), rtol=0, atol=1e-9)
+
+
+def test_rotors_and_viscous_friction_add_to_the_rigid_body(planar):
+    settings = PlantSettings(viscous=[2.0, 3.0], rotor_inertia=[0.5, 0.25])
+    q, dq, ddq = random_states(planar, 50)
+    torques = inverse_dynamics(mujoco_model(planar, settings), q, dq, ddq)
+    added = dq * torch.tensor([2.0, 3.0]) + ddq * torch.tensor([0.5, 0.25])
+    torch.testing.assert_close(torques, RigidBody(planar).torque(q, dq, ddq) + added, rtol=0, atol=1e-9)
+
+
+def test_every_link_that_cannot_exist_is_named(arm):
+    parameters = arm.inertial_parameters.clone()
+    parameters[[1, 4], 0] = torch.tensor([0.0, -1.0], dtype=torch.float64)
+    wrong = replace(arm, inertial_parameters=parameters)
+    with pytest.raises(
+        RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -1 kg"
+    ):
+        mujoco_model(wrong)
+
+
+def test_what_mujoco_refuses_is_told(planar):
+    speck = replace(planar, inertial_parameters=planar.inertial_parameters * 1e-17)
+    with pytest.raises(RobotError, match="MuJoCo refuses planar2"):
+        mujoco_model(speck)
+
+
+@pytest.mark.parametrize("name", ["viscous", "coulomb", "rotor_inertia", "bandwidth", "torque_bias"])
+def test_settings_of_another_number_of_joints_are_refused(planar, name):
+    with pytest.raises(ConfigError, match=rf"plant.{name} has 3 values, expected 2 \(one per joint\) or one"):
+        PlantSettings(**{name: [0.1, 0.1, 0.1]}).check(planar.joints)

@@ -1,0 +1,37 @@
+"""Recordings of the plant as files, which go through the same door as real ones."""
+
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, StorageError
+from sidegan.plant import Plant, save_recording
+from sidegan.recording.columns import Columns
+from sidegan.recording.load import load_recording
+
+
+@pytest.fixture(scope="module")
+def executed(planar, motions, standard):
+    return Plant(planar, standard).execute(motions(planar, period=1.0), 0)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_every_number_comes_back_through_the_door_of_recordings(executed, planar, tmp_path, suffix):
+    path = tmp_path / f"plant{suffix}"
+    save_recording(executed, path)
+    read = load_recording(path, Columns(), planar.joint_names)
+    assert not read.corrupt
+    assert read.acceleration is None
+    for name, values in executed._asdict().items():
+        assert torch.equal(getattr(read, name), values), name
+
+
+def test_a_kind_of_file_that_is_not_known_is_refused(executed, tmp_path):
+    with pytest.raises(ConfigError, match=r"ends in '.xlsx', expected .csv or .parquet"):
+        save_recording(executed, tmp_path / "recording.xlsx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_told(executed, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot write"):
+        save_recording(executed, tmp_path / "file" / "recording.csv")

@@ -1,0 +1,44 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.dynamics import RigidBody
+from sidegan.recording import Recording
+
+
+def real(name):
+    """A file of the recordings that are not part of the project."""
+    beside = Path(__file__).parents[2] / ".." / "shared" / "data"
+    path = Path(os.environ.get("SIDEGAN_DATA", beside)) / name
+    if not path.exists():
+        pytest.skip(f"{name} is not at hand: put it beside the project in shared/data, or set SIDEGAN_DATA")
+    return path.resolve()
+
+
+def states(time, joints=2):
+    """A motion of two sines per joint below 0.6 Hz: position, velocity, acceleration, (S, J) each."""
+    t = np.asarray(time)[:, None]
+    w1, w2 = 2 * np.pi * (0.2 + 0.05 * np.arange(joints)), 2 * np.pi * (0.47 - 0.06 * np.arange(joints))
+    q = 0.8 * np.sin(w1 * t) + 0.4 * np.sin(w2 * t + 1)
+    v = 0.8 * w1 * np.cos(w1 * t) + 0.4 * w2 * np.cos(w2 * t + 1)
+    a = -0.8 * w1**2 * np.sin(w1 * t) - 0.4 * w2**2 * np.sin(w2 * t + 1)
+    return tuple(torch.from_numpy(x) for x in (q, v, a))
+
+
+def recorded(arm, time, keep=("position", "velocity", "torque")):
+    """A recording of that motion with some friction."""
+    q, v, a = states(time, arm.joints)
+    torque = RigidBody(arm).torque(q, v, a) + 0.5 * v + 0.3 * torch.tanh(v / 0.01)
+    signals = {"position": q, "velocity": v, "acceleration": a, "torque": torque, "current": torque / 2}
+    time = torch.as_tensor(np.asarray(time), dtype=torch.float64)
+    return Recording("made", arm.joint_names, time, **{name: signals[name] for name in keep})
+
+
+@pytest.fixture
+def clock():
+    """20 s at about 100 Hz, with a tenth of a step of jitter."""
+    rng = np.random.default_rng(1)
+    return np.arange(2000) * 0.01 + rng.uniform(-0.001, 0.001, 2000)

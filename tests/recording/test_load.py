@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, RecordingError
+from sidegan.recording import Columns, Source, Units, load_recording
+from tests.recording.conftest import recorded
+from tests.recording.files import frame, write_bag, write_csv, write_mcap, write_npz, write_parquet
+
+KINDS = [write_csv, write_parquet, write_npz, write_bag, write_mcap]
+
+
+@pytest.fixture
+def made(planar, clock):
+    return recorded(planar, clock[:200])
+
+
+@pytest.mark.parametrize("write", KINDS)
+def test_what_was_written_is_read(made, tmp_path, write):
+    found = load_recording(write(made, tmp_path), Columns(), made.joint_names)
+    start = 1 if write in (write_bag, write_mcap) else 0  # stamps of zero would mean that there are none
+    torch.testing.assert_close(found.time, made.time + start, atol=1e-6, rtol=0)
+    for name, x in made.signals().items():
+        torch.testing.assert_close(found.signals()[name], x, atol=1e-12, rtol=0)
+    assert found.signals().keys() == made.signals().keys()
+    assert not found.corrupt
+
+
+@pytest.mark.parametrize("write", KINDS)
+def test_pieces_are_the_whole(made, tmp_path, write):
+    path = write(made, tmp_path)
+    whole = load_recording(path, Columns(), made.joint_names)
+    parts = list(Source(path, Columns(), made.joint_names, rows=64))
+    assert [len(part) for part in parts] == [64, 64, 64, 8]
+    torch.testing.assert_close(torch.cat([part.torque for part in parts]), whole.torque)
+
+
+def test_a_loose_file_of_a_bag_is_read(made, tmp_path):
+    path = next(write_mcap(made, tmp_path).glob("*.mcap")).rename(tmp_path / "alone.mcap")
+    assert len(load_recording(path, Columns(), made.joint_names)) == 200
+
+
+def test_units_become_si(made, tmp_path):
+    table = frame(made)
+    table["t"] *= 1e3
+    table[[c for c in table if c.startswith("q")]] *= 180 / np.pi
+    table[["tau1", "tau2"]] *= 1e3
+    table.to_csv(tmp_path / "a.csv", index=False)
+    units = Units(time="ms", angle="deg", torque="mNm")
+    found = load_recording(tmp_path / "a.csv", Columns(units=units), made.joint_names)
+    for name, x in {"time": made.time, **made.signals()}.items():
+        torch.testing.assert_close(getattr(found, name), x)
+
+
+def test_joints_are_matched_by_name(made, tmp_path):
+    path = write_bag(made, tmp_path, order=[1, 0])
+    torch.testing.assert_close(load_recording(path, Columns(), made.joint_names).position, made.position)
+    table = frame(made).rename(columns={"q1": "pos.b", "q2": "pos.a"})
+    table[table.columns[::-1]].to_csv(tmp_path / "a.csv", index=False)
+    columns = Columns(position="pos.{joint}", joints=["b", "a"])
+    found = load_recording(tmp_path / "a.csv", columns, made.joint_names)
+    torch.testing.assert_close(found.position, made.position)
+
+
+def test_arrays_of_all_joints_are_read(made, tmp_path):
+    np.savez(tmp_path / "a.npz", t=made.time, q=made.position, tau=made.torque)
+    columns = Columns(position="q", torque="tau")
+    found = load_recording(tmp_path / "a.npz", columns, made.joint_names)
+    torch.testing.assert_close(found.torque, made.torque)
+    with pytest.raises(RecordingError, match="the arm has 3 joints"):
+        load_recording(tmp_path / "a.npz", columns, ("a", "b", "c"))
+
+
+def test_corrupt_rows_are_counted_and_named(made, tmp_path):
+    lines = write_csv(made, tmp_path).read_text().splitlines()
+    lines[5] = lines[5] + ",7,8"  # two fields too many
+    lines[9] = "garbage" + lines[9][lines[9].index(",") :]
+    lines[12] = lines[12].rsplit(",", 2)[0]  # two fields short
+    lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    found = load_recording(tmp_path / "a.csv", Columns(), made.joint_names)
+    assert len(found) == 196
+    assert sorted(row for row, _ in found.corrupt) == [6, 10, 13, 21]
+    told = dict(found.corrupt)
+    assert told[6] == "9 fields, expected 7"
+    assert told[10] == "no number in t"
+    assert told[13] == "no number in tau1, tau2"
+
+
+def test_a_column_without_numbers_is_refused(made, tmp_path):
+    frame(made).assign(tau2=np.nan).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(RecordingError, match="without a number, in column tau2"):
+        load_recording(tmp_path / "a.csv", Columns(), made.joint_names)
+
+
+@pytest.mark.parametrize(
+    ("change", "joints", "said"),
+    [
+        ({}, 3, r"no position of 1 of the arm's 3 joints: no column 'q3'"),
+        ({}, 1, r"has q2: position of more than the arm's 1 joints"),
+        ({"tau2": "torque2"}, 2, r"no torque of 1 of the arm's 2 joints: no column 'tau2'"),
+        ({"t": "when"}, 2, r"no column 't' of time stamps"),
+    ],
+)
+def test_columns_that_do_not_fit_the_arm_are_refused(made, tmp_path, change, joints, said):
+    frame(made).rename(columns=change).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(RecordingError, match=said):
+        load_recording(tmp_path / "a.csv", Columns(), tuple("abc"[:joints]))
+
+
+def test_a_signal_that_is_not_there_is_left_out(made, tmp_path):
+    frame(made).drop(columns=["qd1", "qd2"]).to_csv(tmp_path / "a.csv", index=False)
+    assert load_recording(tmp_path / "a.csv", Columns(), made.joint_names).velocity is None
+
+
+def test_arrays_of_other_lengths_are_refused(made, tmp_path):
+    np.savez(tmp_path / "a.npz", t=made.time, q=made.position[:-3], tau=made.torque)
+    with pytest.raises(RecordingError, match="not of the same length: t has 200, q has 197"):
+        load_recording(tmp_path / "a.npz", Columns(position="q", torque="tau"), made.joint_names)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.npz", "a.mcap", "a.db3"])
+@pytest.mark.parametrize("content", [b"", b"\x93garbage\x00\xff" * 99])
+def test_a_file_that_is_none_is_refused(planar, tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError, match=name.replace(".", r"\.")):
+        load_recording(tmp_path / name, Columns(), planar.joint_names)
+
+
+@pytest.mark.parametrize("write", [write_parquet, write_npz, write_mcap, write_bag])
+def test_a_truncated_file_is_refused(made, tmp_path, write):
+    path = write(made, tmp_path)
+    file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
+    with pytest.raises(RecordingError):
+        load_recording(path, Columns(), made.joint_names)
+
+
+def test_other_refusals_say_what_was_expected(made, tmp_path):
+    joints = made.joint_names
+    with pytest.raises(RecordingError, match="there is no recording"):
+        load_recording(tmp_path / "none.csv", Columns(), joints)
+    (tmp_path / "a.xls").write_text("x")
+    with pytest.raises(RecordingError, match=r"ends in \.xls, expected \.csv"):
+        load_recording(tmp_path / "a.xls", Columns(), joints)
+    (tmp_path / "n.csv").write_text("1,2\n3,4\n")
+    with pytest.raises(RecordingError, match="begins with numbers"):
+        load_recording(tmp_path / "n.csv", Columns(), joints)
+    (tmp_path / "h.csv").write_text("t,q1,q2\n")
+    with pytest.raises(RecordingError, match="holds no samples"):
+        load_recording(tmp_path / "h.csv", Columns(), joints)
+    with pytest.raises(RecordingError, match="1 joint names are given, the arm has 2"):
+        load_recording(write_csv(made, tmp_path), Columns(joints=["a"]), joints)
+    with pytest.raises(RecordingError, match="lists 3 columns, the arm has 2 joints"):
+        load_recording(write_csv(made, tmp_path), Columns(position=["q1", "q2", "tau1"]), joints)
+    with pytest.raises(ConfigError, match="unit of angle is 'turn', expected rad, deg"):
+        Units(angle="turn")
+    with pytest.raises(ConfigError, match="positions are needed"):
+        Columns(position=None)
+
+
+def test_bags_without_the_arm_are_refused(made, tmp_path):
+    path = write_bag(made, tmp_path, names=["x", "y"])
+    with pytest.raises(RecordingError, match=rf"has no joint {', '.join(made.joint_names)}; it has x, y"):
+        load_recording(path, Columns(), made.joint_names)
+    with pytest.raises(RecordingError, match="has no joint states on /arm, but on /joint_states"):
+        load_recording(path, Columns(topic="/arm"), made.joint_names)
+
+
+def test_a_bag_without_joint_states_is_refused(planar, tmp_path):
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    text = store.types["std_msgs/msg/String"]
+    with Writer(tmp_path / "bag", version=9) as writer:
+        to = writer.add_connection("/talk", text.__msgtype__, typestore=store)
+        writer.write(to, 1, store.serialize_cdr(text("hello"), text.__msgtype__))
+    with pytest.raises(RecordingError, match=r"has no joint states .*; it has /talk \(std_msgs/msg/String\)"):
+        load_recording(tmp_path / "bag", Columns(), planar.joint_names)

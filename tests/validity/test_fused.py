@@ -1,0 +1,118 @@
+"""The compiled search agrees with the plain one on everything, to rounding: random arms, regions, motions."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane, check
+from sidegan.validity.fused import FusedSearch, kernel
+from sidegan.validity.search import Search
+
+from ..chains import random_chain
+from .critical import BOX, DESK
+
+pytestmark = pytest.mark.skipif(kernel() is None, reason="numba is not installed")
+
+REGIONS = {
+    "none": (),
+    "desk": (DESK,),
+    "box": (BOX,),
+    "all": (Plane((0.3, -0.2, 0.9), -0.5), Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)), DESK),
+}
+
+
+def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
+    """Trajectories around the limits: some inside, some outside, (batch, J, H, 2)."""
+    generator = torch.Generator().manual_seed(seed)
+    c = torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
+    motion = trajectory.roll_out(c, trajectory.times(50.0))
+    room = (arm.position_upper - arm.position_lower) / 2
+    use = torch.maximum(
+        (motion.position - torch.tensor(trajectory.home)).abs().amax(1) / room,
+        motion.velocity.abs().amax(1) / arm.velocity_limit,
+    )
+    share = torch.empty(batch, 1, dtype=torch.float64).uniform_(0.05, 1.2, generator=generator)
+    return c * (share / use)[:, :, None, None]
+
+
+def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Tensor:
+    """Both searches end with the same verdicts, margins, elements and times; the verdicts come back."""
+    plain, fused = Search(constraints, trajectory, c), FusedSearch(constraints, trajectory, c)
+    for search in (plain, fused):
+        search.run()
+    (valid, *expected), (verdict, *found) = plain.result(), fused.result()
+    assert torch.equal(valid, verdict)
+    for name, margin in expected[0].items():
+        torch.testing.assert_close(found[0][name], margin, rtol=1e-9, atol=1e-9)
+        motion = trajectory.roll_out(c, found[2][name])
+        at = [x.diagonal().T for x in motion[1:]]  # each trajectory at its own time
+        own = constraints.margins(*at)[name].gather(1, found[1][name][:, None])[:, 0]
+        sampled = torch.isclose(own, margin, rtol=1e-9, atol=1e-9)
+        assert (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
+    return valid
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    joints=st.integers(1, 9),
+    seed=st.integers(0, 10_000),
+    regions=st.sampled_from(sorted(REGIONS)),
+    period=st.sampled_from([0.7, 3.0, 8.05]),
+    limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+)
+def test_both_searches_agree_on_random_arms(
+    joints: int, seed: int, regions: str, period: float, limit: float
+) -> None:
+    arm, _ = random_chain(joints, seed)
+    torque = torch.full((joints,), limit, dtype=torch.float64)
+    torque[::2] = 150.0
+    arm = replace(arm, torque_limit=torque)
+    trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
+    constraints = Constraints(arm, REGIONS[regions], torque=seed % 3 > 0)
+    assert_same(constraints, trajectory, moderate(arm, trajectory, 12, seed))
+
+
+@pytest.mark.parametrize("regions", REGIONS)
+def test_both_searches_agree_on_the_arms_at_hand(regions: str, arm: Arm, planar: Arm) -> None:
+    for one, home, batch in ((arm, (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0), 150), (planar, None, 300)):
+        trajectory = Trajectory(one.joints, 6, 16.0, home)
+        c = moderate(one, trajectory, batch, seed=1)
+        valid = assert_same(Constraints(one, REGIONS[regions]), trajectory, c)
+        assert 0 < valid.sum() < batch
+
+
+def test_threads_change_nothing(arm: Arm) -> None:
+    constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7)
+    c = moderate(arm, trajectory, 101, seed=2)
+    alone = check(constraints, trajectory, c)
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(3)
+        shared = check(constraints, trajectory, c)
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(alone.valid, shared.valid)
+    for name in alone.margins:
+        torch.testing.assert_close(alone.margins[name], shared.margins[name], rtol=0, atol=1e-14)
+        assert torch.equal(alone.elements[name], shared.elements[name])
+
+
+def test_families_of_one_arm_keep_their_own_home(planar: Arm) -> None:
+    constraints = Constraints(planar, [DESK])
+    for home in ((0.0, 0.0), (0.4, -0.8), (-0.2, 0.1)):
+        trajectory = Trajectory(2, 3, 4.0, home)
+        assert_same(constraints, trajectory, moderate(planar, trajectory, 20, seed=3))
+
+
+@pytest.mark.parametrize("size", [1e3, 1e150, 1e200, 1e300])
+def test_absurd_coefficients_are_invalid(planar: Arm, size: float) -> None:
+    trajectory = Trajectory(2)
+    c = torch.full((2, *trajectory.shape), size, dtype=torch.float64)
+    c[1, :, ::2] *= -1
+    assert not check(Constraints(planar, [DESK, BOX]), trajectory, c).valid.any()
