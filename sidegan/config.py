@@ -120,6 +120,7 @@ class Seeds:
     batch: Count  # trajectories per task
     steps: Count  # gradient: evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
+    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
     ants: Count | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
 
@@ -128,6 +129,8 @@ class Seeds:
             raise ConfigError("method paper needs ants and evaluations; choose it by seeds=paper")
         if self.method != "paper" and (self.ants, self.evaluations) != (None, None):
             raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
+        if (self.method == "gradient") == (self.reserve is None):
+            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from sidegan.excitation import mean_distance
 
 _DIRECTIONS = 48  # most principal directions whose spread is kept; a batch of 100 resolves no more
 _RIDGE = 1e-3  # keeps the covariance of a small batch invertible
-_SHARE = 0.87  # of the seeds' mean distance, up to which distance is rewarded
+_SHARE = 0.9  # of the seeds' mean distance, up to which distance is rewarded
 _PAIRS = 500  # seeds whose mean distance stands for all
 
 

@@ -44,10 +44,7 @@ def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source
                 home=tuple(trajectory.home or ()),
             )
         )
-    merged = parts[0]
-    for part in parts[1:]:
-        merged = merged.merge(part)
-    return merged
+    return parts[0].merge(*parts[1:])
 
 
 def summary(library: Library) -> dict[str, float]:

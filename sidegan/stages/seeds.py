@@ -32,7 +32,7 @@ def make(task: Task) -> dict[str, float]:
 
 def _make(task: Task, folder: Path, work: Path) -> None:
     wanted, diagonal = task.cfg.seeds, task.cfg.seeds.fitness == "diagonal"
-    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations}
+    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations, "reserve": wanted.reserve}
     options = {key: value for key, value in extra.items() if value is not None}
     method = method_of(wanted.method, wanted.steps, wanted.attempts, **options)
     problem = SeedProblem(task.constraints, task.trajectory, wanted.samples, diagonal)
