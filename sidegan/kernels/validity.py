@@ -5,15 +5,15 @@ the same bounds of their change within a cell, the same smallest margins. What c
 trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test that proves as much.
 
 Vectors are tuples of three numbers; what outlives a joint lies in ``Work``. All is in one file because
-numba's cache of a function does not notice when one that it calls changes in another file. Without
-reference counts (``_nrt``) the loop is three times as fast, and in return nothing can be allocated here.
+numba's cache of a function does not notice when one that it calls changes in another file.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from sidegan.kernels.jit import jit
 
 POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT = range(5)  # columns of the margins
 PLANE, BOX = range(2)  # kinds of regions
@@ -23,10 +23,9 @@ _TINY = 2.2250738585072014e-308  # keeps a division finite
 _TOUCHING = 1e-12  # [m] smallest distance told
 _HALVINGS = 36  # of a capsule's axis at a box: leaves 1e-11 of its length
 
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
-_seldom = numba.njit(fastmath={"contract"}, **_OPTIONS)
-_inline = numba.njit(fastmath={"contract"}, forceinline=True, **_OPTIONS)
-_sum = numba.njit(fastmath={"contract", "reassoc"}, forceinline=True, **_OPTIONS)
+_seldom = jit()
+_inline = jit(forceinline=True)  # a call would pass some two hundred numbers
+_sum = jit(forceinline=True, fastmath={"contract", "reassoc"})  # type: ignore[arg-type]
 
 Vector = tuple[float, float, float]
 

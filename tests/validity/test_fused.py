@@ -1,5 +1,6 @@
 """The compiled search agrees with the plain one on everything, to rounding: random arms, regions, motions."""
 
+import sys
 from dataclasses import replace
 
 import pytest
@@ -108,6 +109,20 @@ def test_families_of_one_arm_keep_their_own_home(planar: Arm) -> None:
     for home in ((0.0, 0.0), (0.4, -0.8), (-0.2, 0.1)):
         trajectory = Trajectory(2, 3, 4.0, home)
         assert_same(constraints, trajectory, moderate(planar, trajectory, 20, seed=3))
+
+
+def test_without_a_usable_numba_the_plain_search_does_the_work(
+    planar: Arm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    constraints, trajectory = Constraints(planar, [DESK]), Trajectory(2)
+    c = moderate(planar, trajectory, 20, seed=4)
+    compiled = check(constraints, trajectory, c)
+    monkeypatch.setitem(sys.modules, "sidegan.kernels.validity", None)
+    monkeypatch.delattr("sidegan.kernels.validity")
+    assert kernel() is None
+    plain = check(constraints, trajectory, c)
+    assert torch.equal(plain.valid, compiled.valid)
+    torch.testing.assert_close(plain.margins, compiled.margins)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e150, 1e200, 1e300])
