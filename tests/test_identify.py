@@ -13,7 +13,7 @@ from sidegan import callbacks  # noqa: F401 - registers what the paths in conf/ 
 from sidegan.artifacts import Store
 from sidegan.config import validate
 from sidegan.dynamics import RigidBody
-from sidegan.errors import ConfigError, RecordingError, RobotError
+from sidegan.errors import ConfigError, InfeasibleError, RecordingError, RobotError
 from sidegan.plan import Task
 from sidegan.robot import load_robot
 from sidegan.run import CONF, main, run_stages
@@ -190,10 +190,16 @@ def test_a_bad_recording_leaves_nothing(files, tmp_path, planar):
         identified(tmp_path, "robot=planar2", f"recordings=[{files[0]},{broken}]")
     assert not list((tmp_path / "identify").glob("*/*.json"))
     assert not {path.name for path in (tmp_path / "runs" / "run").glob("*")} & FILES
-    with pytest.raises(RecordingError, match="there is no recording"):
+    with pytest.raises(RecordingError, match=r"there is no file none\.csv"):
         identified(tmp_path, "robot=planar2", "recordings=[none.csv]")
     with pytest.raises(RecordingError, match="no column 'q3'"):
         identified(tmp_path, "robot=kuka_lwr4", f"recordings=[{files[0]}]")
+
+
+def test_conditions_that_cannot_be_met_leave_nothing(files, tmp_path):
+    with pytest.raises(InfeasibleError, match="infeasible"):
+        identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "identify.total_mass=1e-9")
+    assert not list((tmp_path / "identify").glob("*/*.json"))
 
 
 def test_a_description_that_cannot_exist_is_refused_by_link(files, tmp_path, planar):
@@ -209,6 +215,8 @@ def test_a_description_that_cannot_exist_is_refused_by_link(files, tmp_path, pla
 def test_settings_that_make_no_sense_are_refused(files, tmp_path):
     with pytest.raises(ConfigError, match="recordings is empty"):
         identified(tmp_path, "robot=planar2")
+    with pytest.raises(ConfigError, match="magic"):
+        identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "+identify.settings.magic=1")
     with pytest.raises(ConfigError, match="would not be held out"):
         configured(tmp_path, "recordings=[a.csv]", "validation=[a.csv]")
     with pytest.raises(ConfigError, match=r"recordings has a\.csv twice"):

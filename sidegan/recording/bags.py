@@ -1,28 +1,26 @@
 """ROS 2 bags and MCAP files with `sensor_msgs/JointState`; the only door to rosbags."""
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from sidegan.errors import RecordingError
+from sidegan.recording.batch import Batch
 from sidegan.recording.columns import Columns
-from sidegan.recording.tables import Numbers, Piece, reading
+from sidegan.recording.tables import Piece, reading
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
 
 _KIND = "sensor_msgs/msg/JointState"
-_NANOSECONDS = 1e-9
 
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a ROS 2 bag: a folder, or a file of one."""
-    return path.is_dir() or path.suffix.lower() in (".db3", ".mcap", ".bag")
+    return path.is_dir() or path.suffix.lower() in (".db3", ".mcap")
 
 
 def bag_pieces(
@@ -38,7 +36,7 @@ def bag_pieces(
             the arm's joints, or no positions.
     """
     names = columns.file_joints(path.name, joint_names)
-    with _opened(path) as reader:
+    with _opened(path) as reader, reading(path):
         connections = _connections(path, reader, columns.topic)
         present = _signals(path, reader, connections, names, columns.effort)
     where = {"time": ["time"], **{signal: [signal] for signal in present}}
@@ -80,7 +78,8 @@ def _signals(
 ) -> dict[str, str]:
     """Field of the messages for every signal that the first message with the arm's joints has."""
     seen: set[str] = set()
-    for _, message in _stamped(path, reader, connections):
+    for connection, _, raw in reader.messages(connections=connections):
+        message: Any = reader.deserialize(raw, connection.msgtype)
         seen |= set(message.name)
         if set(names) <= set(message.name):
             fields = {"position": "position", "velocity": "velocity", effort: "effort"}
@@ -97,40 +96,16 @@ def _signals(
     raise RecordingError(f"{path.name} {told}; it has {', '.join(sorted(seen))}")
 
 
-def _stamped(path: Path, reader: "AnyReader", connections: "list[Connection]") -> Iterator[tuple[float, Any]]:
-    """Time [s] and content of each message."""
-    with reading(path):
-        for connection, received, raw in reader.messages(connections=connections):
-            message: Any = reader.deserialize(raw, connection.msgtype)
-            stamp = message.header.stamp
-            nanoseconds = stamp.sec * 10**9 + stamp.nanosec
-            yield (nanoseconds or received) * _NANOSECONDS, message
-
-
 def _pieces(
     path: Path, columns: Columns, names: Sequence[str], present: list[str], rows: int
 ) -> Iterator[Piece]:
-    fields = {signal: "effort" if signal == columns.effort else signal for signal in present}
-    kept: list[list[Numbers]] = []
-    row = 0
-    with _opened(path) as reader:
-        for time, message in _stamped(path, reader, _connections(path, reader, columns.topic)):
-            place = {name: i for i, name in enumerate(message.name)}
-            order = [place.get(name, -1) for name in names]
-            kept.append([np.array([time]), *(_ordered(getattr(message, f), order) for f in fields.values())])
-            if len(kept) == rows:
-                yield _piece(kept, present, row)
-                row, kept = row + len(kept), []
-    if kept:
-        yield _piece(kept, present, row)
-
-
-def _ordered(values: Numbers, order: list[int]) -> Numbers:
-    """Values of the arm's joints, (J,); NaN where a message has none."""
-    return np.array([values[i] if 0 <= i < len(values) else math.nan for i in order])
-
-
-def _piece(kept: list[list[Numbers]], present: list[str], row: int) -> Piece:
-    time, *signals = (np.stack(x) for x in zip(*kept))
-    found = {"time": time[:, 0], **dict(zip(present, signals))}
-    return Piece(found, np.arange(row, row + len(kept)) + 1)
+    """Pieces of ``rows`` messages; those that know none of the joints, such as a gripper's, are left out."""
+    batch = Batch(names, {signal: "effort" if signal == columns.effort else signal for signal in present})
+    with _opened(path) as reader, reading(path):
+        connections = _connections(path, reader, columns.topic)
+        for connection, received, raw in reader.messages(connections=connections):
+            batch.add(received, bytes(raw), partial(reader.deserialize, typ=connection.msgtype))
+            if len(batch) == rows:
+                yield batch.piece()
+    if len(batch):
+        yield batch.piece()

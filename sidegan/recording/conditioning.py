@@ -132,7 +132,8 @@ def _conditioned(
         stays[max(0, len(stays) - grid.edge) :] = False
     kept = np.arange(len(index))[core]
     kept = kept[index[kept] % grid.stride == 0]  # the same points wherever a window begins
-    signals = (window.time, found["position"], velocity, acceleration, found["torque"])
+    sign = low_pass(np.tanh(velocity / settings.sign_width), grid.cutoff, grid.step, grid.order)
+    signals = (window.time, found["position"], velocity, acceleration, found["torque"], sign)
     for part in np.split(kept, np.flatnonzero(np.diff(stays[kept])) + 1):
         if len(part) and stays[part[0]]:
             yield Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in signals))

@@ -1,7 +1,7 @@
 """From a file to recordings in SI units, whole or in pieces of bounded memory."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,9 @@ from sidegan.recording.tables import ROWS_AT_ONCE, Numbers, Piece, Table, readin
 from sidegan.recording.text import text_table
 
 _MOST_CORRUPT = 0.5  # of the rows of a piece
+_LEAST_JUDGED = 1000  # rows of a piece that is judged by itself; a file may end in a few broken ones
+_FIRST_ROW = 2  # number of the first row, after the header
+_MOST_KEPT = 800_000_000  # bytes of a bag that are kept for the next walk: bags are read slowly
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
@@ -39,6 +42,7 @@ class Source:
     columns: Columns
     joint_names: tuple[str, ...]
     rows: int = ROWS_AT_ONCE
+    _kept: list[Recording] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -53,14 +57,24 @@ class Source:
         """
         if not self.path.exists():
             raise RecordingError(f"there is no recording {self.path}")
-        if is_bag(self.path):
-            pieces, where = bag_pieces(self.path, self.columns, self.joint_names, self.rows)
-        else:
+        if self._kept:
+            yield from self._kept
+            return
+        if not is_bag(self.path):
             table = _open(self.path, self.rows)
             where = self.columns.resolve(self.name, table.columns, self.joint_names)
             pieces = table.pieces([c for columns in where.values() for c in columns])
+            yield from (_recording(self, piece, where) for piece in pieces)
+            return
+        pieces, where = bag_pieces(self.path, self.columns, self.joint_names, self.rows)
+        read, size = [], 0
         for piece in pieces:
-            yield _recording(self, piece, where)
+            size += sum(x.nbytes for x in piece.columns.values())
+            part = _recording(self, piece, where)
+            if size < _MOST_KEPT:
+                read.append(part)
+            yield part
+        self._kept.extend(read if size < _MOST_KEPT else [])
 
 
 def load_recording(path: Path | str, columns: Columns, joint_names: Sequence[str]) -> Recording:
@@ -122,7 +136,8 @@ def _finite_rows(
         for k in range(x.shape[1])
     ]
     wrong = np.asarray(bad.any(1))
-    if len(wrong) and wrong.mean() > _MOST_CORRUPT:
+    judged = len(wrong) >= _LEAST_JUDGED or (len(wrong) > 0 and piece.rows[0] <= _FIRST_ROW)
+    if judged and wrong.mean() > _MOST_CORRUPT:
         share = bad.mean(0)
         worst = [name for name, part in zip(names, share) if part > _MOST_CORRUPT / len(names)]
         rows = f"rows {piece.rows[0]} to {piece.rows[-1]}"

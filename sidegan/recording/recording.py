@@ -63,13 +63,17 @@ class Recording:
 
 
 class Segment(NamedTuple):
-    """A stretch without gaps on a uniform grid, filtered: time (S,) [s], the others (S, J) in SI units."""
+    """A stretch without gaps on a uniform grid, filtered: time (S,) [s], the others (S, J) in SI units.
+
+    ``sign`` is the smooth sign of the velocity after the low-pass that the torque went through.
+    """
 
     time: Tensor
     position: Tensor
     velocity: Tensor
     acceleration: Tensor
     torque: Tensor
+    sign: Tensor
 
 
 def joined(parts: Iterable[Recording]) -> Recording:

@@ -20,6 +20,7 @@ class Settings:
         pause: samples this close to a motion are kept [s].
         gains: of the drives, motor current to joint torque [N·m/A], one per joint.
         reverse: joints whose torque or current is counted the other way round.
+        sign_width: velocity at which the smooth sign is at 76 % [rad/s or m/s].
 
     Raises:
         ConfigError: when a value is out of range.
@@ -35,9 +36,10 @@ class Settings:
     pause: float = 0.1
     gains: tuple[float, ...] | None = None
     reverse: tuple[str, ...] = ()
+    sign_width: float = 0.01
 
     def __post_init__(self) -> None:
-        for name in ("bandwidth", "cutoff", "gap", "headroom", "order"):
+        for name in ("bandwidth", "cutoff", "gap", "headroom", "order", "sign_width"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ConfigError(f"{name} is {value}, expected more than 0")

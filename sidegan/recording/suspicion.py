@@ -83,7 +83,7 @@ def lag(body: RigidBody, segments: list[Segment]) -> tuple[float, bool]:
     longest = max(segments, key=lambda segment: len(segment.time))
     step = float(longest.time[1] - longest.time[0])
     reach = min(int(_LONGEST_LAG / step), len(longest.time) // 8)
-    q, v, a, torque = (x[:_SAMPLES] for x in longest[1:])
+    q, v, a, torque = (x[:_SAMPLES] for x in longest[1:5])
     if reach < 1:
         return 0.0, False
     model = body.torque(q, v, a)

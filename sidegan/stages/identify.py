@@ -58,6 +58,8 @@ def stamp(cfg: Config, store: Store, arm: Arm) -> Stamp:
     files |= {f"validation.{i}": Path(name) for i, name in enumerate(cfg.validation)}
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     inputs |= {key: _digest(path) for key, path in files.items()}
+    if cfg.identify.library is not None:
+        inputs["library"] = _digest(Path(cfg.identify.library))
     settings = {
         "recording": asdict(cfg.recording),
         "model": asdict(cfg.model),
@@ -106,7 +108,7 @@ def _digest(path: Path) -> str:
                 while piece := file.read(_PIECE):
                     digest.update(piece)
     except FileNotFoundError as error:
-        raise RecordingError(f"there is no recording {path}") from error
+        raise RecordingError(f"there is no file {path}") from error
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     return digest.hexdigest()

@@ -35,6 +35,16 @@ class Tested:
     nmse: Tensor
     rmse: Tensor
 
+    @classmethod
+    def of(cls, found: Score) -> "Tested":
+        """On all recordings together."""
+        return cls(found.nmse, found.rmse)
+
+    @classmethod
+    def over(cls, found: Folds) -> "Tested":
+        """Mean over recordings that took turns."""
+        return cls(found.nmse.mean(0), found.rmse.square().mean(0).sqrt())
+
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
@@ -94,24 +104,24 @@ def fitted(cfg: Config, arm: Arm, training: list[Examined], validation: list[Exa
         name: getattr(cfg.identify, name) for name in ("pull", "strength", "margin", "total_mass")
     }
     estimates = {method: estimate(method, model, samples, **values) for method, values in settings.items()}
-    trained = {name: _tested(score(model, one.parameters, samples)) for name, one in estimates.items()}
-    kind, tests = "in sample: nothing was held out", trained
-    held_out, turns = None, None
-    if validation:
-        held_out = [part for one in validation for part in one.measurements]
-        kind = "held out"
-        tests = {name: _tested(score(model, one.parameters, held_out)) for name, one in estimates.items()}
-    elif len(training) > 1:
-        parts = [one.whole for one in training]
-        kind = f"each of {len(parts)} recordings, predicted from the others"
-        found = {method: folds(method, model, parts, **values) for method, values in settings.items()}
-        turns, tests = found[cfg.identify.method], {name: _averaged(one) for name, one in found.items()}
     standard = estimates["consistent"].standard
     if standard is None:
         raise ConfigError("the consistent estimate has no link parameters")
+    trained = {name: Tested.of(score(model, one.parameters, samples)) for name, one in estimates.items()}
+    held_out = [part for one in validation for part in one.measurements] or None
+    turns: dict[str, Folds] = {}
+    kind, tests = "in sample: nothing was held out", trained
+    if held_out:
+        kind = "held out"
+        tests = {name: Tested.of(score(model, one.parameters, held_out)) for name, one in estimates.items()}
+    elif len(training) > 1:
+        kind = f"each of {len(training)} recordings, predicted from the others"
+        parts = [one.whole for one in training]
+        turns = {method: folds(method, model, parts, **values) for method, values in settings.items()}
+        tests = {method: Tested.over(found) for method, found in turns.items()}
     chosen = estimates[cfg.identify.method]
     runs = next_runs(cfg, model, chosen, training[0].findings.grid.rate)
-    judged = trust(model, chosen, held_out, turns, **runs)
+    judged = trust(model, chosen, held_out, turns.get(cfg.identify.method), **runs)
     return Fitted(model, training, validation, kind, estimates, tests, trained, standard, judged)
 
 
@@ -146,11 +156,3 @@ def _refuse_short(model: Model, samples: list[Measurements]) -> None:
         raise RecordingError(
             f"{count} samples of {model.joints} joints are left, too few for {model.count} parameters"
         )
-
-
-def _tested(found: Score) -> Tested:
-    return Tested(found.nmse, found.rmse)
-
-
-def _averaged(found: Folds) -> Tested:
-    return Tested(found.nmse.mean(0), found.rmse.square().mean(0).sqrt())

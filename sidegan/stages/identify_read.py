@@ -79,4 +79,5 @@ def settings_of(cfg: Config) -> Settings:
     names = ("bandwidth", "cutoff", "headroom", "order", "oversampling", "gap", "still", "pause")
     gains = None if cfg.robot.gains is None else tuple(cfg.robot.gains)
     values = {name: getattr(cfg.recording, name) for name in names}
-    return Settings(**values, gains=gains, reverse=tuple(cfg.recording.reverse))
+    reverse, width = tuple(cfg.recording.reverse), cfg.model.sign_width
+    return Settings(**values, gains=gains, reverse=reverse, sign_width=width)

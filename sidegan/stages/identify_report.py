@@ -94,7 +94,8 @@ def _signals(fitted: Fitted, one: Examined) -> Signals:
     """Measured and predicted torques, with a row of NaN between stretches."""
     theta, parts = fitted.chosen.parameters, []
     for segment in one.segments:
-        pieces = zip(*(x.split(SAMPLES_AT_ONCE) for x in segment[1:4]))
+        states = (*segment[1:4], segment.sign)
+        pieces = zip(*(x.split(SAMPLES_AT_ONCE) for x in states))
         predicted = torch.cat([fitted.model.torque(theta, *piece) for piece in pieces])
         parts.append(torch.cat([segment.time[:, None], segment.torque, predicted], 1))
         parts.append(torch.full_like(parts[-1][:1], torch.nan))
@@ -110,7 +111,7 @@ def _friction(fitted: Fitted) -> Friction | None:
     model, theta = fitted.model, fitted.chosen.parameters
     if not model.kinds:
         return None
-    whole = [torch.cat(x) for x in zip(*(segment[1:] for one in fitted.training for segment in one.segments))]
+    whole = [torch.cat(x) for x in zip(*(segment[1:5] for one in fitted.training for segment in one.segments))]
     q, dq, ddq, torque = (x[:: max(1, len(whole[0]) // _CLOUD)] for x in whole)
     rest = torque - model.torque(theta, q, dq, ddq) + _rubbing(fitted, dq)
     velocity = torch.linspace(-1, 1, _CURVE, dtype=torch.float64)[:, None] * dq.abs().amax(0)

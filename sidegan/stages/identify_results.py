@@ -91,7 +91,7 @@ def verdict(fitted: Fitted) -> dict[str, Any]:
             "recordings": held_out,
             **_errors(fitted.tests[fitted.method]),
             **{name: _errors(fitted.tests[method]) for name, method in tests.items()},
-            "description": _errors(Tested(trust.nominal_score.nmse, trust.nominal_score.rmse)),
+            "description": _errors(Tested.of(trust.nominal_score)),
         },
         "training": {
             **_errors(fitted.trained[fitted.method]),

@@ -178,3 +178,47 @@ def test_a_bag_without_joint_states_is_refused(planar, tmp_path):
         writer.write(to, 1, store.serialize_cdr(text("hello"), text.__msgtype__))
     with pytest.raises(RecordingError, match=r"has no joint states .*; it has /talk \(std_msgs/msg/String\)"):
         load_recording(tmp_path / "bag", Columns(), planar.joint_names)
+
+
+def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
+    """A gripper on the same topic, joints in turn, big-endian bytes, and a message that lacks a joint."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    state, header = store.types["sensor_msgs/msg/JointState"], store.types["std_msgs/msg/Header"]
+    stamp = store.types["builtin_interfaces/msg/Time"]
+    a, b = made.joint_names
+    with Writer(tmp_path / "bag", version=9) as writer:
+        to = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
+        for k in range(40):
+            names = ([a, b], [b, a, "finger"], ["finger"], [a, b])[k % 4] if k < 36 else [a]
+            values = [float(k) if n == a else -float(k) for n in names]
+            message = header(stamp(sec=k + 1, nanosec=0), ""), names, *(np.array(values) for _ in range(3))
+            raw = store.serialize_cdr(state(*message), state.__msgtype__, little_endian=k % 4 != 3)
+            writer.write(to, k + 1, raw)
+    for rows in (7, 1000):
+        parts = list(Source(tmp_path / "bag", Columns(), made.joint_names, rows=rows))
+        position = torch.cat([part.position for part in parts])
+        expected = [float(k) for k in range(36) if k % 4 != 2]
+        assert position[:, 0].tolist() == expected and (position[:, 1] == -position[:, 0]).all()
+        assert torch.cat([part.time for part in parts]).tolist() == [k + 1 for k in expected]
+        assert sum(len(part.corrupt) for part in parts) == 4
+
+
+def test_a_bag_is_walked_through_again(made, tmp_path, monkeypatch):
+    path = write_bag(made, tmp_path)
+    for most in (800_000_000, 0):
+        monkeypatch.setattr("sidegan.recording.load._MOST_KEPT", most)
+        source = Source(path, Columns(), made.joint_names, rows=64)
+        first, second = (torch.cat([part.torque for part in source]) for _ in range(2))
+        torch.testing.assert_close(first, second)
+        torch.testing.assert_close(first, made.torque)
+
+
+def test_a_last_row_that_is_cut_off_is_no_reason_to_refuse(made, tmp_path):
+    text = write_csv(made, tmp_path).read_text()
+    (tmp_path / "a.csv").write_text(text[:-30])
+    found = list(Source(tmp_path / "a.csv", Columns(), made.joint_names, rows=199))
+    assert sum(map(len, found)) == 199
+    assert [row for part in found for row, _ in part.corrupt] == [201]
