@@ -113,11 +113,12 @@ class Evidence:
     @cached_property
     def ablation(self) -> dict[str, list[History]]:
         """Histories of the ablation's variants, the recipe itself first."""
-        wanted = {"eigen": self.task.cfg.gan["eigen"], **self.task.cfg.ablation}
+        cfg = self.task.cfg
+        wanted = {"eigen": cfg.gan["eigen"], **cfg.ablation}
         return {
             name: [
                 read_json(self.task.store.require(self.task.gan(name, settings, k)) / HISTORY)
-                for k in self.task.cfg.trainings
+                for k in (cfg.trainings if name in cfg.gan else cfg.scale.side_trainings)
             ]
             for name, settings in wanted.items()
         }

@@ -54,6 +54,7 @@ class Scale:
     sizes: list[Count]  # of smaller seed sets
     draws: Count  # of a kernel density estimate
     trainings: list[Natural]  # of each variant
+    side_trainings: list[Natural]  # of fewer seeds and ablations
 
 
 @dataclass(frozen=True)

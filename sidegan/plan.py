@@ -246,9 +246,12 @@ def replace_seeds(task: Task, seeds: config.Seeds) -> Task:
 
 
 def with_subset(task: Task, size: int) -> Task:
-    """The same task, trained on so many of the seeds."""
-    whole = size >= task.cfg.seeds.count
-    return Task(replace(task.cfg, subset=None if whole else size), task.store)
+    """The same task, trained on so many of the seeds; on all of them it is the task itself."""
+    if size >= task.cfg.seeds.count:
+        return task
+    side = {name: settings for name, settings in task.cfg.gan.items() if settings.features != "none"}
+    trainings = task.cfg.scale.side_trainings
+    return Task(replace(task.cfg, subset=size, gan=side or task.cfg.gan, trainings=trainings), task.store)
 
 
 def regions(workspace: config.Workspace) -> list[Region]:

@@ -111,7 +111,9 @@ def _friction(fitted: Fitted) -> Friction | None:
     model, theta = fitted.model, fitted.chosen.parameters
     if not model.kinds:
         return None
-    whole = [torch.cat(x) for x in zip(*(segment[1:5] for one in fitted.training for segment in one.segments))]
+    whole = [
+        torch.cat(x) for x in zip(*(segment[1:5] for one in fitted.training for segment in one.segments))
+    ]
     q, dq, ddq, torque = (x[:: max(1, len(whole[0]) // _CLOUD)] for x in whole)
     rest = torque - model.torque(theta, q, dq, ddq) + _rubbing(fitted, dq)
     velocity = torch.linspace(-1, 1, _CURVE, dtype=torch.float64)[:, None] * dq.abs().amax(0)
