@@ -15,7 +15,7 @@ def shares(constraints, family, seeds, wild, tmp_path_factory):
     folder = tmp_path_factory.mktemp("shares")
     paths = [folder / f"labels-{i}.pt" for i in range(2)]
     for i, path in enumerate(paths):
-        jobs.label_share(constraints, family, seeds, wild, 60, 8, path, i, ignore)
+        jobs.label_share(constraints, family, seeds, wild, 60, 8, "broad", path, i, ignore)
     return paths
 
 
@@ -24,7 +24,7 @@ def ignore(done, total):
 
 
 def test_a_share_is_made_once_and_again_when_damaged(shares, constraints, family, seeds, wild):
-    arguments = (constraints, family, seeds, wild, 60, 8, shares[0], 0)
+    arguments = (constraints, family, seeds, wild, 60, 8, "broad", shares[0], 0)
     whole = shares[0].read_bytes()
     told = []
     jobs.label_share(*arguments, lambda *x: told.append(x))

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from sidegan.excitation import excite
-from sidegan.gan.labels import blend, label, scaled_margins
+from sidegan.gan.labels import blend, label, paper, scaled_margins
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
 from tests.gan.conftest import STEPS, random
@@ -72,3 +72,13 @@ def test_a_part_keeps_the_rows_together(labelled):
     part = data.part(rows)
     for name, value in vars(part).items():
         torch.testing.assert_close(value, getattr(data, name)[rows])
+
+
+def test_the_papers_data_is_seeds_and_others_as_they_are(seeds, wild):
+    c = paper(seeds, wild, 61, random())
+    known = (
+        {tuple(row) for row in seeds.flatten(1).tolist()},
+        {tuple(row) for row in wild.flatten(1).tolist()},
+    )
+    rows = [tuple(row) for row in c.flatten(1).tolist()]
+    assert len(rows) == 61 and set(rows[:30]) <= known[0] and set(rows[30:]) <= known[1]
