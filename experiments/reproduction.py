@@ -3,34 +3,17 @@
 No number in it is typed: everything comes from artifacts.
 """
 
-import platform
 from pathlib import Path
-from typing import Any
 
-import pandas as pd
-
-from experiments import exp1, exp2, training
+from experiments import sections
 from experiments.artifacts import Evidence
 from experiments.claims import claims
-from experiments.comparisons import ablation, costs, densities, kinds, sensitivity, subsets
-from sidegan.plan import LONG, SEEDS, Task
-from sidegan.report import figures, interactive, motion, spatial, tables
-from sidegan.report.document import Claims, Document, Picture, Section, Table, illustrate
-from sidegan.report.export import write_table
+from sidegan.plan import Task
+from sidegan.report.document import Claims, Document, Section
 from sidegan.report.markdown import write_markdown
 from sidegan.report.web import write_html
 from sidegan.storage import write_json
 from sidegan.tracking import Tracker
-
-_TRACES = 8  # of generated trajectories, as in the paper's figure 2
-_REPRODUCE = """
-## How to make this report
-
-    pip install -c constraints.txt -e '.[dvc]'
-    dvc repro
-
-Every stage is resumable: what was computed before an interrupt is not computed again.
-"""
 
 
 def collect(task: Task) -> Evidence:
@@ -42,28 +25,29 @@ def present(evidence: Evidence, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, ``reproduction.html``, tables, figures and metrics; record the page."""
     target = Path(evidence.task.cfg.publish or folder)
     assets = target / "reproduction" / "figures"
-    sections = [
-        _figure3(evidence, assets),
-        _table1(evidence, assets),
-        _table2(evidence, assets),
-        _discussion(evidence, assets),
-        _figure2(evidence, assets),
-        _timing(evidence, assets),
-        _kinds(evidence, assets),
-        _sensitivity(evidence, assets),
-        _ablation(evidence, assets),
-        _deviations(evidence),
+    made = [
+        sections.figure3(evidence, assets),
+        sections.table1(evidence, assets),
+        sections.table2(evidence, assets),
+        sections.discussion(evidence, assets),
+        sections.figure2(evidence, assets),
+        sections.timing(evidence, assets),
+        sections.kinds(evidence, assets),
+        sections.sensitivity(evidence, assets),
+        sections.ablation(evidence, assets),
+        sections.deviations(evidence),
     ]
     judged = claims(evidence)
     verdicts = Section(
         "The paper's claims", [Claims(judged, "Every verdict follows from the numbers beside it.")]
     )
-    document = Document("SIDE-GAN, reproduced", _lead(evidence), [verdicts, *sections])
+    document = Document("SIDE-GAN, reproduced", _lead(evidence), [verdicts, *made])
     write_markdown(document, target / "reproduction.md")
     write_html(document, target / "reproduction.html")
-    write_json(target / "reproduction" / "metrics.json", metrics(evidence))
+    known = metrics(evidence)
+    write_json(target / "reproduction" / "metrics.json", known)
     tracker.log_artifact(target / "reproduction.html", "report")
-    tracker.log_metrics({key: value for key, value in metrics(evidence).items() if value is not None})
+    tracker.log_metrics(known)
 
 
 def metrics(evidence: Evidence) -> dict[str, float]:
@@ -85,277 +69,8 @@ def _lead(evidence: Evidence) -> str:
     return (
         "Jegorova et al., *Adversarial generation of informative trajectories for dynamics system "
         f"identification* (IROS 2020), at its own scale: {cfg.seeds.count} seeds, {cfg.scale.gan_epochs} "
-        "epochs, "
-        f"{len(cfg.trainings)} trainings of each variant, {cfg.library.count} valid trajectories of each. "
+        f"epochs, {len(cfg.trainings)} trainings of each variant, {cfg.library.count} valid trajectories "
+        "of each. "
         "This page is generated from the artifacts of `dvc repro`; no number in it is typed. "
-        f"Robot: {evidence.task.arm.name}. Machine: {platform.machine()}, as in the timing table."
+        f"Robot: {evidence.task.arm.name}."
     )
-
-
-def _figure3(evidence: Evidence, assets: Path) -> Section:
-    seeds = evidence.seeds
-    union = {
-        key: float(evidence.union("eigen", key).mean()) for key in ("distance", "distance_diagonal", "rank")
-    }
-    drawn = (evidence.histories, seeds, union)
-    picture = illustrate(
-        assets,
-        "training",
-        figures.training(*drawn),
-        "Figure 3: metrics with the true physics after every epoch; lines are means over trainings, bands "
-        "their "
-        "range, dashed the seeds, golden the union of seeds and the eigen variant's library.",
-        interactive.training(*drawn),
-    )
-    speed = training.speed(evidence.histories)
-    quality = tables.generators(evidence.generators)
-    return Section(
-        "Figure 3: training",
-        [
-            picture,
-            _table(
-                assets, "generators", quality, "Seeds and generators after the last epoch, no sample filtered"
-            ),
-            _table(assets, "epochs", speed, "How soon a variant is reliable (80 % valid)"),
-        ],
-    )
-
-
-def _table1(evidence: Evidence, assets: Path) -> Section:
-    raw = evidence.errors
-    over = ["training", "repeat"]
-    known = [evidence.report(evidence.task.long(h)) for h in evidence.task.cfg.long.harmonics]
-    longs = pd.DataFrame(known, index=[f"{h} harmonics" for h in evidence.task.cfg.long.harmonics])
-    columns = {
-        "condition": "cond(YᵀY)",
-        "starts": "starts",
-        "cpu_seconds": "CPU [s]",
-        "allotted_seconds": "CPU of the short ones [s]",
-    }
-    longs = longs[list(columns)].rename(columns=columns).map(lambda x: f"{x:.4g}")
-    return Section(
-        "Table I: one long trajectory, seeds, seeds and generated ones",
-        [
-            _table(
-                assets,
-                "table1",
-                exp1.table1(raw, evidence.plant, over),
-                "nMSE of torque prediction, mean over joints ± standard deviation over noise draws and "
-                "trainings",
-            ),
-            illustrate(assets, "nmse", figures.errors(raw), "nMSE by joint", interactive.errors(raw)),
-            _table(assets, "sets", tables.excitation_sets(raw), "The sets that were executed"),
-            _table(
-                assets,
-                "long",
-                longs.rename_axis("single long trajectory"),
-                "How the long trajectories were reached: the same optimiser, at least the CPU time of the "
-                "short ones",
-            ),
-        ],
-    )
-
-
-def _table2(evidence: Evidence, assets: Path) -> Section:
-    material = evidence.replication
-    blocks: list[Any] = []
-    for weighted, name in ((False, "table2"), (True, "table2_weighted")):
-        part = material.results[material.results.weighted == weighted]
-        if len(part):
-            kind = "weighted per joint" if weighted else "unweighted, as in the paper"
-            caption = f"Table II: improvement in nMSE, mean ± standard deviation over joints; RLS {kind}"
-            blocks.append(_table(assets, name, exp2.table2(part, material.config), caption))
-    blocks += [
-        _table(assets, "table3", exp2.table3(material.facts), "Table III: ‖diag P‖"),
-        _table(assets, "whole", exp2.errors(material.results), "nMSE behind Table II"),
-    ]
-    return Section("Tables II and III: whole sets, 10 % noise on states and torques", blocks)
-
-
-def _discussion(evidence: Evidence, assets: Path) -> Section:
-    sizes = subsets(evidence)
-    drawn: dict[str, Any] = {
-        "frame": sizes,
-        "x": "seeds",
-        "y": "success",
-        "group": "variant",
-        "labels": {"success": "valid share", "seeds": "seeds trained on"},
-    }
-    return Section(
-        "Discussion: fewer seeds, and a density estimate",
-        [
-            illustrate(
-                assets,
-                "sizes",
-                figures.curve(**drawn),
-                "Valid share after the last epoch against the number of seeds",
-                interactive.curve(**drawn),
-            ),
-            _table(assets, "density", densities(evidence), "Gaussian kernel density estimates of the seeds"),
-        ],
-    )
-
-
-def _figure2(evidence: Evidence, assets: Path) -> Section:
-    task, first = evidence.task, evidence.task.cfg.trainings[0]
-    generated = evidence.library(task.library("eigen", first)).coefficients[:_TRACES]
-    stacks = {
-        f"{LONG}{h}": (task.long_trajectory(h), evidence.library(task.long(h)).coefficients)
-        for h in task.cfg.long.harmonics
-    }
-    for name in (SEEDS, "eigen"):
-        stacks[name] = (task.trajectory, evidence.library(task.selection(name, first)).coefficients)
-    physics = (task.arm, task.trajectory)
-    pictures: list[Picture] = [
-        illustrate(
-            assets,
-            "traces",
-            motion.traces(*physics, generated),
-            "End effector along generated trajectories",
-            spatial.traces(*physics, generated),
-        ),
-        illustrate(
-            assets,
-            "stacked",
-            motion.stacked(task.arm, stacks),
-            "The single long trajectories beside the short ones of the same total length",
-            spatial.stacked(task.arm, stacks),
-        ),
-        illustrate(
-            assets,
-            "snapshots",
-            motion.snapshots(*physics, generated[:1]),
-            "The arm's capsules along one of them",
-            spatial.snapshots(*physics, generated[:1]),
-        ),
-    ]
-    return Section("Figure 2: what the trajectories look like", pictures)
-
-
-def _timing(evidence: Evidence, assets: Path) -> Section:
-    frame = evidence.costs
-    machine = evidence.report(evidence.task.timing("eigen", evidence.task.cfg.trainings[0]))
-    where = f"{machine['machine']}, {machine['cores']} cores, torch {machine['torch']}"
-    drawn = frame[["what", "ours", "paper"]]
-    return Section(
-        "Timing",
-        [
-            f"This machine: {where}. Generation and checking on one thread; times of stages are wall times.",
-            _table(assets, "timing", costs(frame), "The paper's figures beside ours, same definition"),
-            illustrate(assets, "timing-bars", figures.timing(drawn), "The same", interactive.timing(drawn)),
-        ],
-    )
-
-
-def _kinds(evidence: Evidence, assets: Path) -> Section:
-    table, points = kinds(evidence)
-    drawn: dict[str, Any] = {
-        "frame": points,
-        "quality": "condition",
-        "diversity": "nearest",
-        "kind": "kind",
-        "labels": {"condition": "cond(YᵀY)", "nearest": "distance to the nearest other seed"},
-    }
-    return Section(
-        "Kinds of seeds",
-        [
-            "The paper's optimiser (ant colony, then compass search) and the gradient optimiser that made "
-            "the seed "
-            "set, with equally many seeds of each where their diversity is compared.",
-            _table(assets, "kinds", table, "Quality, diversity and cost of the seeds"),
-            illustrate(
-                assets,
-                "kinds-scatter",
-                figures.quality_diversity(**drawn),
-                "Quality against diversity",
-                interactive.quality_diversity(**drawn),
-            ),
-        ],
-    )
-
-
-def _sensitivity(evidence: Evidence, assets: Path) -> Section:
-    frame = evidence.sensitivity
-    counts = frame[(frame.factor == "count") & ~frame.weighted]
-    mean = counts.groupby(["set", "training", "repeat", "value"], as_index=False).nmse.mean()
-    mean = mean.assign(trajectories=mean.value.astype(int)).sort_values("trajectories")
-    drawn: dict[str, Any] = {
-        "frame": mean,
-        "x": "trajectories",
-        "y": "nmse",
-        "group": "set",
-        "log_x": True,
-        "log_y": True,
-        "labels": {"nmse": "nMSE, mean over joints", "trajectories": "selected trajectories"},
-    }
-    return Section(
-        "Sensitivity: does the ranking survive?",
-        [
-            *(
-                _table(
-                    assets,
-                    f"sensitivity{'_weighted' if weighted else ''}",
-                    sensitivity(frame, weighted),
-                    f"nMSE, one setting changed at a time, RLS {'weighted' if weighted else 'unweighted'}",
-                )
-                for weighted in sorted(frame.weighted.unique())
-            ),
-            illustrate(
-                assets,
-                "counts",
-                figures.curve(**drawn),
-                "nMSE against the number of selected trajectories, unweighted",
-                interactive.curve(**drawn),
-            ),
-        ],
-    )
-
-
-def _ablation(evidence: Evidence, assets: Path) -> Section:
-    return Section(
-        "Ablation: which part of the recipe does what",
-        [
-            "`eigen` is the default recipe, with all its trainings; each other row changes one part of it "
-            "and is trained once. The last three are the paper's recipe to the letter.",
-            _table(
-                assets,
-                "ablation",
-                ablation(evidence),
-                "After the last epoch, true physics, no sample filtered",
-            ),
-        ],
-    )
-
-
-def _deviations(evidence: Evidence) -> Section:
-    task = evidence.task
-    return Section(
-        "Deviations from the paper",
-        [
-            f"- **Base parameters**: {task.body.parameters_count} here, 35 in the paper, which does not say "
-            "how it "
-            "arrives there. The number is the rank of the regressor. More parameters make every condition "
-            "number "
-            "larger.",
-            "- **Noise**: “10 % uniform random noise” is read as multiplicative, on torques in experiment "
-            "1 and on "
-            "states and torques in experiment 2; the sensitivity table shows other readings.",
-            "- **Test set**: random valid trajectories that no compared set contains, with exact torques.",
-            "- **The long trajectory** is given in two readings, as many parameters as a short one and the "
-            "bandwidth "
-            "of the short ones; the paper does not say which it used.",
-            "- **Seeds** come from a gradient optimiser on all constraints, torque limits among them; ten "
-            "of the "
-            "paper's kind are compared above.",
-            "- **Surrogates** learn from exactly labelled samples around the seeds and see the trajectory "
-            "rolled "
-            "out; the ablation shows what the paper's data gives.",
-            _REPRODUCE.replace("## How to make this report", "**How to make this report**"),
-        ],
-    )
-
-
-def _table(assets: Path, name: str, frame: pd.DataFrame, caption: str) -> Table:
-    """A table of the document that is also a file."""
-    write_table(frame, assets.with_name("tables") / name, caption)
-    return Table(frame, caption)
