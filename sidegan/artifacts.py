@@ -7,12 +7,14 @@
 
 import dataclasses
 import logging
+import os
 import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from filelock import FileLock, Timeout
@@ -21,7 +23,7 @@ import sidegan
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.progress import duration
 from sidegan.stamp import Stamp, code_digest, folder_name
-from sidegan.storage import read_json, write_bytes, write_json
+from sidegan.storage import read_json, write_json
 
 log = logging.getLogger(__name__)
 
@@ -46,12 +48,15 @@ class Store:
     def __init__(self, root: Path, named: bool = False, run_folder: Path | None = None) -> None:
         self.root, self.named = root, named
         self.run_folder = run_folder or root
-        probe = root / f".probe-{uuid.uuid4().hex[:8]}"
         try:
-            write_bytes(probe, _PROBE)
-        except StorageError as error:
-            raise StorageError(f"the output folder {root} cannot be used: {error}") from error
-        probe.unlink(missing_ok=True)
+            root.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=root) as probe:  # has no name, so a kill leaves nothing
+                probe.write(_PROBE)
+                probe.flush()
+                os.fsync(probe.fileno())
+        except OSError as error:
+            reason = error.strerror or error
+            raise StorageError(f"the output folder {root} cannot be used: {reason}") from error
 
     def stamp(
         self,

@@ -119,3 +119,4 @@ def _limit_threads(threads: int | None) -> None:
     if threads is not None:
         for library in ("OMP", "OPENBLAS", "MKL"):
             os.environ[f"{library}_NUM_THREADS"] = str(threads)
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # a thread that waits must not keep a core busy

@@ -20,6 +20,7 @@ Vector = tuple[float, float, float]
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -310,11 +311,20 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Parallel:
-    """How the work is spread over cores."""
+    """How the work is spread over cores and machines."""
 
-    workers: Count | None  # null: one per core
-    backend: Literal["loky"]  # the only engine so far
+    workers: Count | None  # null: one per core; a Dask cluster elsewhere has as many as it has
+    backend: Literal["loky", "dask"]
+    scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
     threads: Count | None  # of the main process; null: one per core
+
+    def __post_init__(self) -> None:
+        if self.scheduler is None:
+            return
+        if self.backend != "dask":
+            raise ConfigError(f"scheduler is of dask; choose parallel=dask instead of {self.backend}")
+        if not _SCHEDULER.fullmatch(self.scheduler):
+            raise ConfigError(f"scheduler is {self.scheduler!r}, expected an address like tcp://host:8786")
 
 
 @dataclass(frozen=True)

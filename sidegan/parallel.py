@@ -2,21 +2,24 @@
 
 import logging
 import os
-import queue
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol
 
-from sidegan.errors import SideganError
+from sidegan.engines import ENGINES, Engine, Loky, cores
+from sidegan.errors import SideganError, StorageError
 from sidegan.progress import bar
+
+__all__ = ["Job", "Report", "cores", "engine", "run_jobs"]
 
 log = logging.getLogger(__name__)
 
 _POLL = 0.2  # [s]
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+_engine: Engine = Loky()
 
 
 class Report(Protocol):
@@ -29,24 +32,36 @@ class Report(Protocol):
 Job = Callable[[Report], Any]
 
 
-def cores(workers: int | None) -> int:
-    """Number of worker processes: ``workers``, or one per core that this process may use."""
-    return workers or len(os.sched_getaffinity(0))
+@contextmanager
+def engine(name: str, scheduler: str | None = None) -> Iterator[None]:
+    """Every ``run_jobs`` of this process uses this engine within the block.
+
+    Args:
+        name: ``loky``, or ``dask``.
+        scheduler: address of a Dask scheduler, ``tcp://host:8786``; None: a cluster on this machine.
+    """
+    global _engine
+    before = _engine
+    _engine = ENGINES[name](scheduler)
+    try:
+        yield
+    finally:
+        _engine.close()
+        _engine = before
 
 
 def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: int = 100) -> list[Any]:
-    """Results of the jobs, in their order, the same however many workers there are.
+    """Results of the jobs, in their order, the same whatever the engine and the number of workers.
 
     Args:
         description: what they do, for the progress bar.
         jobs: picklable functions that take a ``Report``; with one worker they run here.
-        workers: processes; None: one per core.
+        workers: processes; None: one per core. A Dask cluster elsewhere has as many as it has.
         total: what the bar counts to, in whatever the jobs make together; percent by default.
 
     Raises:
-        SideganError: when a worker process dies; what jobs wrote to their work folders stays.
+        SideganError: when workers were lost for good; what jobs wrote to their work folders stays.
     """
-    count = min(cores(workers), len(jobs))
     with bar(description, total) as one:
         shares = [0.0] * len(jobs)
 
@@ -54,21 +69,23 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
             shares[job] = share
             one(round(total * sum(shares) / len(shares)), total)
 
-        if count <= 1:
+        if _engine.here(workers, len(jobs)):
             with _one_thread():
                 return [job(_reporter(partial(told, i))) for i, job in enumerate(jobs)]
-        return _run_processes(jobs, count, told)
+        return _run_elsewhere(_engine, description, jobs, workers, told)
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Sums in the order in which a worker process would take them."""
+    """Sums in the same order everywhere: torch, BLAS and OpenMP on one thread."""
     import torch
+    from threadpoolctl import threadpool_limits
 
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        yield
+        with threadpool_limits(1):
+            yield
     finally:
         torch.set_num_threads(before)
 
@@ -80,50 +97,51 @@ def _reporter(tell: Callable[[float], None]) -> Report:
     return report
 
 
-def _run_processes(jobs: Sequence[Job], workers: int, told: Callable[[int, float], None]) -> list[Any]:
-    from multiprocessing import Manager
-
-    from joblib.externals.loky import get_reusable_executor
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    with Manager() as manager, warnings.catch_warnings():
-        # Loky replaces a worker that has grown, and says so; nothing is lost by it.
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
-        messages = manager.Queue()
-        executor = get_reusable_executor(workers, timeout=600, env=dict.fromkeys(_THREADS, "1"))
+def _run_elsewhere(
+    on: Engine,
+    description: str,
+    jobs: Sequence[Job],
+    workers: int | None,
+    told: Callable[[int, float], None],
+) -> list[Any]:
+    with on.pool(workers, len(jobs)) as pool:
+        here = str(Path.cwd())
+        futures: list[Future[Any]] = [
+            pool.executor.submit(_work, job, i, pool.tell, here) for i, job in enumerate(jobs)
+        ]
+        waiting = set(futures)
+        while waiting:
+            waiting = wait(waiting, timeout=_POLL).not_done
+            for job, share in pool.heard():
+                told(job, share)
         try:
-            futures: list[Future[Any]] = [
-                executor.submit(_work, job, i, messages) for i, job in enumerate(jobs)
-            ]
-            waiting = set(futures)
-            while waiting:
-                waiting = wait(waiting, timeout=_POLL).not_done
-                _drain(messages, told)
             return [future.result() for future in futures]
-        except TerminatedWorkerError as error:
+        except tuple(pool.lost) as error:
+            why = next(words for kind, words in pool.lost.items() if isinstance(error, kind))
             raise SideganError(
-                "a worker process was killed; the same command again goes on where it was"
+                f"{description}: {why}; the same command again goes on where it was"
             ) from error
-        except BaseException:
-            executor.shutdown(wait=False, kill_workers=True)
-            raise
 
 
-def _drain(messages: Any, told: Callable[[int, float], None]) -> None:
-    while True:
-        try:
-            told(*messages.get_nowait())
-        except queue.Empty:
-            return
-
-
-def _work(job: Job, index: int, messages: Any) -> Any:
+def _work(job: Job, index: int, tell: Callable[[int, float], None], folder: str) -> Any:
+    _enter(folder)
     last = [-1.0]
 
-    def tell(share: float) -> None:
+    def report(share: float) -> None:
         if share - last[0] >= 0.01 or share >= 1:  # a message is a round trip to another process
             last[0] = share
-            messages.put((index, share))
+            tell(index, share)
 
     with _one_thread():
-        return job(_reporter(tell))
+        return job(_reporter(report))
+
+
+def _enter(folder: str) -> None:
+    """Relative paths mean the same on every machine that sees the folder."""
+    try:
+        os.chdir(folder)
+    except OSError as error:
+        host = os.uname().nodename
+        raise StorageError(
+            f"worker on {host} does not see {folder} ({error.strerror}); put it on a shared file system"
+        ) from error

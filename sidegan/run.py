@@ -10,11 +10,13 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import hydra
+from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -24,6 +26,7 @@ from sidegan.artifacts import Store
 from sidegan.callbacks import PARENT, STATUS, end_sweep
 from sidegan.config import Config, validate
 from sidegan.errors import ConfigError, SideganError, StorageError
+from sidegan.parallel import engine
 from sidegan.progress import duration
 from sidegan.storage import write_json
 from sidegan.tracking import Tracker
@@ -37,6 +40,8 @@ _HERE = Path(__file__).resolve().parent
 CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is_dir()), _HERE / "conf")
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
+
+_PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
@@ -55,15 +60,17 @@ def run_stages(config: Config, run_folder: Path, name: str, stages: Mapping[str,
     """
     _check(config, stages)
     store = Store(Path(config.outputs), config.named, run_folder)
-    with Tracker(
+    tracking = config.tracking
+    tracker = Tracker(
         store.root,
         run_folder,
         config.experiment,
         name,
-        config.tracking.uri,
-        config.tracking.enabled,
+        tracking.uri,
+        tracking.enabled,
         os.environ.get(PARENT),
-    ) as tracker:
+    )
+    with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(dataclasses.asdict(config))
         for stage in config.stages:
             log.info("%s …", stage)
@@ -113,6 +120,8 @@ def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], s
 
 def main() -> int:
     """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
+    # Hydra copies its store of configurations, of which there is one, for every group that --help lists.
+    ConfigStore.__deepcopy__ = lambda store, memo: store  # type: ignore[attr-defined]
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
     signal.signal(signal.SIGTERM, _terminate)
     try:
@@ -124,6 +133,11 @@ def main() -> int:
     except HydraException as error:
         sys.stderr.write(f"error: {explain(error)}\n")
         return BAD_CONFIG
+    except RuntimeError as error:
+        if "srun" not in str(error):
+            raise
+        sys.stderr.write(f"error: hydra/launcher=slurm is for a machine that submits to SLURM: {error}\n")
+        return FAILURE
     except OSError as error:  # from Hydra, which makes the run's folder
         sys.stderr.write(f"error: the outputs cannot be written: {error}\n")
         return FAILURE
@@ -138,6 +152,9 @@ def explain(error: HydraException) -> str:
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
         return f"{unknown[1]}: there is no such setting{suggest(Config, unknown[1])}"
+    plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
+    if plugin and "Could not" in text:
+        return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
     lines = text.partition("\nConfig search path:")[0].splitlines()
     return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
 
@@ -165,6 +182,8 @@ def _check(config: Config, stages: Mapping[str, Stage]) -> None:
     for stage in config.stages:
         if stage not in stages:
             raise ConfigError(f"stages: there is no stage {stage!r}, expected some of {known}")
+    if config.parallel.backend == "dask" and find_spec("distributed") is None:
+        raise ConfigError("parallel=dask needs Dask: pip install 'sidegan[dask]'")
     if config.device != "cpu":
         _check_device(config.device)
 

@@ -1,7 +1,8 @@
 """What a run reports to MLflow; the only door to it.
 
 Tracking never stops a run: when the server cannot be reached, one warning is given and whatever could not
-be sent is kept, a JSON object a line, in ``untracked.jsonl`` in the run's folder.
+be sent is kept, a JSON object a line, in ``untracked.jsonl`` in the run's folder. ``sidegan.untracked`` sends
+it later.
 """
 
 import json
@@ -51,6 +52,8 @@ class Tracker:
         uri: tracking server or database; None is sqlite in ``root``.
         enabled: False: nothing is recorded and MLflow is not imported.
         parent: run that this one is a part of.
+        run_id: go on with this run instead of starting one.
+        began: when the run that is started began [s since 1970]; None is now.
     """
 
     def __init__(
@@ -62,9 +65,12 @@ class Tracker:
         uri: str | None = None,
         enabled: bool = True,
         parent: str | None = None,
+        run_id: str | None = None,
+        began: float | None = None,
     ) -> None:
         self.root, self.folder, self.enabled = root, folder, enabled
-        self.run_id: str | None = None
+        self.run_id = run_id
+        self._began = began
         self._client: MlflowClient | None = None
         self._reached = enabled
         tags = {} if parent is None else {"mlflow.parentRunId": parent}
@@ -101,6 +107,10 @@ class Tracker:
             for name, values in history.items()
             for step, value in zip(steps or range(len(values)), values)
         ]
+        self.log_rows(rows)
+
+    def log_rows(self, rows: Sequence[tuple[str, float, int, int]]) -> None:
+        """Record numbers, each with its name, value, time [ms since 1970] and step."""
 
         def send() -> None:
             from mlflow.entities import Metric
@@ -119,7 +129,7 @@ class Tracker:
             upload = client.log_artifacts if path.is_dir() else client.log_artifact
             upload(run, str(path), folder)
 
-        self._send("artifact", {"path": str(path), "folder": folder}, send)
+        self._send("artifact", {"path": str(path.absolute()), "folder": folder}, send)
 
     def log_table(self, table: "pd.DataFrame", name: str) -> None:
         """Record a table that MLflow shows beside the run; a named index becomes columns."""
@@ -132,12 +142,12 @@ class Tracker:
         record = {"name": name, "table": json.loads(flat.to_json(orient="split", index=False))}
         self._send("table", record, send)
 
-    def finish(self, status: Status) -> None:
-        """Close the run."""
+    def finish(self, status: Status, ended: float | None = None) -> None:
+        """Close the run, which ended at a time [s since 1970]; None is now."""
 
         def send() -> None:
             client, run = self._run
-            client.set_terminated(run, status)
+            client.set_terminated(run, status, None if ended is None else round(1000 * ended))
 
         self._send("status", status, send)
 
@@ -166,16 +176,26 @@ class Tracker:
         for noisy in ("mlflow", "alembic", "urllib3"):
             logging.getLogger(noisy).setLevel(logging.ERROR)
         root = self.root.resolve()
+        # A server knows where its files go; a database would put them into the current folder.
+        remote = uri is not None and uri.startswith(("http", "databricks"))
         # Two runs that start together must not both create the tables.
-        with _one_at_a_time(root) if uri is None else nullcontext():
+        with nullcontext() if remote else _one_at_a_time(root):
             client = MlflowClient(uri or f"sqlite:///{root / 'mlflow.db'}")
-            # A server knows where its files go; a database would put them into the current folder.
-            remote = uri is not None and uri.startswith(("http", "databricks"))
-            location = None if remote else (root / "mlartifacts" / experiment).as_uri()
-            found = client.get_experiment_by_name(experiment)
-            number = found.experiment_id if found else client.create_experiment(experiment, location)
-            self.run_id = client.create_run(number, run_name=name, tags=tags).info.run_id
+            if self.run_id is not None:
+                client.get_run(self.run_id)  # raises when it is not there
+            else:
+                location = None if remote else (root / "mlartifacts" / experiment).as_uri()
+                found = client.get_experiment_by_name(experiment)
+                number = found.experiment_id if found else client.create_experiment(experiment, location)
+                began = None if self._began is None else round(1000 * self._began)
+                run = client.create_run(number, run_name=name, tags=tags, start_time=began)
+                self.run_id = run.info.run_id
         self._client = client
+
+    @property
+    def reached(self) -> bool:
+        """Whether everything could be sent so far."""
+        return self._reached
 
     def _send(self, kind: str, content: Any, send: Callable[[], None]) -> None:
         if self._reached:

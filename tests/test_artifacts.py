@@ -1,4 +1,5 @@
 import dataclasses
+import errno
 import logging
 import multiprocessing
 import os
@@ -186,12 +187,13 @@ def test_an_output_folder_that_cannot_be_written_is_refused_at_once(tmp_path):
 
 
 def test_a_full_disk_is_refused_at_once(tmp_path, monkeypatch):
-    def full(path, content):
-        raise StorageError(f"cannot write {path}: No space left on device")
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(artifacts, "write_bytes", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(StorageError, match="No space left"):
         Store(tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_disk_that_fills_up_later_leaves_no_artifact(store, monkeypatch):

@@ -18,6 +18,8 @@ DOORS = {
     "pygmo": {"seeds"},
     "pytorch_lightning": {"gan"},
     "mlflow": {"tracking"},
+    "joblib": {"engines"},
+    "distributed": {"engines"},
     "hydra": {"run", "config", "stages", "callbacks"},
     "omegaconf": {"config", "run", "callbacks"},
     "matplotlib": {"report"},
@@ -102,7 +104,16 @@ def test_rooms_side_by_side_do_not_know_each_other(room):
 
 def test_what_serves_every_room_knows_none():
     for path in FILES:
-        if room_of(path) in {"errors", "storage", "progress", "typed", "stamp", "artifacts", "tracking"}:
+        if room_of(path) in {
+            "errors",
+            "storage",
+            "progress",
+            "typed",
+            "stamp",
+            "artifacts",
+            "tracking",
+            "engines",
+        }:
             assert not rooms(path) & set(ORDER), path
 
 

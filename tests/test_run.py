@@ -10,7 +10,7 @@ import types
 import pandas as pd
 import pytest
 
-from sidegan import callbacks, run
+from sidegan import callbacks, parallel, run
 from sidegan.callbacks import aggregate, job_codes
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, StorageError
 from sidegan.run import main, run_name
@@ -128,6 +128,8 @@ def test_whoever_starts_elsewhere_finds_the_results_there(command, tmp_path):
         (["seed=="], "Error parsing override 'seed=='"),
         (["stages=[seed]"], "error: stages: there is no stage 'seed', expected some of seeds, use, odd"),
         (["stages=[]"], "error: there is nothing to run: give +experiment=…"),
+        (["parallel=dask", "parallel.scheduler=here"], "expected an address like tcp://host:8786"),
+        (["parallel.scheduler=tcp://host:8786"], "scheduler is of dask; choose parallel=dask"),
         (["device=cuda:99"], "error: device is 'cuda:99', which is not there"),
     ],
 )
@@ -277,6 +279,20 @@ def test_threads_are_set_before_numpy_is_imported(command, monkeypatch):
     assert os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 
+@pytest.mark.parametrize(("name", "kind"), [("loky", "Loky"), ("dask", "Dask")])
+def test_stages_run_on_the_configured_engine(command, monkeypatch, name, kind):
+    seen = []
+    monkeypatch.setitem(STAGES, "engine", lambda *_: seen.append(type(parallel._engine).__name__))
+    assert command("stages=[engine]", f"parallel={name}") == 0
+    assert seen == [kind]
+
+
+def test_an_engine_that_is_not_installed_is_told_before_any_work(command, monkeypatch, capsys):
+    monkeypatch.setattr(run, "find_spec", lambda name: None)
+    assert command("stages=[seeds]", "parallel=dask") == 2
+    assert "parallel=dask needs Dask: pip install 'sidegan[dask]'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("overrides", "name"),
     [
@@ -348,6 +364,8 @@ def test_the_configuration_is_shown_without_a_heavy_import(tmp_path):
         "pinocchio",
         "pygmo",
         "matplotlib",
+        "joblib",
+        "distributed",
     }
 
 

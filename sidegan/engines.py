@@ -1,0 +1,215 @@
+"""Where jobs run: in worker processes of this machine (loky), or on a Dask cluster.
+
+An engine opens a ``Pool``: something to submit functions to, and a way for them to tell how far they are.
+Which engine it is changes nothing about what the functions give back.
+"""
+
+import logging
+import os
+import queue
+import threading
+import time
+import uuid
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from sidegan.errors import ConfigError, SideganError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# NumPy and torch read these when they are imported. Threads that wait must not keep a core busy.
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "OMP_WAIT_POLICY": "PASSIVE",
+}
+
+_IDLE = 600  # [s] after which an unused loky worker ends
+_CONNECT = 15  # [s] for a Dask scheduler to answer
+_WATCH = 1.0  # [s] between two looks at whether the parent process still lives
+_KILLED = "a worker process was killed, perhaps for want of memory"
+
+Told = tuple[int, float]
+
+
+class Pool(NamedTuple):
+    """Workers that are ready.
+
+    Attributes:
+        executor: takes functions.
+        tell: picklable; sends the number of a job and its share from a worker.
+        heard: gives what was told since the last call.
+        lost: what waiting for a result raises when workers were lost for good, and what that means.
+    """
+
+    executor: Executor
+    tell: Callable[[int, float], None]
+    heard: Callable[[], list[Told]]
+    lost: dict[type[BaseException], str]
+
+
+class Engine(Protocol):
+    """Somewhere to run jobs."""
+
+    def here(self, workers: int | None, jobs: int) -> bool:
+        """Whether so few jobs, or so few workers, make it better to stay in this process."""
+
+    def pool(self, workers: int | None, jobs: int) -> AbstractContextManager[Pool]:
+        """Workers for so many jobs; they are released, and on an error stopped, at the end of the block."""
+
+    def close(self) -> None:
+        """Give back what the engine holds."""
+
+
+def cores(workers: int | None) -> int:
+    """Number of worker processes: ``workers``, or one per core that this process may use."""
+    return workers or len(os.sched_getaffinity(0))
+
+
+class Loky:
+    """Worker processes of this machine, kept between calls."""
+
+    def here(self, workers: int | None, jobs: int) -> bool:
+        """Whether one process would do it all."""
+        return min(cores(workers), jobs) <= 1
+
+    @contextmanager
+    def pool(self, workers: int | None, jobs: int) -> Iterator[Pool]:
+        """As many workers as there are jobs, at most ``workers``."""
+        from multiprocessing.managers import SyncManager
+
+        from joblib.externals.loky import get_reusable_executor
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+        manager, watch = SyncManager(), (os.getpid(),)
+        manager.start(leave_with, watch)
+        with manager, warnings.catch_warnings():
+            # Loky replaces a worker that has grown, and says so; nothing is lost by it.
+            warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
+            messages = manager.Queue()
+            executor = get_reusable_executor(
+                min(cores(workers), jobs),
+                timeout=_IDLE,
+                env=ONE_THREAD,
+                initializer=leave_with,
+                initargs=watch,
+            )
+            try:
+                lost = {TerminatedWorkerError: _KILLED}
+                yield Pool(executor, partial(_put, messages), partial(_drain, messages), lost)
+            except BaseException:
+                executor.shutdown(wait=False, kill_workers=True)
+                raise
+
+    def close(self) -> None:
+        """Nothing: idle workers end by themselves."""
+
+
+class Dask:
+    """A Dask cluster, which finishes what a lost worker began on another one.
+
+    Args:
+        address: of its scheduler; None: a cluster on this machine, started when it is first needed.
+    """
+
+    def __init__(self, address: str | None = None) -> None:
+        self.address = address
+        self._held = ExitStack()
+        self._client: Client | None = None
+
+    def here(self, workers: int | None, jobs: int) -> bool:
+        """Whether one process would do it all; a cluster elsewhere takes even a single job."""
+        return not jobs or (self.address is None and min(cores(workers), jobs) <= 1)
+
+    @contextmanager
+    def pool(self, workers: int | None, jobs: int) -> Iterator[Pool]:
+        """Every worker of the cluster; of a cluster on this machine, ``workers``."""
+        from distributed import CancelledError, KilledWorker
+
+        client = self._client = self._client or self._connect(cores(workers))
+        _refuse_threads(client)
+        told: queue.SimpleQueue[Told] = queue.SimpleQueue()
+        topic = f"sidegan-{uuid.uuid4().hex}"
+        client.subscribe_topic(topic, lambda event: told.put(tuple(event[1])))
+        executor = client.get_executor(pure=False)
+        try:
+            lost = {KilledWorker: f"{_KILLED}, time and again", CancelledError: "the Dask cluster went away"}
+            yield Pool(executor, partial(_log_event, topic), partial(_drain, told), lost)
+        except BaseException:
+            executor.shutdown(wait=False)  # cancels what has not begun
+            raise
+        finally:
+            client.unsubscribe_topic(topic)
+
+    def close(self) -> None:
+        """Leave the cluster; one that was started here ends."""
+        self._client = None
+        self._held.close()
+
+    def _connect(self, workers: int) -> "Client":
+        from distributed import Client, LocalCluster
+
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong comes as an error
+        if self.address is None:
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                memory_limit=0,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                env=ONE_THREAD,
+            )
+            self._held.enter_context(cluster)
+            return self._held.enter_context(Client(cluster))
+        try:
+            return self._held.enter_context(Client(self.address, timeout=_CONNECT))
+        except (OSError, ValueError) as error:
+            raise SideganError(f"no Dask scheduler answers at {self.address}: {error}") from error
+
+
+ENGINES: dict[str, Callable[[str | None], Engine]] = {"loky": lambda scheduler: Loky(), "dask": Dask}
+
+
+def leave_with(parent: int) -> None:
+    """End this process soon after its parent, which may have been killed without a chance to tell."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _refuse_threads(client: "Client") -> None:
+    """Jobs set the threads of their whole process, so none may share one."""
+    crowded = [name for name, threads in client.nthreads().items() if threads > 1]
+    if crowded:
+        raise ConfigError(
+            f"Dask workers {', '.join(crowded[:3])} run several threads; start them with --nthreads 1"
+        )
+
+
+def _put(messages: Any, job: int, share: float) -> None:
+    messages.put((job, share))
+
+
+def _log_event(topic: str, job: int, share: float) -> None:
+    from distributed import get_worker
+
+    get_worker().log_event(topic, [job, share])
+
+
+def _drain(messages: Any) -> list[Told]:
+    found: list[Told] = []
+    while True:
+        try:
+            found.append(messages.get_nowait())
+        except queue.Empty:
+            return found

@@ -1,0 +1,93 @@
+"""A small job in the manner of a stage: seeds of planar2 by tasks, kept as an artifact.
+
+python -m tests.small_job FOLDER              makes it
+python -m tests.small_job FOLDER KILLS SEED   starts and kills it again and again, and says what became
+"""
+
+import json
+import logging
+import os
+import random
+import shutil
+import signal
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from sidegan.artifacts import Store
+from sidegan.robot import load_robot
+from sidegan.seeds import Gradient, SeedProblem, Tasks, make_seeds
+from sidegan.storage import read_torch, write_json, write_torch
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints
+
+METHOD = Gradient(steps=10)
+COUNT, BATCH = 12, 2
+
+
+def problem():
+    """Three harmonics of the planar arm, nowhere kept out."""
+    return SeedProblem(Constraints(load_robot("planar2"), []), Trajectory(2, 3, 8.0), samples=20)
+
+
+def run(root, method=METHOD, workers=1):
+    """Folder of the artifact."""
+    store = Store(Path(root))
+    stamp = store.stamp("seeds", "planar2", {"count": COUNT}, seed=4)
+
+    def make(folder, work):
+        tasks = Tasks(COUNT, BATCH, work, workers)
+        batch = make_seeds(problem(), method, tasks, np.random.SeedSequence(4))
+        write_torch(folder / "seeds.pt", {"c": batch.coefficients, "fitness": batch.fitness})
+        write_json(folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
+
+    return store.produce(stamp, make)
+
+
+def same(one, other):
+    """Whether two artifacts hold the same to the last bit."""
+    left, right = read_torch(one / "seeds.pt"), read_torch(other / "seeds.pt")
+    reports = [json.loads((folder / "report.json").read_text()) for folder in (one, other)]
+    return all(torch.equal(left[key], right[key]) for key in right) and reports[0] == reports[1]
+
+
+def killed_after(root, seconds):
+    """Kill the job so many seconds after its start; whether it was still at work."""
+    child = os.fork()
+    if not child:
+        run(root)
+        os._exit(0)
+    time.sleep(seconds)
+    os.kill(child, signal.SIGKILL)
+    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
+
+
+def kill_often(root, kills, seed):
+    """Kill the job at random points; whenever it is complete it is compared, taken away, and begun anew."""
+    reference, source, facts = run(root / "undisturbed"), random.Random(seed), Counter()
+    began = time.monotonic()
+    run(root / "timed")
+    whole, disturbed = time.monotonic() - began, root / "disturbed"
+    for _ in range(kills):
+        facts["interrupted"] += killed_after(disturbed, source.uniform(0.0, 0.8 * whole))
+        if list(disturbed.glob("seeds/planar2-????????")):
+            facts["completed"] += 1
+            facts["equal"] += same(run(disturbed), reference)
+            shutil.rmtree(disturbed / "seeds")
+    facts["completed"] += 1
+    facts["equal"] += same(run(disturbed), reference)
+    found = sorted(str(path.relative_to(disturbed)) for path in disturbed.rglob("*") if path.is_file())
+    return {**facts, "files": found}
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    if len(sys.argv) > 2:
+        sys.stdout.write(json.dumps(kill_often(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))))
+    else:
+        run(sys.argv[1])
