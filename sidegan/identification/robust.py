@@ -1,10 +1,10 @@
 """Least squares that outliers do not drag along."""
 
 import logging
+import math
 from dataclasses import dataclass
 
 import torch
-from scipy.stats import norm
 from torch import Tensor
 
 from sidegan.identification.fit import Fit, least_residual, positive, reweighted, weights_of
@@ -83,5 +83,6 @@ class _Walk:
 
 def _expected(k: float) -> float:
     """Mean of ψ(x)² for standard normal x."""
-    beyond = float(norm.sf(k))
-    return 1 - 2 * beyond - 2 * k * float(norm.pdf(k)) + 2 * k * k * beyond
+    beyond = math.erfc(k / math.sqrt(2)) / 2
+    density = math.exp(-k * k / 2) / math.sqrt(2 * math.pi)
+    return 1 - 2 * beyond - 2 * k * density + 2 * k * k * beyond
