@@ -263,8 +263,8 @@ def ablation(evidence: Evidence, assets: Path) -> Section:
     return Section(
         "Ablation: which part of the recipe does what",
         [
-            "`eigen` is the default recipe, with all its trainings; each other row changes one part of it "
-            "and is trained once. The last three are the paper's recipe to the letter.",
+            "`eigen` is the default recipe; each other row changes one part of it. "
+            "The last three are the paper's recipe to the letter.",
             _table(
                 assets,
                 "ablation",
