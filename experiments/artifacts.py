@@ -118,7 +118,7 @@ class Evidence:
         return {
             name: [
                 read_json(self.task.store.require(self.task.gan(name, settings, k)) / HISTORY)
-                for k in (cfg.trainings if name in cfg.gan else cfg.scale.side_trainings)
+                for k in (cfg.trainings if name in cfg.gan else cfg.scale.ablation_trainings)
             ]
             for name, settings in wanted.items()
         }

@@ -263,7 +263,7 @@ def ablation(evidence: Evidence, assets: Path) -> Section:
     return Section(
         "Ablation: which part of the recipe does what",
         [
-            "`eigen` is the default recipe; each other row changes one part of it. "
+            "`eigen` is the default recipe; each other row changes one part of it and is trained once. "
             "The last three are the paper's recipe to the letter.",
             _table(
                 assets,

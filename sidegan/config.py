@@ -55,7 +55,8 @@ class Scale:
     sizes: list[Count]  # of smaller seed sets
     draws: Count  # of a kernel density estimate
     trainings: list[Natural]  # of each variant
-    side_trainings: list[Natural]  # of fewer seeds and ablations
+    side_trainings: list[Natural]  # of each variant on fewer seeds
+    ablation_trainings: list[Natural]  # of each variant of the ablation
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ def test_outputs_are_kept_and_named_as_the_artifacts(tmp_path):
     cfg = task.cfg
     known = [task.seeds, task.random_set, task.density, *(task.kind(kind).seeds for kind in cfg.kinds)]
     known += [task.surrogates(data) for data in ("broad", "paper")]
-    known += [task.gan(n, s, k) for n, s in cfg.ablation.items() for k in cfg.scale.side_trainings]
+    known += [task.gan(n, s, k) for n, s in cfg.ablation.items() for k in cfg.scale.ablation_trainings]
     for k in cfg.trainings:
         known += [task.gan(n, s, k) for n, s in cfg.gan.items()]
         known += [task.library(n, k) for n in cfg.gan]

@@ -18,8 +18,8 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Train every variant of the ablation."""
     task = Task(cfg, store)
     surrogates.make(task, sorted({settings.data for settings in cfg.ablation.values()}), tracker)
-    train_variants(task, cfg.ablation, cfg.scale.side_trainings)
+    train_variants(task, cfg.ablation, cfg.scale.ablation_trainings)
     for name, settings in cfg.ablation.items():
-        for training in cfg.scale.side_trainings:
+        for training in cfg.scale.ablation_trainings:
             history = read_json(store.require(task.gan(name, settings, training)) / HISTORY)
             log.info("%s, training %d, after %d epochs: %s", name, training, len(history), words(history[-1]))
