@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments import exp2
+from sidegan.config import GanVariant
 from sidegan.library import Library
 from sidegan.plan import FACTS, HISTORY, LIBRARY, REPORT, RESULTS, SEEDS, Task, with_subset
 from sidegan.stamp import Stamp
@@ -33,13 +34,16 @@ def plant(task: Task) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True).assign(seed=task.cfg.seed)
 
 
-def histories(task: Task) -> dict[str, list[History]]:
-    """Metrics after every epoch of every training of each variant."""
+def histories(
+    task: Task, variants: dict[str, GanVariant] | None = None, trainings: list[int] | None = None
+) -> dict[str, list[History]]:
+    """Metrics after every epoch of every training of each variant; the task's own where none are given."""
     return {
         name: [
-            read_json(task.store.require(task.gan(name, settings, k)) / HISTORY) for k in task.cfg.trainings
+            read_json(task.store.require(task.gan(name, settings, k)) / HISTORY)
+            for k in trainings or task.cfg.trainings
         ]
-        for name, settings in task.cfg.gan.items()
+        for name, settings in (variants or task.cfg.gan).items()
     }
 
 
@@ -114,14 +118,8 @@ class Evidence:
     def ablation(self) -> dict[str, list[History]]:
         """Histories of the ablation's variants, the recipe itself first."""
         cfg = self.task.cfg
-        wanted = {"eigen": cfg.gan["eigen"], **cfg.ablation}
-        return {
-            name: [
-                read_json(self.task.store.require(self.task.gan(name, settings, k)) / HISTORY)
-                for k in (cfg.trainings if name in cfg.gan else cfg.scale.ablation_trainings)
-            ]
-            for name, settings in wanted.items()
-        }
+        others = histories(self.task, cfg.ablation, cfg.scale.ablation_trainings)
+        return {"eigen": self.histories["eigen"], **others}
 
     @cached_property
     def kinds(self) -> dict[str, Library]:

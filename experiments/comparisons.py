@@ -38,8 +38,8 @@ def ablation(evidence: Evidence) -> pd.DataFrame:
     }
     rows = {}
     for name, part in frame.groupby("variant", sort=False):
-        row = {label: _spread(part[key]) for key, label in _LAST.items()}
-        rows[name] = {"valid after 10 epochs": _spread(pd.Series(early[str(name)])), **row}
+        row = {label: tables.spread_or_dash(part[key]) for key, label in _LAST.items()}
+        rows[name] = {"valid after 10 epochs": tables.spread_or_dash(pd.Series(early[str(name)])), **row}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
 
 
@@ -116,15 +116,14 @@ def sensitivity(frame: pd.DataFrame, weighted: bool) -> pd.DataFrame:
     for (factor, value), row in rows.items():
         best = min(row, key=lambda name: row[name].mean())
         cells = {
-            tables.title(name): (f"**{_spread(row[name])}**" if name == best else _spread(row[name]))
+            tables.title(name): (
+                f"**{tables.spread_or_dash(row[name])}**"
+                if name == best
+                else tables.spread_or_dash(row[name])
+            )
             if name in row
             else "—"
             for name in columns
         }
         shown.append({"changed": factor, "to": value, **cells})
     return pd.DataFrame(shown).set_index("changed")
-
-
-def _spread(values: pd.Series) -> str:
-    known = values.dropna().astype(float)
-    return tables.spread(known) if len(known) else "—"

@@ -11,7 +11,19 @@ from matplotlib.lines import Line2D
 
 from sidegan.report.canvas import band, blank, legend, points, save, tidy
 from sidegan.report.style import PANELS, colour, colours, seconds
-from sidegan.report.summary import History, aligned, by_joint, curves, durations, epochs, is_text, require
+from sidegan.report.summary import (
+    History,
+    aligned,
+    by_joint,
+    compared_with,
+    curves,
+    durations,
+    epochs,
+    is_text,
+    require,
+    time_ticks,
+    weighting,
+)
 from sidegan.report.tables import ordered, title
 
 __all__ = ["History", "curve", "errors", "quality_diversity", "save", "timing", "training"]
@@ -37,13 +49,10 @@ def training(
     for axis, (key, (label, logarithmic)) in zip(figure.subplots(2, 3).ravel(), PANELS.items()):
         for name, runs in histories.items():
             handles[name] = band(axis, epochs(runs, key), name, colour(name))
-        for name, set_ in (("seeds", seeds), ("union", union or {})):
-            reference = set_.get("valid" if key == "success" else key)
-            if reference is not None:
-                words = "seeds and generated" if name == "union" else name
-                handles[words] = axis.axhline(
-                    reference, color=colour(name), linestyle="--", linewidth=1.3, label=words
-                )
+        for name, words, reference in compared_with(key, seeds, union):
+            handles[words] = axis.axhline(
+                reference, color=colour(name), linestyle="--", linewidth=1.3, label=words
+            )
         if logarithmic:
             axis.set_yscale("log")
         if key == "success":
@@ -76,7 +85,7 @@ def errors(raw: pd.DataFrame) -> Figure:
             handles[title(name)] = bars
         axis.set_yscale("log")
         axis.set_xticks(range(len(joints)), joints)
-        axis.set_title("weighted per joint" if weighted else "unweighted, as in the paper", fontsize=10)
+        axis.set_title(weighting(weighted), fontsize=10)
         tidy(axis, "y")
     figure.axes[0].set_ylabel("nMSE", fontsize=9)
     legend(figure, handles)
@@ -208,7 +217,7 @@ def timing(frame: pd.DataFrame) -> Figure:
     axis.set_xlim(low, high)
     axis.set_yticks(range(len(frame)), frame.what)
     axis.invert_yaxis()
-    ticks = [t for t in (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0) if low <= t <= high]
+    ticks = time_ticks(low, high)
     axis.set_xticks(ticks, [seconds(t) for t in ticks])
     axis.minorticks_off()
     tidy(axis, "x")

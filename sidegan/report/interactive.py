@@ -12,18 +12,19 @@ from sidegan.report.summary import (
     History,
     aligned,
     by_joint,
+    compared_with,
     curves,
     durations,
     epochs,
     is_text,
     require,
+    time_ticks,
+    weighting,
 )
 from sidegan.report.tables import title
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
-
-_DAYS = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)  # [s] where a time axis has its ticks
 
 
 def training(
@@ -41,13 +42,10 @@ def training(
         for name, runs in histories.items():
             line = epochs(runs, key)
             figure.add_traces(band(line, name, colour(name), k == 0), rows=place["row"], cols=place["col"])
-        for name, set_ in (("seeds", seeds), ("union", union or {})):
-            value = set_.get("valid" if key == "success" else key)
-            if value is not None:
-                words = "seeds and generated" if name == "union" else name
-                length = max((len(run) for runs in histories.values() for run in runs), default=1)
-                shown = words not in {trace.name for trace in figure.data}
-                figure.add_trace(dashed(words, value, [1, length], colour(name), shown), **place)
+        for name, words, value in compared_with(key, seeds, union):
+            length = max((len(run) for runs in histories.values() for run in runs), default=1)
+            shown = words not in {trace.name for trace in figure.data}
+            figure.add_trace(dashed(words, value, [1, length], colour(name), shown), **place)
         figure.update_yaxes(type="log" if logarithmic else "linear", **place)
     figure.update_xaxes(title_text="epoch", row=2)
     return finish(figure, 640)
@@ -58,7 +56,7 @@ def errors(raw: pd.DataFrame) -> "go.Figure":
     from plotly.subplots import make_subplots
 
     weightings = sorted(raw.weighted.unique())
-    heads = ["weighted per joint" if weighted else "unweighted, as in the paper" for weighted in weightings]
+    heads = [weighting(weighted) for weighted in weightings]
     figure = make_subplots(1, len(weightings), shared_yaxes=True, subplot_titles=heads)
     for column, weighted in enumerate(weightings, 1):
         for name, line in by_joint(raw[raw.weighted == weighted]).items():
@@ -153,7 +151,7 @@ def timing(frame: pd.DataFrame) -> "go.Figure":
         words = [seconds(x) if pd.notna(x) else "" for x in frame[name]]
         bars = {"text": words, "textposition": "outside", "marker_color": colour(name), "cliponaxis": False}
         figure.add_bar(y=frame.what, x=frame[name], orientation="h", name=name, hoverinfo="y+text", **bars)
-    ticks = [t for t in _DAYS if low <= t <= high]
+    ticks = time_ticks(low, high)
     figure.update_xaxes(type="log", range=np.log10([low, high]).tolist())
     figure.update_xaxes(tickvals=ticks, ticktext=[seconds(t) for t in ticks])
     figure.update_yaxes(autorange="reversed", automargin=True)

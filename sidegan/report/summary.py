@@ -1,7 +1,7 @@
 """What the figures draw: means and ranges of repeated results, plain arrays for any plotting library."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,6 +10,8 @@ from sidegan.errors import ConfigError, ShapeError
 from sidegan.report.tables import ordered
 
 History = Sequence[Mapping[str, float | None]]
+
+_TICKS = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)  # [s]
 
 
 class Line(NamedTuple):
@@ -29,6 +31,20 @@ def epochs(runs: Sequence[History], key: str) -> Line:
         row[: len(history)] = [_value(epoch.get(key)) for epoch in history]
     known = pd.DataFrame(values)
     return Line(np.arange(1, length + 1), *(x.to_numpy() for x in (known.mean(), known.min(), known.max())))
+
+
+def compared_with(
+    key: str, seeds: Mapping[str, Any], union: Mapping[str, Any] | None
+) -> list[tuple[str, str, float]]:
+    """Set, name for people and value of a metric of the sets that trainings are compared with."""
+    sets = (("seeds", "seeds", seeds), ("union", "seeds and generated", union or {}))
+    found = [(name, words, known.get("valid" if key == "success" else key)) for name, words, known in sets]
+    return [(name, words, value) for name, words, value in found if value is not None]
+
+
+def weighting(weighted: bool) -> str:
+    """What a weighting is called."""
+    return "weighted per joint" if weighted else "unweighted, as in the paper"
 
 
 def _value(x: float | None) -> float:
@@ -103,3 +119,8 @@ def durations(frame: pd.DataFrame) -> tuple[float, float]:
     if len(known) == 0 or not (known > 0).all():
         raise ShapeError(f"durations must be positive and one at least known, got {known.tolist()}")
     return float(known.min()) / 3, float(known.max()) * 12
+
+
+def time_ticks(low: float, high: float) -> list[float]:
+    """Round durations [s] between two ends of an axis."""
+    return [tick for tick in _TICKS if low <= tick <= high]

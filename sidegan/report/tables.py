@@ -84,13 +84,13 @@ def generators(known: pd.DataFrame) -> pd.DataFrame:
     )
     groups = {str(name): group for name, group in rows.groupby("name")}
     table = {
-        name: {label: _number(groups[name].get(key)) for key, label in _GENERATORS.items()}
+        name: {label: spread_or_dash(groups[name].get(key)) for key, label in _GENERATORS.items()}
         for name in ordered(groups)
     }
     return pd.DataFrame.from_dict(table, orient="index").rename_axis("generator")
 
 
-def _number(values: pd.Series | None) -> str:
+def spread_or_dash(values: pd.Series | None) -> str:
     """Mean ± standard deviation of what is known, a dash when nothing is."""
     known = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
     return spread(known) if len(known) else "—"
