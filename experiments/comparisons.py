@@ -115,15 +115,8 @@ def sensitivity(frame: pd.DataFrame, weighted: bool) -> pd.DataFrame:
     shown = []
     for (factor, value), row in rows.items():
         best = min(row, key=lambda name: row[name].mean())
-        cells = {
-            tables.title(name): (
-                f"**{tables.spread_or_dash(row[name])}**"
-                if name == best
-                else tables.spread_or_dash(row[name])
-            )
-            if name in row
-            else "—"
-            for name in columns
-        }
+        words = {name: tables.spread_or_dash(row.get(name)) for name in columns}
+        words[best] = f"**{words[best]}**"
+        cells = {tables.title(name): text for name, text in words.items()}
         shown.append({"changed": factor, "to": value, **cells})
     return pd.DataFrame(shown).set_index("changed")
