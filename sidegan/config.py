@@ -44,6 +44,8 @@ class Scale:
     gan_epochs: Count
     gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
     fitness_start: Natural  # first epoch in which the fitness loss counts
+    exact_epochs: Count  # of variants with exact physics
+    exact_steps: Count  # per epoch
     evaluation: Count  # trajectories per epoch whose true physics is measured
     generated: Count  # valid generated trajectories in the library
     long_steps: Count  # optimiser steps of the single long trajectory
@@ -146,6 +148,30 @@ class Weights:
     fitness: NonNegative
     spread: NonNegative
     distance: NonNegative
+    rank: NonNegative
+
+
+@dataclass(frozen=True)
+class Term:
+    """One weighted term of an exact objective."""
+
+    objective: Literal["log_condition", "diagonal_ratio", "d_optimal", "a_optimal"]
+    weight: Positive
+    together: Count  # generated trajectories whose information is taken together
+
+
+@dataclass(frozen=True)
+class Exact:
+    """Exact physics in place of the surrogates."""
+
+    terms: dict[str, Term]  # what weights.fitness weighs
+    samples: Count  # time points per period
+    reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
+    ease: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # of weights.success, from which it grows
+
+    def __post_init__(self) -> None:
+        if not self.terms:
+            raise ConfigError("terms is empty, expected one objective or more")
 
 
 @dataclass(frozen=True)
@@ -170,11 +196,15 @@ class GanVariant:
     data: Literal["broad", "paper"]  # its surrogates' samples: around seeds and negatives, or these alone
     minibatch: bool  # the discriminators see the spread of a batch
     scaling: Literal["joint", "range"]
+    activation: Literal["relu", "silu"]
+    limited: bool  # position and velocity limits hold by construction
+    clip: Positive | None  # largest norm of the generator's gradient; null: any
+    exact: Exact | None  # exact physics in place of the surrogates; null: surrogates
 
     def __post_init__(self) -> None:
-        if self.features == "none" and (self.weights.features or self.weights.fitness):
+        if self.features == "none" and (self.weights.features or (self.weights.fitness and not self.exact)):
             raise ConfigError("weights.features and weights.fitness need features, which are none")
-        if self.weights.fitness and self.fitness_start >= self.epochs:
+        if self.weights.fitness and not self.exact and self.fitness_start >= self.epochs:
             raise ConfigError(
                 f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
             )
@@ -203,6 +233,7 @@ class Expansion:
     count: Count
     batch: Count
     draws: Count  # most samples drawn before giving up
+    polish: Natural  # gradient steps on every sample; 0: none
 
 
 @dataclass(frozen=True)

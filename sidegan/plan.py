@@ -11,7 +11,8 @@ from sidegan.artifacts import Store
 from sidegan.config import Config
 from sidegan.dynamics import RigidBody
 from sidegan.errors import ConfigError
-from sidegan.gan.variants import Variant, Weights
+from sidegan.gan.objectives import Term
+from sidegan.gan.variants import Exact, Variant, Weights
 from sidegan.identification import Noise, study
 from sidegan.robot import Arm, load_robot
 from sidegan.stamp import Stamp
@@ -109,8 +110,9 @@ class Task:
 
     def gan(self, name: str, settings: config.GanVariant, training: int) -> Stamp:
         """Of a trained variant."""
-        inputs = self._taught()
-        if variant(name, settings).surrogates:
+        wanted = variant(name, settings)
+        inputs = self._taught() if wanted.seeded else {}
+        if wanted.surrogates:
             inputs["surrogates"] = self.surrogates(settings.data).digest
         values = {**asdict(settings), "evaluation": self.cfg.scale.evaluation}
         return self._stamp("gan", name, values, inputs, ["gan"], training)
@@ -119,7 +121,8 @@ class Task:
         """Of a variant's library."""
         inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
         inputs[SEEDS] = self.seeds.digest  # for the diversity of both together
-        return self._stamp("library", name, self.cfg.library, inputs, ["library"], training)
+        code = ["library", "seeds"] if self.cfg.library.polish else ["library"]
+        return self._stamp("library", name, self.cfg.library, inputs, code, training)
 
     def long(self, harmonics: int) -> Stamp:
         """Of a single long trajectory."""
@@ -270,6 +273,9 @@ def variant(name: str, settings: config.GanVariant) -> Variant:
     values = {**asdict(settings), "weights": Weights(**asdict(settings.weights))}
     del values["data"]
     try:
+        if settings.exact is not None:
+            terms = tuple(Term(**asdict(term)) for term in settings.exact.terms.values())
+            values["exact"] = Exact(**{**asdict(settings.exact), "terms": terms})
         return Variant(name, **values)
     except ConfigError as error:
         raise ConfigError(f"gan.{name}: {error}") from error

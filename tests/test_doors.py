@@ -46,6 +46,7 @@ ORDER = {
     "report": 11,
 }
 SIDE_BY_SIDE = {"seeds", "gan", "library", "selection", "plant", "recording", "identification"}
+KNOWN = {"gan": {"seeds"}}  # exact physics in the loop is the seeds' problem
 ABOVE = {"plan", "stages", "run", "callbacks"}  # what puts the rooms together
 
 
@@ -99,7 +100,7 @@ def test_a_room_imports_only_those_before_it(room):
 def test_rooms_side_by_side_do_not_know_each_other(room):
     for path in FILES:
         if room_of(path) == room:
-            assert not rooms(path) & (SIDE_BY_SIDE - {room}), path
+            assert not rooms(path) & (SIDE_BY_SIDE - {room} - KNOWN.get(room, set())), path
 
 
 def test_what_serves_every_room_knows_none():

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ArtifactError, ShapeError, SideganError
+from sidegan.gan.limits import Limits
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.robot import Arm
@@ -29,6 +30,7 @@ class TrajectoryGenerator:
         robot: name of the arm.
         digest: of the arm's numbers.
         variant: name of the variant.
+        limits: last layer that keeps position and velocity limits; None where there is none.
     """
 
     network: Generator
@@ -37,6 +39,7 @@ class TrajectoryGenerator:
     robot: str
     digest: str
     variant: str
+    limits: Limits | None = None
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
@@ -49,7 +52,8 @@ class TrajectoryGenerator:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
         generator = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
         images = self.network(self.network.draw(count, generator))
-        return self.scaling.to(images).coefficients(images).double().cpu()
+        c = self.scaling.to(images).coefficients(images)
+        return (c if self.limits is None else self.limits(c)).double().cpu()
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
@@ -61,8 +65,11 @@ class TrajectoryGenerator:
             "variant": self.variant,
             "trajectory": self.trajectory.describe(),
             "network": network.settings,
+            "limited": self.limits is not None,
         }
         tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread}
+        if self.limits is not None:
+            tensors |= {"room": self.limits.room, "speed": self.limits.speed}
         write_torch(path, {"meta": json.dumps(meta), "weights": network.state_dict(), **tensors})
 
     @classmethod
@@ -87,7 +94,9 @@ class TrajectoryGenerator:
             network.load_state_dict(content["weights"])
             scaling = Scaling(content["mean"], content["spread"])
             family = Trajectory(**meta["trajectory"])
-            made = cls(network.eval(), scaling, family, meta["robot"], meta["digest"], meta["variant"])
+            limits = Limits(family, content["room"], content["speed"]) if meta.get("limited") else None
+            names = (meta["robot"], meta["digest"], meta["variant"])
+            made = cls(network.eval(), scaling, family, *names, limits)
         except ArtifactError:
             raise
         except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:

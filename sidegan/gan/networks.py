@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from sidegan.errors import ConfigError
 
 BODIES = ("conv", "mlp")
+ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "silu": nn.SiLU}
 _WHISPER = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
 _DRAWS = 1024  # over which the layers' mean is taken
 
@@ -22,6 +23,7 @@ class Generator(nn.Module):
         body: ``conv`` (DCGAN: Radford, Metz, Chintala 2016) or ``mlp``.
         width: channels of the widest layer, or units of a hidden layer.
         shortcut: whether a linear path runs beside the layers (``start_from``).
+        activation: between the layers, ``relu`` or ``silu``.
     """
 
     def __init__(
@@ -32,6 +34,7 @@ class Generator(nn.Module):
         body: str = "mlp",
         width: int = 256,
         shortcut: bool = False,
+        activation: str = "relu",
     ) -> None:
         super().__init__()
         self.noise = noise
@@ -42,6 +45,7 @@ class Generator(nn.Module):
             "body": body,
             "width": width,
             "shortcut": shortcut,
+            "activation": activation,
         }
         self.shortcut = nn.Linear(noise, 2 * joints * harmonics) if shortcut else None
         if self.shortcut is not None:
@@ -50,21 +54,22 @@ class Generator(nn.Module):
         self.shape = (2, joints, harmonics)
         rows, columns = -(-joints // 2), -(-harmonics // 2)
         self.layers: nn.Sequential
+        between = ACTIVATIONS[activation]
         if body == "conv":
             self.layers = nn.Sequential(
                 nn.Linear(noise, width * rows * columns),
-                nn.ReLU(),
+                between(),
                 nn.Unflatten(1, (width, rows, columns)),
                 nn.ConvTranspose2d(width, width, 4, 2, 1),
-                nn.ReLU(),
+                between(),
                 nn.Conv2d(width, width // 2, 3, padding=1),
-                nn.ReLU(),
+                between(),
                 nn.Conv2d(width // 2, 2, 3, padding=1),
             )
         elif body == "mlp":
             out = 2 * joints * harmonics
             self.layers = nn.Sequential(
-                *_hidden(noise, width, 3), nn.Linear(width, out), nn.Unflatten(1, self.shape)
+                *_hidden(noise, width, 3, between), nn.Linear(width, out), nn.Unflatten(1, self.shape)
             )
         else:
             raise ConfigError(f"body {body!r} must be one of {', '.join(BODIES)}")
@@ -174,6 +179,6 @@ class _Head(nn.Module):
         return self.last(x)[:, 0]
 
 
-def _hidden(inputs: int, width: int, layers: int) -> list[nn.Module]:
+def _hidden(inputs: int, width: int, layers: int, between: type[nn.Module] = nn.ReLU) -> list[nn.Module]:
     sizes = [inputs] + [width] * layers
-    return [m for a, b in pairwise(sizes) for m in (nn.Linear(a, b), nn.ReLU())]
+    return [m for a, b in pairwise(sizes) for m in (nn.Linear(a, b), between())]

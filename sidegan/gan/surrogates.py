@@ -59,28 +59,16 @@ class SuccessPredictor(nn.Module):
         return nn.functional.logsigmoid(self.log_gain.exp() * (worst - self.offset)).sum(1)
 
 
-class Converter(nn.Module):
-    """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
+class Standard(nn.Module):
+    """Standardised logs of positive features, (B, p)."""
 
     mean: Tensor
     spread: Tensor
 
-    def __init__(
-        self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48
-    ) -> None:
+    def __init__(self, features: int) -> None:
         super().__init__()
-        self.roll_out = RollOut(arm, trajectory, steps)
-        self.moments = _by_moment(self.roll_out.channels, width, width, width)
-        self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
-        self.linear = nn.Linear(width, features)
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("spread", torch.ones(features))
-
-    def forward(self, c: Tensor) -> Tensor:
-        """Standardised log features, (B, p)."""
-        moments = self.moments(self.roll_out(c))
-        log_energy = torch.log(1e-4 + (moments * moments).mean(2))
-        return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
 
     def standardise(self, features: Tensor) -> Tensor:
         """Standardised logs of true features (B, p)."""
@@ -96,6 +84,25 @@ class Converter(nn.Module):
         logs = features.clamp_min(1e-12).log().float()
         self.mean.copy_(logs.mean(0))
         self.spread.copy_(logs.std(0).clamp_min(1e-3))
+
+
+class Converter(Standard):
+    """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
+
+    def __init__(
+        self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48
+    ) -> None:
+        super().__init__(features)
+        self.roll_out = RollOut(arm, trajectory, steps)
+        self.moments = _by_moment(self.roll_out.channels, width, width, width)
+        self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
+        self.linear = nn.Linear(width, features)
+
+    def forward(self, c: Tensor) -> Tensor:
+        """Standardised log features, (B, p)."""
+        moments = self.moments(self.roll_out(c))
+        log_energy = torch.log(1e-4 + (moments * moments).mean(2))
+        return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
 
 
 def _by_moment(*channels: int) -> nn.Sequential:

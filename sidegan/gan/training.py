@@ -16,10 +16,14 @@ from sidegan.dynamics import gram
 from sidegan.errors import ArtifactError, ShapeError, SideganError
 from sidegan.excitation import excitation_of
 from sidegan.gan.adversarial import AdversarialLoop
+from sidegan.gan.exact import ExactFeatures, ExactPhysics
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.limits import Limits
 from sidegan.gan.metrics import measure
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.variants import Variant
+from sidegan.seeds import SeedProblem
+from sidegan.seeds.coordinates import Coordinates
 from sidegan.storage import read_torch
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints
@@ -29,6 +33,7 @@ log = logging.getLogger(__name__)
 EpochEnd = Callable[[int, dict[str, float]], None]
 
 _LAST = "last.ckpt"
+_RANDOM = 2000  # random trajectories that a variant without seeds starts from
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
 
@@ -45,7 +50,7 @@ def train_variant(
     variant: Variant,
     constraints: Constraints,
     trajectory: Trajectory,
-    seeds: Tensor,
+    seeds: Tensor | None,
     work: Path,
     *,
     seed: int,
@@ -54,6 +59,7 @@ def train_variant(
     converter: Converter | None = None,
     device: str = "cpu",
     epoch_end: EpochEnd | None = None,
+    start: TrajectoryGenerator | None = None,
 ) -> Trained:
     """A generator trained on a seed set.
 
@@ -61,7 +67,7 @@ def train_variant(
         variant: losses and schedule.
         constraints: the arm in its workspace, for the metrics.
         trajectory: the family of trajectories.
-        seeds: coefficients [rad/s], (N, J, H, 2).
+        seeds: coefficients [rad/s], (N, J, H, 2); None for a variant that learns from none.
         work: folder of the checkpoint from which an interrupted training goes on.
         seed: of weights, noise and batches.
         evaluation: trajectories whose true physics is measured after every epoch; 0: none.
@@ -69,17 +75,24 @@ def train_variant(
         converter: frozen, when the variant has features.
         device: where the networks run.
         epoch_end: told (epoch, metrics) after every epoch.
+        start: generator to begin with, of this arm or of another one with as many joints.
 
     Raises:
-        ShapeError: when the seeds do not fit.
+        ShapeError: when the seeds do not fit, or the generator to begin with has another shape.
         SideganError: when the training diverges.
     """
+    pl.seed_everything(seed, verbose=False)
+    if not variant.seeded:
+        seeds = random_trajectories(constraints, trajectory, seed)
+    if seeds is None:
+        raise ShapeError(f"{variant.name} learns from a seed set, got none")
     trajectory.check(seeds)
     if len(seeds) < 2:
         raise ShapeError(f"training needs at least two seeds, got {len(seeds)}")
     steps = variant.steps or -(-len(seeds) // variant.batch)
-    pl.seed_everything(seed, verbose=False)
-    loop = AdversarialLoop(variant, seeds, steps * variant.epochs, predictor, converter)
+    loop = _loop(variant, constraints, trajectory, seeds, steps * variant.epochs, predictor, converter)
+    if start is not None:
+        _begin_with(loop, start)
     data = TensorDataset(*_tensors(loop, constraints, trajectory, seeds))
     sampler = RandomSampler(data, replacement=True, num_samples=steps * variant.batch)
     loader = DataLoader(data, variant.batch, sampler=sampler)
@@ -90,8 +103,49 @@ def train_variant(
     network = loop.generator.eval().cpu()
     scaling = loop.cpu().scaling
     arm = constraints.arm
-    generator = TrajectoryGenerator(network, scaling, trajectory, arm.name, arm.digest, variant.name)
-    return Trained(generator, loop.history)
+    limits = loop.limits
+    made = TrajectoryGenerator(network, scaling, trajectory, arm.name, arm.digest, variant.name, limits)
+    return Trained(made, loop.history)
+
+
+def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:
+    """Random trajectories that use all of their position and velocity limits, (N, J, H, 2) [rad/s].
+
+    What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
+    """
+    problem = SeedProblem(constraints, trajectory)
+    coordinates = Coordinates.of(problem)
+    noise = torch.Generator().manual_seed(seed)
+    return coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, 1.0))
+
+
+def _begin_with(loop: AdversarialLoop, start: TrajectoryGenerator) -> None:
+    """Take over a generator's weights, and what its images mean."""
+    try:
+        loop.generator.load_state_dict(start.network.state_dict())
+    except RuntimeError as error:
+        raise ShapeError(f"the generator of {start.robot} has another shape: {error}") from error
+    loop.scaling.mean.copy_(start.scaling.mean)
+    loop.scaling.spread.copy_(start.scaling.spread)
+
+
+def _loop(
+    variant: Variant,
+    constraints: Constraints,
+    trajectory: Trajectory,
+    seeds: Tensor,
+    steps: int,
+    predictor: SuccessPredictor | None,
+    converter: Converter | None,
+) -> AdversarialLoop:
+    limits = Limits.of(constraints.arm, trajectory) if variant.limited else None
+    if variant.exact is None:
+        return AdversarialLoop(variant, seeds, steps, predictor, converter, None, limits)
+    physics = ExactPhysics(constraints, trajectory, variant.exact)
+    features = None
+    if variant.features != "none":
+        features = ExactFeatures(physics.problem, variant.features, seeds)
+    return AdversarialLoop(variant, seeds, steps, None, features, physics, limits)
 
 
 def _tensors(

@@ -46,6 +46,11 @@ class Coordinates:
         c = torch.einsum("jkl,bjl->bjk", self.matrix, x.reshape(-1, joints, size))
         return c.reshape(len(x), joints, size // 2, 2)
 
+    def points(self, c: Tensor) -> Tensor:
+        """Points (B, J · 2 H) of coefficients [rad/s], (B, J, H, 2)."""
+        x = torch.linalg.solve(self.matrix, c.flatten(2).double().transpose(0, 1).transpose(1, 2))
+        return x.permute(2, 0, 1).flatten(1)
+
     def pull_back(self, gradient: Tensor) -> Tensor:
         """Gradient in x, (B, J · 2 H), from that in the coefficients, (B, J, H, 2)."""
         return torch.einsum("jkl,bjk->bjl", self.matrix, gradient.flatten(2)).flatten(1)

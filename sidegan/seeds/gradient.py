@@ -52,12 +52,12 @@ class Gradient:
         few = max(int(_ROUGH_SAMPLES * problem.samples), 2 * problem.trajectory.harmonics + 1)
         coordinates = Coordinates.of(problem)
         x = coordinates.start(problem, count, generator, reach)
-        rough = _function(replace(problem, samples=few), self._penalty(_ROUGH), coordinates)
+        rough = objective(replace(problem, samples=few), self._penalty(_ROUGH), coordinates)
         search = BatchedLbfgs(rough, x, self.memory)
         first = round(_ROUGH_SHARE * self.steps)
         for _ in range(first):
             search.iterate()
-        search.restart(_function(problem, self._penalty(_STRICT), coordinates))
+        search.restart(objective(problem, self._penalty(_STRICT), coordinates))
         for _ in range(self.steps - first):
             search.iterate()
         return coordinates.coefficients(search.x)
@@ -66,7 +66,9 @@ class Gradient:
         return Penalty(weight, limits=self.reserve, torque=self.reserve, distance=2 * self.reserve)
 
 
-def _function(problem: SeedProblem, penalty: Penalty, coordinates: Coordinates) -> Function:
+def objective(problem: SeedProblem, penalty: Penalty, coordinates: Coordinates) -> Function:
+    """Penalised objective and its gradient at points in natural coordinates, (B, J · 2 H)."""
+
     def function(x: Tensor) -> tuple[Tensor, Tensor]:
         value, gradient = value_and_gradient(problem, coordinates.coefficients(x), penalty)
         return value, coordinates.pull_back(gradient)

@@ -50,6 +50,7 @@ class BatchedLbfgs:
         value, gradient = self.function(trial)
         slope = (self.direction * self.gradient).sum(1)
         accepted = value <= self.value + _ARMIJO * self.length * slope
+        accepted &= torch.isfinite(gradient).all(1)
         self._remember(accepted, trial, gradient)
         self.x = torch.where(accepted[:, None], trial, self.x)
         self.value = torch.where(accepted, value, self.value)
@@ -63,6 +64,7 @@ class BatchedLbfgs:
         self.length = torch.where(fresh, 1.0, torch.where(uphill | stuck, 1.0, self.length * _SHRINK))
 
     def _first_direction(self, gradient: Tensor) -> Tensor:
+        gradient = torch.where(torch.isfinite(gradient), gradient, 0.0)  # where there is none, stand still
         return -gradient * (self.step / gradient.norm(dim=1, keepdim=True).clamp_min(1e-12))
 
     def _forget(self, which: Tensor) -> None:

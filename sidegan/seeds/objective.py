@@ -33,32 +33,52 @@ class Penalty:
 
 
 def value_and_gradient(problem: SeedProblem, c: Tensor, penalty: Penalty | None) -> tuple[Tensor, Tensor]:
-    """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c.
-
-    Works through the states in pieces, then carries the gradient from the motion back to the
-    coefficients, in which it is linear: memory does not grow with the number of samples.
-    """
-    c = c.detach().requires_grad_(True)
-    motion = problem.motion(c)
+    """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c."""
     vectors, weights, value = _directions(problem, c.detach())
+    violation, gradient = pull_back(problem, c, (vectors, weights), penalty)
+    return value + violation, gradient
+
+
+def pull_back(
+    problem: SeedProblem, c: Tensor, directions: tuple[Tensor, Tensor] | None, penalty: Penalty | None
+) -> tuple[Tensor, Tensor]:
+    """Penalty, (B,), and the gradient of penalty and energy, (B, J, H, 2), at coefficients c.
+
+    The energy is Σ weight · |Y v|² / T over the directions: for eigenvectors of YᵀY / T and the slopes of a
+    function of its eigenvalues, its gradient is that function's. Works through the states in pieces, then
+    carries the gradient from the motion back to the coefficients, in which it is linear: memory does not
+    grow with the number of samples.
+
+    Args:
+        problem: the trajectories and what constrains them.
+        c: coefficients [rad/s], (B, J, H, 2).
+        directions: parameter vectors v, (B, K, 10 J), and weights, (B, K); None for no energy.
+        penalty: of violations; None for none.
+    """
+    with torch.enable_grad():
+        c = c.detach().requires_grad_(True)
+        motion = problem.motion(c)
     slopes = [torch.zeros_like(x) for x in motion[1:]]
-    violation = torch.zeros_like(value)
+    violation = c.new_zeros(len(c))
     batch, times = max(1, _STATES_AT_ONCE // problem.samples), min(problem.samples, _STATES_AT_ONCE)
     for rows in torch.arange(len(c)).split(batch):
         for columns in torch.arange(problem.samples).split(times):
             piece = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1))
             states = Motion(motion.time[piece[1]], *(x[piece].detach() for x in motion[1:]))
-            found = problem.body.energy_slopes(
-                states.position, states.velocity, states.acceleration, vectors[piece[0]], weights[piece[0]]
-            )
+            found: list[Tensor] = []
+            if directions is not None:
+                vectors, weights = (x[piece[0]] for x in directions)
+                found = problem.body.energy_slopes(
+                    states.position, states.velocity, states.acceleration, vectors, weights
+                )
             if penalty is not None:
                 excess, pushes = _penalty(problem, states, penalty)
                 violation[piece[0]] += excess / problem.samples
-                found = [x + push for x, push in zip(found, pushes)]
+                found = [x + push for x, push in zip(found, pushes)] if found else pushes
             for slope, x in zip(slopes, found):
                 slope[piece] = x / problem.samples
     (gradient,) = torch.autograd.grad(motion[1:], c, slopes)
-    return value + violation, gradient
+    return violation, gradient
 
 
 def smooth_fitness(problem: SeedProblem, c: Tensor) -> Tensor:
@@ -87,6 +107,7 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
     return chosen, weights, value
 
 
+@torch.enable_grad()
 def _penalty(problem: SeedProblem, states: Motion, penalty: Penalty) -> tuple[Tensor, list[Tensor]]:
     """Penalty summed over time, (B,), and its gradients in q, dq and ddq."""
     q, dq, ddq = (x.requires_grad_(True) for x in states[1:])

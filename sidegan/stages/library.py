@@ -13,6 +13,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.library import Library
 from sidegan.parallel import Report
 from sidegan.plan import GENERATOR, LIBRARY, REPORT, Task
+from sidegan.seeds import Polish, SeedProblem
 from sidegan.stages.common import load, measured, numbers, produce_all, summary, words
 from sidegan.storage import read_json, write_json
 from sidegan.tracking import Tracker
@@ -41,10 +42,13 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
     path = task.store.require(task.gan(name, task.cfg.gan[name], training)) / GENERATOR
     generator = TrajectoryGenerator.load(path, task.arm)
     noise = torch.Generator().manual_seed(task.number(f"library {name}", training))
+    polish = Polish(wanted.polish) if wanted.polish else None
+    problem = SeedProblem(task.constraints, task.trajectory)
     kept: list[Tensor] = []
     drawn = count = 0
     while count < wanted.count and drawn < wanted.draws:
         c = generator.sample(wanted.batch, noise)
+        c = c if polish is None else polish.improve(problem, c)
         kept.append(c[check(task.constraints, task.trajectory, c).valid])
         drawn, count = drawn + len(c), count + len(kept[-1])
         report(max(min(count, wanted.count), drawn * wanted.count // wanted.draws), wanted.count)

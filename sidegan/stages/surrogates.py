@@ -8,7 +8,7 @@ from pathlib import Path
 from sidegan.artifacts import Store
 from sidegan.config import Config
 from sidegan.parallel import Job, run_jobs
-from sidegan.plan import GENERATOR, NEGATIVES_TRAINING, REPORT, Task
+from sidegan.plan import GENERATOR, NEGATIVES_TRAINING, REPORT, Task, variant
 from sidegan.stages.common import finite, numbers, training_seeds, words
 from sidegan.stages.train import train_variants
 from sidegan.storage import read_json, write_json
@@ -20,8 +20,12 @@ LABEL_SHARES = 8
 
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Train success predictor and converters."""
-    make(Task(cfg, store), sorted({"broad", *(settings.data for settings in cfg.gan.values())}), tracker)
+    """Train success predictor and converters, where a variant learns from them."""
+    data = {settings.data for name, settings in cfg.gan.items() if variant(name, settings).surrogates}
+    if data:
+        make(Task(cfg, store), sorted({"broad", *data}), tracker)
+    else:
+        log.info("no surrogates: none of %s learns from them", ", ".join(cfg.gan))
 
 
 def make(task: Task, data: Iterable[str], tracker: Tracker) -> None:

@@ -37,7 +37,7 @@ def _train(
         wanted,
         task.constraints,
         task.trajectory,
-        training_seeds(task).coefficients,
+        training_seeds(task).coefficients if wanted.seeded else None,
         work,
         seed=task.number(f"gan {name}", training),
         evaluation=task.cfg.scale.evaluation,

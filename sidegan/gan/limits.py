@@ -1,0 +1,85 @@
+"""A last layer after which position and velocity limits hold over the whole period, whatever it is given."""
+
+import torch
+from torch import Tensor, nn
+
+from sidegan.errors import ShapeError
+from sidegan.robot import Arm
+from sidegan.trajectory import Trajectory
+
+_POINTS = 24  # time points per harmonic
+_SHARPNESS = 8.0  # of the turn from proportional to saturated; use 1 becomes 0.92
+_ROUNDING = 1e-5  # of single precision, kept free
+_LEAST_ROOM = 1e-3  # [rad or m] below which a joint whose home lies at its limit stands still
+
+
+class Limits(nn.Module):
+    """Coefficients of which each joint uses less than the whole of its position and velocity limits.
+
+    A joint's motion away from home is linear in its coefficients, so scaling them scales what is used of
+    every limit; a joint that would use u is scaled by (1 + uᵖ)^(−1/p), which is smooth, leaves small
+    motions alone, and never reaches the limit. Between samples a signal lies within dt²/8 of its largest
+    second derivative of the line through its neighbours; those derivatives are bounded likewise, up to the
+    fourth of the position, which has a closed form. The bound scales with the coefficients too.
+
+    Args:
+        trajectory: the family of trajectories.
+        room: from home to the upper and to the lower position limits [rad or m], (2, J), positive.
+        speed: velocity limits [rad/s], (J,).
+
+    Raises:
+        ShapeError: when the limits do not fit the family.
+    """
+
+    bases: Tensor  # (4, T, 2 H)
+    snap: Tensor  # (2 H,)
+    room: Tensor
+    speed: Tensor
+
+    def __init__(self, trajectory: Trajectory, room: Tensor, speed: Tensor) -> None:
+        super().__init__()
+        joints = trajectory.joints
+        if room.shape != (2, joints) or speed.shape != (joints,) or not (room > 0).all():
+            shapes = f"room {tuple(room.shape)} and speed {tuple(speed.shape)}"
+            raise ShapeError(f"{shapes}, expected (2, {joints}) and ({joints},), all positive")
+        count = _POINTS * trajectory.harmonics
+        times = torch.linspace(0.0, trajectory.period, count + 1, dtype=torch.float64)
+        self.gap = trajectory.period / count
+        bases = torch.stack([trajectory.basis(times, order).flatten(1) for order in range(4)])
+        constants = {"bases": bases, "snap": trajectory.snap_bound().flatten(), "room": room, "speed": speed}
+        for name, value in constants.items():
+            self.register_buffer(name, value.float(), persistent=False)
+
+    @classmethod
+    def of(cls, arm: Arm, trajectory: Trajectory) -> "Limits":
+        """Limits of an arm around the home of a family of trajectories.
+
+        Raises:
+            ShapeError: when the family is not the arm's.
+        """
+        if trajectory.joints != arm.joints:
+            raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {arm.joints}")
+        home = torch.tensor(trajectory.home, dtype=torch.float64)
+        room = torch.stack([arm.position_upper - home, home - arm.position_lower])
+        return cls(trajectory, room.clamp_min(_LEAST_ROOM), arm.velocity_limit)
+
+    def forward(self, c: Tensor, effort: Tensor | None = None) -> Tensor:
+        """Scaled coefficients [rad/s], (B, J, H, 2); with ``effort`` (B,) within that share of the limits."""
+        use = self.use(c)
+        if effort is not None:
+            use = use / effort[:, None]
+        # exp(−softplus(p log u) / p), which overflows nowhere.
+        turn = nn.functional.softplus(_SHARPNESS * torch.log(use.clamp_min(1e-12)))
+        return c * ((1 - _ROUNDING) * torch.exp(-turn / _SHARPNESS))[:, :, None, None]
+
+    def use(self, c: Tensor) -> Tensor:
+        """Upper bound of the share of its tightest limit that each joint uses in the period, (B, J)."""
+        x = c.flatten(2)
+        q, dq, ddq, jerk = (x @ basis.to(c).T for basis in self.bases)
+        snap = x.abs() @ self.snap.to(c)
+        jerk_bound = jerk.abs().amax(2) + self.gap / 2 * snap
+        acceleration_bound = ddq.abs().amax(2) + self.gap**2 / 8 * snap
+        shift, slip = self.gap**2 / 8 * acceleration_bound, self.gap**2 / 8 * jerk_bound
+        upper, lower = self.room.to(c)
+        position = torch.maximum((q.amax(2) + shift) / upper, (shift - q.amin(2)) / lower)
+        return torch.maximum(position, (dq.abs().amax(2) + slip) / self.speed.to(c))

@@ -1,0 +1,79 @@
+"""What a trajectory or a set of them is worth: losses on the exact spectrum or diagonal of YᵀY."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError
+from sidegan.gan import physics
+from sidegan.seeds import SeedProblem
+
+# The smallest eigenvalue changes places with its neighbours all the time: a smooth minimum over a few.
+_LOWEST, _HIGHEST, _SHARPNESS = 3, 2, 6.0
+_FLOOR = 1e-12  # share of the largest eigenvalue, below which a direction counts as not excited
+
+
+def log_condition(x: Tensor) -> Tensor:
+    """Logarithm of the smooth largest over the smooth smallest of p values, ascending, (B, p) → (B,)."""
+    logs = _logs(x)
+    low = torch.logsumexp(-_SHARPNESS * logs[:, :_LOWEST], 1)
+    return (low + torch.logsumexp(_SHARPNESS * logs[:, -_HIGHEST:], 1)) / _SHARPNESS
+
+
+def d_optimal(x: Tensor) -> Tensor:
+    """Minus the mean log eigenvalue: the log volume of the parameters' confidence ellipsoid, (B,)."""
+    return -_logs(x).mean(1)
+
+
+def a_optimal(x: Tensor) -> Tensor:
+    """Log of the mean inverse eigenvalue: the parameters' mean variance, (B,)."""
+    logs = _logs(x)
+    return torch.logsumexp(-logs, 1) - torch.log(torch.tensor(float(x.shape[1])))
+
+
+def _logs(x: Tensor) -> Tensor:
+    return torch.maximum(x, _FLOOR * x.amax(1, keepdim=True)).clamp_min(torch.finfo(x.dtype).tiny).log()
+
+
+Objective = Callable[[Tensor], Tensor]
+
+SPECTRAL: dict[str, Objective] = {
+    "log_condition": log_condition,
+    "d_optimal": d_optimal,
+    "a_optimal": a_optimal,
+}
+OBJECTIVES = (*SPECTRAL, "diagonal_ratio")
+
+
+@dataclass(frozen=True)
+class Term:
+    """One weighted term of the objective.
+
+    Attributes:
+        objective: ``log_condition``, ``diagonal_ratio``, ``d_optimal`` or ``a_optimal``.
+        weight: factor of the term.
+        together: number of generated trajectories whose information is taken together; 1: of each alone.
+
+    Source: Pukelsheim 2006 for the optimal designs, the SIDE-GAN paper for the first two.
+    """
+
+    objective: str = "log_condition"
+    weight: float = 1.0
+    together: int = 1
+
+    def __post_init__(self) -> None:
+        if self.objective not in OBJECTIVES:
+            raise ConfigError(f"objective {self.objective!r} must be one of {', '.join(OBJECTIVES)}")
+        if self.together < 1:
+            raise ConfigError(f"an objective is of at least one trajectory, got together={self.together}")
+
+    def __call__(self, problem: SeedProblem, c: Tensor) -> Tensor:
+        """Weighted mean over the sets of a batch (B, J, H, 2); 0-dimensional."""
+        whole = c[: len(c) // self.together * self.together]
+        if self.objective == "diagonal_ratio":
+            values = physics.diagonal(problem, whole, self.together).sort(1).values
+            return self.weight * log_condition(values).mean()
+        values = physics.spectrum(problem, whole, self.together)
+        return self.weight * SPECTRAL[self.objective](values).mean()
