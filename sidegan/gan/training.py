@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.dynamics import gram
-from sidegan.errors import ArtifactError, ShapeError, SideganError
+from sidegan.errors import ArtifactError, InfeasibleError, ShapeError, SideganError
 from sidegan.excitation import excitation_of
 from sidegan.gan.adversarial import AdversarialLoop
 from sidegan.gan.exact import ExactFeatures, ExactPhysics
@@ -26,13 +26,14 @@ from sidegan.seeds import SeedProblem
 from sidegan.seeds.coordinates import Coordinates
 from sidegan.storage import read_torch
 from sidegan.trajectory import Trajectory
-from sidegan.validity import Constraints
+from sidegan.validity import Constraints, check
 
 log = logging.getLogger(__name__)
 
 EpochEnd = Callable[[int, dict[str, float]], None]
 
 _LAST = "last.ckpt"
+_SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
@@ -112,11 +113,22 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
     """Random trajectories that use all of their position and velocity limits, (N, J, H, 2) [rad/s].
 
     What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
+
+    Raises:
+        InfeasibleError: when not even small motions are valid; says what they violate.
     """
     problem = SeedProblem(constraints, trajectory)
     coordinates = Coordinates.of(problem)
     noise = torch.Generator().manual_seed(seed)
-    return coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, 1.0))
+    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, 1.0))
+    verdict = check(constraints, trajectory, _SMALL * c[:_TRIED])
+    if not verdict.valid.any():
+        worst = "; ".join(f"{n} violate {fault}" for fault, n in verdict.faults().most_common(3))
+        raise InfeasibleError(
+            f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
+            f"{_SMALL:.0%} of the position and velocity limits, {worst}"
+        )
+    return c
 
 
 def _begin_with(loop: AdversarialLoop, start: TrajectoryGenerator) -> None:

@@ -90,8 +90,7 @@ def settle(problem: SeedProblem, c: Tensor, ceiling: float = HOPELESS) -> SeedBa
     exciting = fitness < min(ceiling, HOPELESS)
     faults = Counter({_ILL: int((valid & ~exciting).sum())})
     if not valid.all():
-        for k in torch.nonzero(~verdict.valid)[:, 0].tolist():
-            faults.update(f"{failure.constraint} of {failure.where}" for failure in verdict.failures(k))
+        faults.update(verdict.faults())
     good = valid & exciting
     return SeedBatch(c[good], fitness[good], len(c), int((~good).sum()), dict(+faults))
 

@@ -49,7 +49,8 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
     while count < wanted.count and drawn < wanted.draws:
         c = generator.sample(wanted.batch, noise)
         c = c if polish is None else polish.improve(problem, c)
-        kept.append(c[check(task.constraints, task.trajectory, c).valid])
+        verdict = check(task.constraints, task.trajectory, c)
+        kept.append(c[verdict.valid])
         drawn, count = drawn + len(c), count + len(kept[-1])
         report(max(min(count, wanted.count), drawn * wanted.count // wanted.draws), wanted.count)
     if count < wanted.count:
@@ -57,7 +58,10 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
             "%s gave %d valid trajectories in %d draws, %d were wanted", name, count, drawn, wanted.count
         )
     if not count:
-        raise InfeasibleError(f"none of {drawn} trajectories drawn from {name} is valid")
+        worst = "; ".join(f"{n} violate {fault}" for fault, n in verdict.faults().most_common(3))
+        raise InfeasibleError(
+            f"none of {drawn} trajectories drawn from {name} is valid; of the last {len(c)}, {worst}"
+        )
     made = measured(task.constraints, task.trajectory, torch.cat(kept)[: wanted.count], name)
     made.save(folder / LIBRARY)
     share = {"drawn": drawn, "valid_share": count / drawn}

@@ -1,5 +1,6 @@
 """The validity of whole trajectories, and what they violate."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import torch
@@ -45,6 +46,11 @@ class Validity:
     elements: dict[str, Tensor]
     times: dict[str, Tensor]
     labels: dict[str, tuple[str, ...]]
+
+    def faults(self) -> Counter[str]:
+        """How many trajectories violate what, for people."""
+        invalid = torch.nonzero(~self.valid)[:, 0].tolist()
+        return Counter(f"{one.constraint} of {one.where}" for k in invalid for one in self.failures(k))
 
     def failures(self, index: int) -> list[Failure]:
         """What trajectory ``index`` violates, worst of each constraint; empty when it is valid."""

@@ -3,13 +3,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, ShapeError, SideganError
+from sidegan.errors import ConfigError, InfeasibleError, ShapeError, SideganError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.exact import ExactFeatures, ExactPhysics
 from sidegan.gan.objectives import Term
 from sidegan.gan.training import random_trajectories, train_variant
 from sidegan.gan.variants import Exact, Variant, Weights
-from sidegan.validity import check
+from sidegan.validity import Constraints, Plane, check
 from tests.gan.conftest import random
 
 WEIGHTS = Weights(adversarial=0, success=1000, fitness=1, distance=20, rank=20)
@@ -119,9 +119,7 @@ def test_a_number_that_is_none_ends_the_training_and_keeps_the_last_epoch(
         if epoch == 0:
             monkeypatch.setattr(ExactPhysics, "violation", lambda self, c: c.flatten(1).sum(1) * torch.nan)
 
-    with pytest.raises(
-        SideganError, match="exact diverged in epoch 1: the loss is nan; the last whole epoch"
-    ):
+    with pytest.raises(SideganError, match="exact diverged in epoch 1: the loss is nan; the last"):
         train(variant, tmp_path, epoch_end=spoil)
     monkeypatch.undo()
     assert len(train(variant, tmp_path).history) == 3
@@ -134,6 +132,18 @@ def test_training_goes_on_from_another_generator(train, exact, tmp_path):
     assert warm.history[0]["condition"] < 0.7 * cold.history[0]["condition"]
     with pytest.raises(ShapeError, match="the generator of planar2 has another shape"):
         train(replace(short, width=32), tmp_path / "other", start=first)
+
+
+def test_an_arm_that_cannot_move_is_told_before_the_training(exact, planar, family, tmp_path):
+    weak = replace(planar, torque_limit=torch.full((2,), 1e-4, dtype=torch.float64))
+    walls = [
+        Plane((1, 0, 0), -0.0501),
+        Plane((-1, 0, 0), -0.0501),
+    ]  # a tenth of a millimetre beside the links
+    for constraints, fault in ((Constraints(weak), "torque of"), (Constraints(planar, walls), "keep_out of")):
+        constraints.refuse_home((0.0, 0.0))
+        with pytest.raises(InfeasibleError, match=f"cannot even move a little .* violate {fault}"):
+            train_variant(exact, constraints, family, None, tmp_path, seed=0)
 
 
 def test_exact_features_are_standardised_over_the_seeds(constraints, family, seeds):
