@@ -46,6 +46,7 @@ class Scale:
     fitness_start: Natural  # first epoch in which the fitness loss counts
     exact_epochs: Count  # of variants with exact physics
     exact_steps: Count  # per epoch
+    exact_seeded_steps: Count  # of those with discriminators
     evaluation: Count  # trajectories per epoch whose true physics is measured
     generated: Count  # valid generated trajectories in the library
     long_steps: Count  # optimiser steps of the single long trajectory
@@ -158,6 +159,7 @@ class Term:
     objective: Literal["log_condition", "diagonal_ratio", "d_optimal", "a_optimal"]
     weight: Positive
     together: Count  # generated trajectories whose information is taken together
+    noise: list[Positive] | None = None  # of each joint's torque [N·m], by which the joints count
 
 
 @dataclass(frozen=True)

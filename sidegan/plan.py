@@ -274,8 +274,13 @@ def variant(name: str, settings: config.GanVariant) -> Variant:
     del values["data"]
     try:
         if settings.exact is not None:
-            terms = tuple(Term(**asdict(term)) for term in settings.exact.terms.values())
+            terms = tuple(_term(term) for term in settings.exact.terms.values())
             values["exact"] = Exact(**{**asdict(settings.exact), "terms": terms})
         return Variant(name, **values)
     except ConfigError as error:
         raise ConfigError(f"gan.{name}: {error}") from error
+
+
+def _term(settings: config.Term) -> Term:
+    noise = None if settings.noise is None else tuple(settings.noise)
+    return Term(**{**asdict(settings), "noise": noise})

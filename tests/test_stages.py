@@ -177,3 +177,26 @@ def test_reports_hold_only_what_json_can_say():
     assert row == {"a": None, "b": None, "c": 1.5, "d": 2, "e": "x"}
     assert numbers({"a": None, "b": 2, "c": "x", "d": [1.0]}) == {"b": 2.0}
     assert words({"a": 1.23456, "b": 2}) == "a 1.235, b 2"
+
+
+def test_an_exact_variant_needs_no_surrogates_and_gets_its_rows(tmp_path):
+    config = tiny(f"outputs={tmp_path}", "gan=exact", "gan.exact.exact.samples=20", "library.draws=3000")
+    run_stages(config, tmp_path / "run", "exact", STAGES)
+    assert not stamp_files(tmp_path, "surrogates")
+    table = pd.read_csv(tmp_path / "run" / "table1.csv", index_col=0)
+    assert any("exact" in column for column in table.columns)
+    stamp = json.loads(next(tmp_path.glob("gan/*/stamp.json")).read_text())
+    assert "seeds" not in stamp["inputs"]
+
+
+def test_polished_libraries_are_better(tmp_path):
+    stages = "stages=[seeds,surrogates,gan,library]"
+    median = {}
+    for steps in (0, 15):
+        config = tiny(
+            f"outputs={tmp_path}", "gan=exact", stages, f"library.polish={steps}", "library.count=20"
+        )
+        run_stages(config, tmp_path / "run", "polish", STAGES)
+        made = Task(config, Store(tmp_path)).library("exact", 0)
+        median[steps] = Library.load(Store(tmp_path).require(made) / "library.parquet").fitness.median()
+    assert median[15] < 0.7 * median[0]

@@ -49,13 +49,13 @@ class ExactFeatures(Standard):
     """
 
     def __init__(self, problem: SeedProblem, kind: str, seeds: Tensor) -> None:
-        self.problem = problem
+        self.information = physics.Information(problem)
         self.of = physics.spectrum if kind == "spectrum" else physics.diagonal
         with torch.no_grad():
-            features = self.of(problem, seeds)
+            features = self.of(self.information, seeds)
         super().__init__(features.shape[1])
         self.fit_standard(features)
 
     def forward(self, c: Tensor) -> Tensor:
         """Standardised log features, (B, p)."""
-        return self.standardise(self.of(self.problem, c))
+        return self.standardise(self.of(self.information, c))

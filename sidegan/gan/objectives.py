@@ -55,6 +55,7 @@ class Term:
         objective: ``log_condition``, ``diagonal_ratio``, ``d_optimal`` or ``a_optimal``.
         weight: factor of the term.
         together: number of generated trajectories whose information is taken together; 1: of each alone.
+        noise: standard deviation of each joint's torque noise [N·m], by which the joints count; None: alike.
 
     Source: Pukelsheim 2006 for the optimal designs, the SIDE-GAN paper for the first two.
     """
@@ -62,18 +63,21 @@ class Term:
     objective: str = "log_condition"
     weight: float = 1.0
     together: int = 1
+    noise: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:
             raise ConfigError(f"objective {self.objective!r} must be one of {', '.join(OBJECTIVES)}")
+        if self.noise is not None and not all(deviation > 0 for deviation in self.noise):
+            raise ConfigError(f"noise of an objective is {list(self.noise)}, expected positive deviations")
         if self.together < 1:
             raise ConfigError(f"an objective is of at least one trajectory, got together={self.together}")
 
     def __call__(self, problem: SeedProblem, c: Tensor) -> Tensor:
         """Weighted mean over the sets of a batch (B, J, H, 2); 0-dimensional."""
         whole = c[: len(c) // self.together * self.together]
+        information = physics.Information(problem, self.together, self.noise)
         if self.objective == "diagonal_ratio":
-            values = physics.diagonal(problem, whole, self.together).sort(1).values
-            return self.weight * log_condition(values).mean()
-        values = physics.spectrum(problem, whole, self.together)
+            return self.weight * log_condition(physics.diagonal(information, whole).sort(1).values).mean()
+        values = physics.spectrum(information, whole)
         return self.weight * SPECTRAL[self.objective](values).mean()

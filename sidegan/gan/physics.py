@@ -4,6 +4,8 @@ The gradient of an eigenvalue of YᵀY needs the torques of one parameter vector
 regressor (``seeds.objective``); what follows from the eigenvalues is plain torch.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -16,23 +18,81 @@ from sidegan.seeds import SeedProblem
 from sidegan.seeds.objective import Penalty, pull_back
 
 
-def spectrum(problem: SeedProblem, c: Tensor, together: int = 1) -> Tensor:
+@dataclass(frozen=True)
+class Information:
+    """Which YᵀY: at how many time points, of how many trajectories together, in which units of torque.
+
+    Args:
+        problem: the trajectories and their time points.
+        together: so many trajectories in a row are one set, whose information is their sum.
+        noise: standard deviation of each joint's torque noise [N·m], J of them, by which its rows of Y are
+            divided; None: rows as they are.
+
+    Raises:
+        ShapeError: when the noise is not a positive number per joint.
+    """
+
+    problem: SeedProblem
+    together: int = 1
+    noise: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        joints = self.problem.body.joints
+        if self.noise is not None and not (len(self.noise) == joints and min(self.noise) > 0):
+            raise ShapeError(f"noise is {list(self.noise)}, expected {joints} positive deviations")
+
+    def grams(self, c: Tensor) -> Tensor:
+        """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient.
+
+        Raises:
+            ShapeError: when the batch does not fall into such sets.
+        """
+        if self.together < 1 or len(c) % self.together:
+            raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {self.together}")
+        problem, c = self.problem, c.detach().double()
+        if self.noise is None:
+            grams = gram(problem.body, problem.trajectory, c, problem.samples)
+        else:
+            y = problem.body.base_regressor(*problem.motion(c)[1:])
+            y = (y / c.new_tensor(self.noise)[:, None]).flatten(1, 2)
+            grams = y.transpose(1, 2) @ y / problem.samples
+        return grams.unflatten(0, (-1, self.together)).sum(1)
+
+    def slopes(self, c: Tensor, vectors: Tensor, weights: Tensor) -> Tensor:
+        """Gradient in c, (B, J, H, 2), of Σ weight · |Y v|² / T over the vectors, (S, p, p), of each set."""
+        base = self.problem.body.base
+        used = (weights != 0).any(0)  # most functions depend on a few eigenvalues
+        if not used.any():
+            return torch.zeros_like(c)
+        full = weights.new_zeros(len(weights), int(used.sum()), 10 * self.problem.body.joints)
+        full[:, :, base.columns] = vectors[:, used]
+        v, w = (x.repeat_interleave(self.together, 0) for x in (full, weights[:, used]))
+        if self.noise is None:
+            return pull_back(self.problem, c.double(), (v, w), None)[1].to(c)
+        with torch.enable_grad():
+            x = c.detach().double().requires_grad_(True)
+            torque = self.problem.body.torques_of(*self.problem.motion(x)[1:], v)
+            energy = ((torque / x.new_tensor(self.noise)) ** 2).sum((2, 3)) / self.problem.samples
+            (gradient,) = torch.autograd.grad((w * energy).sum(), x)
+        return gradient.to(c)
+
+
+def spectrum(information: Information, c: Tensor) -> Tensor:
     """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p) float64.
 
     Args:
-        problem: the trajectories, and at how many time points Y is taken.
+        information: which YᵀY.
         c: coefficients [rad/s], (B, J, H, 2).
-        together: so many trajectories in a row are one set, whose information is their sum.
 
     Raises:
-        ShapeError: when the batch does not fall into such sets.
+        ShapeError: when the batch does not fall into sets.
     """
-    return _Spectrum.apply(c, problem, _sets(c, together))
+    return _Spectrum.apply(c, information)
 
 
-def diagonal(problem: SeedProblem, c: Tensor, together: int = 1) -> Tensor:
+def diagonal(information: Information, c: Tensor) -> Tensor:
     """Diagonal of YᵀY / T over the base columns, (B / together, p) float64; as ``spectrum`` otherwise."""
-    return _Diagonal.apply(c, problem, _sets(c, together))
+    return _Diagonal.apply(c, information)
 
 
 def violation(problem: SeedProblem, c: Tensor, penalty: Penalty) -> Tensor:
@@ -40,59 +100,34 @@ def violation(problem: SeedProblem, c: Tensor, penalty: Penalty) -> Tensor:
     return _Violation.apply(c, problem, penalty)
 
 
-def _sets(c: Tensor, together: int) -> int:
-    if together < 1 or len(c) % together:
-        raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {together}")
-    return together
-
-
-def _grams(problem: SeedProblem, c: Tensor, together: int) -> Tensor:
-    grams = gram(problem.body, problem.trajectory, c.double(), problem.samples)
-    return grams.unflatten(0, (-1, together)).sum(1)
-
-
-def _energy_gradient(
-    problem: SeedProblem, c: Tensor, together: int, vectors: Tensor, slopes: Tensor
-) -> Tensor:
-    """Gradient in c of a function with these slopes, (S, p), in the energies of base vectors (S, p, p)."""
-    base = problem.body.base
-    used = (slopes != 0).any(0)  # most functions depend on a few eigenvalues
-    if not used.any():
-        return torch.zeros_like(c)
-    full = slopes.new_zeros(len(slopes), int(used.sum()), 10 * problem.body.joints)
-    full[:, :, base.columns] = vectors[:, used]
-    members = [x.repeat_interleave(together, 0) for x in (full, slopes[:, used])]
-    return pull_back(problem, c.double(), (members[0], members[1]), None)[1].to(c)
-
-
 class _Spectrum(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, c: Tensor, problem: SeedProblem, together: int) -> Tensor:
-        subspace = problem.body.base.subspace
-        values, vectors = kernels.eigh(subspace.T @ _grams(problem, c, together) @ subspace)
-        ctx.problem, ctx.together = problem, together
+    def forward(ctx: Any, c: Tensor, information: Information) -> Tensor:
+        subspace = information.problem.body.base.subspace
+        values, vectors = kernels.eigh(subspace.T @ information.grams(c) @ subspace)
+        ctx.information = information
         ctx.save_for_backward(c, (subspace @ vectors).transpose(1, 2))
         return values
 
     @staticmethod
-    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
+    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None]:
         c, vectors = ctx.saved_tensors
-        return _energy_gradient(ctx.problem, c, ctx.together, vectors, slopes[0]), None, None
+        return ctx.information.slopes(c, vectors, slopes[0]), None
 
 
 class _Diagonal(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, c: Tensor, problem: SeedProblem, together: int) -> Tensor:
-        ctx.problem, ctx.together = problem, together
+    def forward(ctx: Any, c: Tensor, information: Information) -> Tensor:
+        ctx.information = information
         ctx.save_for_backward(c)
-        return _grams(problem, c, together).diagonal(dim1=1, dim2=2).clone()
+        return information.grams(c).diagonal(dim1=1, dim2=2).clone()
 
     @staticmethod
-    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
+    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None]:
         (c,) = ctx.saved_tensors
         count = slopes[0].shape[1]
         vectors = torch.eye(count, dtype=torch.float64).expand(len(slopes[0]), count, count)
-        return _energy_gradient(ctx.problem, c, ctx.together, vectors, slopes[0]), None, None
+        return ctx.information.slopes(c, vectors, slopes[0]), None
 
 
 class _Violation(torch.autograd.Function):

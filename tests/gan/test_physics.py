@@ -6,6 +6,7 @@ from sidegan.errors import ConfigError, ShapeError
 from sidegan.excitation import excite
 from sidegan.gan import objectives, physics
 from sidegan.gan.objectives import Term
+from sidegan.gan.physics import Information
 from sidegan.robot import load_robot
 from sidegan.seeds import SeedProblem
 from sidegan.seeds.objective import Penalty
@@ -37,8 +38,10 @@ def slopes(function, c, direction, step=1e-6):
 def test_the_spectrum_is_that_of_the_excitation(arm_problem):
     c = arm_problem.start(4, random())
     exact = excite(arm_problem.body, arm_problem.trajectory, c, arm_problem.samples)
-    torch.testing.assert_close(physics.spectrum(arm_problem, c), exact.spectrum, rtol=1e-6, atol=1e-9)
-    torch.testing.assert_close(physics.diagonal(arm_problem, c), exact.diagonal)
+    torch.testing.assert_close(
+        physics.spectrum(Information(arm_problem), c), exact.spectrum, rtol=1e-6, atol=1e-9
+    )
+    torch.testing.assert_close(physics.diagonal(Information(arm_problem), c), exact.diagonal)
 
 
 def test_the_spectrum_of_a_set_is_that_of_the_sum(problem):
@@ -46,16 +49,31 @@ def test_the_spectrum_of_a_set_is_that_of_the_sum(problem):
     grams = gram(problem.body, problem.trajectory, c, problem.samples).unflatten(0, (2, 3)).sum(1)
     subspace = problem.body.base.subspace
     expected = torch.linalg.eigvalsh(subspace.T @ grams @ subspace)
-    torch.testing.assert_close(physics.spectrum(problem, c, 3), expected, rtol=1e-8, atol=1e-12)
+    torch.testing.assert_close(physics.spectrum(Information(problem, 3), c), expected, rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("objective", objectives.OBJECTIVES)
 @pytest.mark.parametrize("together", [1, 2])
-def test_gradients_of_objectives_agree_with_finite_differences(arm_problem, objective, together):
+@pytest.mark.parametrize("noise", [None, (9.0, 8.0, 5.0, 4.0, 2.0, 1.0, 0.5)])
+def test_gradients_of_objectives_agree_with_finite_differences(arm_problem, objective, together, noise):
     c = arm_problem.start(4, random(3), 0.9)
     direction = torch.randn(c.shape, generator=random(4), dtype=torch.float64)
-    measured, exact = slopes(lambda x: Term(objective, 1.0, together)(arm_problem, x), c, direction)
+    measured, exact = slopes(lambda x: Term(objective, 1.0, together, noise)(arm_problem, x), c, direction)
     torch.testing.assert_close(exact, measured, rtol=1e-4, atol=1e-6)
+
+
+def test_equal_noise_scales_the_information(problem):
+    c = problem.start(3, random())
+    plain, halved = (physics.spectrum(Information(problem, 1, noise), c) for noise in (None, (2.0, 2.0)))
+    torch.testing.assert_close(4 * halved, plain, rtol=1e-8, atol=1e-10)
+
+
+def test_a_joint_without_much_noise_counts_more(problem):
+    """With the first joint's torque useless, what remains is the second joint's information."""
+    c = problem.start(3, random())
+    y = problem.body.base_regressor(*problem.motion(c)[1:])[:, :, 1]
+    expected = y.transpose(1, 2) @ y / problem.samples
+    torch.testing.assert_close(Information(problem, 1, (1e9, 1.0)).grams(c), expected)
 
 
 def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_problem):
@@ -70,7 +88,7 @@ def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_proble
 
 def test_objectives_are_what_their_names_say(problem):
     c = problem.start(5, random())
-    spectrum = physics.spectrum(problem, c)
+    spectrum = physics.spectrum(Information(problem), c)
     logs = spectrum.log()
     torch.testing.assert_close(objectives.d_optimal(spectrum), -logs.mean(1))
     torch.testing.assert_close(objectives.a_optimal(spectrum), (1 / spectrum).mean(1).log())
@@ -81,7 +99,7 @@ def test_objectives_are_what_their_names_say(problem):
 
 def test_a_set_is_at_least_as_informative_as_its_members(problem):
     c = problem.start(8, random())
-    alone, together = (physics.spectrum(problem, c, k) for k in (1, 8))
+    alone, together = (physics.spectrum(Information(problem, k), c) for k in (1, 8))
     assert objectives.d_optimal(together) < objectives.d_optimal(alone).min()
     assert objectives.a_optimal(together) < objectives.a_optimal(alone).min()
 
@@ -105,5 +123,9 @@ def test_what_cannot_be_weighed_is_refused(problem):
         Term("fame")
     with pytest.raises(ConfigError, match="together=0"):
         Term(together=0)
+    with pytest.raises(ConfigError, match="expected positive deviations"):
+        Term(noise=(1.0, 0.0))
+    with pytest.raises(ShapeError, match="expected 2 positive deviations"):
+        Information(problem, 1, (1.0,))
     with pytest.raises(ShapeError, match="batch of 5 trajectories does not fall into sets of 2"):
-        physics.spectrum(problem, problem.start(5, random()), 2)
+        physics.spectrum(Information(problem, 2), problem.start(5, random()))
