@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from benchmarks import data, networks, physics
+from benchmarks import data, design, networks, physics
 from benchmarks.limits import bandwidth, peak
 from benchmarks.seeds import seeds
 from benchmarks.setting import Setting
@@ -29,6 +29,7 @@ BENCHMARKS: dict[str, Callable[[Setting], Row]] = {
     "training": networks.training,
     "rls": data.rls,
     "greedy": data.selection,
+    "design": design.design,
 }
 
 

@@ -240,9 +240,15 @@ class Expansion:
 
 @dataclass(frozen=True)
 class Selection:
-    """The greedy pick."""
+    """How many trajectories are picked from a pool, and by what."""
 
     count: Count
+    method: Literal["greedy", "d_optimal", "a_optimal", "d_exchange", "prediction"]
+    noise: list[Positive] | None  # of each joint's torque [N·m], by which the joints count; not for greedy
+
+    def __post_init__(self) -> None:
+        if self.method == "greedy" and self.noise is not None:
+            raise ConfigError("the paper's greedy score knows no noise: choose another method")
 
 
 @dataclass(frozen=True)

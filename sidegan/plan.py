@@ -135,9 +135,10 @@ class Task:
         inputs = {RANDOM: self.random_set.digest} if name == RANDOM else {SEEDS: self.seeds.digest}
         if name in self.cfg.gan:
             inputs["library"] = self.library(name, training).digest
-        return self._stamp(
-            "selection", name, self.cfg.selection, inputs, ["selection"], self._trained(name, training)
-        )
+        wanted = self.cfg.selection
+        label = name if wanted.method == "greedy" else f"{name}-{wanted.method}"
+        code = ["selection"] if wanted.method == "greedy" else ["criteria", "information", "optimal"]
+        return self._stamp("selection", label, wanted, inputs, code, self._trained(name, training))
 
     def identification(self, name: str, training: int) -> Stamp:
         """Of the identification from one set."""

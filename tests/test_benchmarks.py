@@ -27,7 +27,7 @@ def test_every_row_is_there_and_positive(result):
 
 
 def test_the_names_are_those_that_others_read(result):
-    names = "regressor gradient validity generation generate_validate seeds training rls greedy"
+    names = "regressor gradient validity generation generate_validate seeds training rls greedy design"
     assert [row["name"] for row in result["rows"]] == names.split()
 
 

@@ -35,17 +35,20 @@ ORDER = {
     "kernels": 2,
     "dynamics": 3,
     "excitation": 4,
+    "criteria": 4,
     "validity": 4,
     "seeds": 5,
     "gan": 6,
     "library": 7,
+    "information": 5,
     "selection": 8,
+    "optimal": 8,
     "plant": 9,
     "recording": 9,
     "identification": 10,
     "report": 11,
 }
-SIDE_BY_SIDE = {"seeds", "gan", "library", "selection", "plant", "recording", "identification"}
+SIDE_BY_SIDE = {"seeds", "gan", "library", "selection", "optimal", "plant", "recording", "identification"}
 KNOWN = {"gan": {"seeds"}}  # exact physics in the loop is the seeds' problem
 ABOVE = {"plan", "stages", "run", "callbacks"}  # what puts the rooms together
 

@@ -1,12 +1,17 @@
-"""Stage selection: pick the excitation sets greedily, from the seeds and from the seeds and each library."""
+"""Stage selection: pick the excitation sets from the seeds, and from the seeds and each library."""
 
 import logging
 from functools import partial
 from pathlib import Path
 
+import torch
+from torch import Tensor
+
 from sidegan.artifacts import Store
 from sidegan.config import Config
+from sidegan.information import information_of
 from sidegan.library import Library
+from sidegan.optimal import a_optimal, d_optimal, exchange
 from sidegan.plan import LIBRARY, RANDOM, SEEDS, Task
 from sidegan.selection import greedy
 from sidegan.stages.common import load
@@ -30,4 +35,19 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path) -> Non
     pool = load(task, task.random_set if name == RANDOM else task.seeds)
     if name not in (SEEDS, RANDOM):
         pool = pool.merge(load(task, task.library(name, training)))
-    pool.take(greedy(pool.diagonal, task.cfg.selection.count)).save(folder / LIBRARY)
+    pool.take(pick(task, pool)).save(folder / LIBRARY)
+
+
+def pick(task: Task, pool: Library) -> Tensor:
+    """Indices of the configured pick from a pool, in the order of choice, (count,)."""
+    wanted = task.cfg.selection
+    if wanted.method == "greedy":
+        return greedy(pool.diagonal, wanted.count)
+    noise = None if wanted.noise is None else torch.tensor(wanted.noise, dtype=torch.float64)
+    information = information_of(task.body, task.trajectory, pool.coefficients, deviation=noise)
+    if wanted.method == "a_optimal":
+        return a_optimal(information, wanted.count)
+    if wanted.method == "prediction":
+        return a_optimal(information, wanted.count, target=information.mean)
+    chosen = d_optimal(information, wanted.count)
+    return exchange(information, chosen) if wanted.method == "d_exchange" else chosen
