@@ -109,13 +109,18 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str, stages: Callable[[], M
 
 
 def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], seed: Any) -> str:
-    """Name of a run for people, e.g. ``exp1 eigen seed=1``, from what was overridden on the command line."""
-    parts = [experiment]
+    """Name of a run for people, e.g. ``exp1 eigen seed=1``, from what was overridden on the command line.
+
+    Chosen stages come first, since lists of runs show only the beginning.
+    """
+    stages, parts = [], []
     for override in overrides:
         key, _, value = override.lstrip("+").partition("=")
-        if key not in ("experiment", "outputs", "seed", "tracking"):
+        if key == "stages":
+            stages.append(value.strip("[]"))
+        elif key not in ("experiment", "outputs", "seed", "tracking", "named"):
             parts.append(value if key in groups else f"{key}={value}")
-    return " ".join([*parts, f"seed={seed}"])[:200]
+    return " ".join([*stages, experiment, *parts, f"seed={seed}"])[:200]
 
 
 def main() -> int:
