@@ -236,6 +236,7 @@ class Expansion:
     batch: Count
     draws: Count  # most samples drawn before giving up
     polish: Natural  # gradient steps on every sample; 0: none
+    reserve: Share  # of each limit, and twice that share of 0.25 m, that polished samples keep free
 
 
 @dataclass(frozen=True)

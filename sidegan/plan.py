@@ -120,7 +120,8 @@ class Task:
     def library(self, name: str, training: int) -> Stamp:
         """Of a variant's library."""
         inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
-        inputs[SEEDS] = self.seeds.digest  # for the diversity of both together
+        if variant(name, self.cfg.gan[name]).seeded:
+            inputs[SEEDS] = self.seeds.digest  # for the diversity of both together
         code = ["library", "seeds"] if self.cfg.library.polish else ["library"]
         return self._stamp("library", name, self.cfg.library, inputs, code, training)
 

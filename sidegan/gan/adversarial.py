@@ -19,7 +19,7 @@ from sidegan.gan.variants import Variant
 _BETAS = (0.0, 0.9)
 _LONE_BETAS = (0.9, 0.99)  # of a generator that no discriminator follows
 _LAST_RATE = 0.05  # of the first one, at the end of a training with decay
-_RANDOM_DISTANCE = 0.92  # share of the mean distance of random trajectories that use all of their limits
+_RANDOM_DISTANCE = 0.93  # share of the mean distance of random trajectories that use all of their limits
 _EASED = 0.67  # of a training, over which the weight of violations grows
 
 

@@ -27,6 +27,7 @@ _NAMES = (
     "density",
     "ablation",
     "timing",
+    "excite",
     "check",
     "identify",
     "table",

@@ -12,7 +12,7 @@ from sidegan.config import Config
 from sidegan.errors import InfeasibleError
 from sidegan.library import Library
 from sidegan.parallel import Report
-from sidegan.plan import GENERATOR, LIBRARY, REPORT, Task
+from sidegan.plan import GENERATOR, LIBRARY, REPORT, Task, variant
 from sidegan.seeds import Polish, SeedProblem
 from sidegan.stages.common import load, measured, numbers, produce_all, summary, words
 from sidegan.storage import read_json, write_json
@@ -42,7 +42,7 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
     path = task.store.require(task.gan(name, task.cfg.gan[name], training)) / GENERATOR
     generator = TrajectoryGenerator.load(path, task.arm)
     noise = torch.Generator().manual_seed(task.number(f"library {name}", training))
-    polish = Polish(wanted.polish) if wanted.polish else None
+    polish = Polish(wanted.polish, wanted.reserve) if wanted.polish else None
     problem = SeedProblem(task.constraints, task.trajectory)
     kept: list[Tensor] = []
     drawn = count = 0
@@ -66,7 +66,9 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
     made.save(folder / LIBRARY)
     share = {"drawn": drawn, "valid_share": count / drawn}
     known = {k: v for k, v in summary(made).items() if k != "valid"}
-    write_json(folder / REPORT, share | known | _union(task, made, noise))
+    if variant(name, task.cfg.gan[name]).seeded:
+        known |= _union(task, made, noise)
+    write_json(folder / REPORT, share | known)
 
 
 def _union(task: Task, made: Library, generator: torch.Generator) -> dict[str, float]:

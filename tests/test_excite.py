@@ -1,0 +1,57 @@
+import pandas as pd
+import pytest
+
+from sidegan.errors import ConfigError
+from sidegan.library import Library
+from sidegan.robot import load_robot
+from sidegan.run import run_stages
+from sidegan.stages import STAGES
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints, check
+from tests.tiny import tiny
+
+OPTIONS = ("gan.exact.exact.samples=20", "library.draws=5000", "library.polish=5")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Folder of a run that made trajectories to execute."""
+    root = tmp_path_factory.mktemp("excite")
+    run_stages(tiny(f"outputs={root}", *OPTIONS, experiment="excite"), root / "run", "excite", STAGES)
+    return root / "run"
+
+
+def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
+    arm = load_robot("planar2")
+    chosen = Library.load(folder / "library.parquet", arm)
+    family = Trajectory(2, 3, 8.0)
+    assert len(chosen) == 6 and check(Constraints(arm), family, chosen.coefficients).valid.all()
+    motion = family.roll_out(chosen.coefficients, family.times(20))
+    for k in range(6):
+        frame = pd.read_csv(folder / "trajectories" / f"{k + 1}.csv")
+        assert list(frame.columns[:3]) == ["time", "q_shoulder", "q_elbow"]
+        for kind, x in zip(("q", "dq", "ddq"), motion[1:]):
+            written = frame[[f"{kind}_shoulder", f"{kind}_elbow"]].to_numpy()
+            assert abs(written - x[k].numpy()).max() < 1e-7
+
+
+def test_all_in_a_row_are_one_motion_at_rest_in_between(folder):
+    whole = pd.read_csv(folder / "trajectories" / "all.csv")
+    assert len(whole) == 6 * 160 + 1 and whole.time.iloc[-1] == pytest.approx(48)
+    rest = whole.iloc[::160]
+    assert abs(rest[["q_shoulder", "q_elbow", "dq_shoulder", "dq_elbow"]].to_numpy()).max() < 1e-7
+
+
+def test_the_table_says_what_each_asks_of_the_arm(folder):
+    table = pd.read_csv(folder / "set.csv")
+    assert list(table.trajectory) == [1, 2, 3, 4, 5, 6]
+    assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
+    assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
+
+
+def test_more_than_there_is_is_refused(tmp_path):
+    config = tiny(
+        f"outputs={tmp_path}", *OPTIONS, "library.count=8", "selection.count=9", experiment="excite"
+    )
+    with pytest.raises(ConfigError, match=r"selection\.count is 9, but the library of exact holds 8"):
+        run_stages(config, tmp_path / "run", "excite", STAGES)
