@@ -115,7 +115,8 @@ class Task:
         if wanted.surrogates:
             inputs["surrogates"] = self.surrogates(settings.data).digest
         values = {**asdict(settings), "evaluation": self.cfg.scale.evaluation}
-        return self._stamp("gan", name, values, inputs, ["gan"], training)
+        code = ["gan"] if settings.exact is None else ["gan", "seeds"]
+        return self._stamp("gan", name, values, inputs, code, training)
 
     def library(self, name: str, training: int) -> Stamp:
         """Of a variant's library."""
