@@ -125,15 +125,20 @@ def read_parquet(path: Path) -> "pa.Table":
 
 
 @contextmanager
-def opened_parquet(path: Path) -> "Iterator[pq.ParquetFile]":
+def opened_parquet(path: Path, metadata: "pq.FileMetaData | None" = None) -> "Iterator[pq.ParquetFile]":
     """A Parquet file to read parts of, its page checksums verified where it has them.
+
+    Args:
+        path: the file.
+        metadata: its own, where it is known: to read that of a large file takes longer than to read a part.
 
     Raises:
         ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
     """
     import pyarrow.parquet as pq
 
-    with _reading(path, "Parquet"), pq.ParquetFile(path, page_checksum_verification=True) as file:
+    options: dict[str, Any] = {"metadata": metadata, "page_checksum_verification": True}
+    with _reading(path, "Parquet"), pq.ParquetFile(path, **options) as file:
         yield file
 
 

@@ -79,5 +79,8 @@ class Term:
         information = physics.Information(problem, self.together, self.noise)
         if self.objective == "diagonal_ratio":
             return self.weight * log_condition(physics.diagonal(information, whole).sort(1).values).mean()
-        values = physics.spectrum(information, whole)
+        if self.objective == "log_condition" and problem.body.parameters_count > _LOWEST + _HIGHEST:
+            values = physics.ends(information, whole, _LOWEST, _HIGHEST)
+        else:
+            values = physics.spectrum(information, whole)
         return self.weight * SPECTRAL[self.objective](values).mean()

@@ -1,24 +1,23 @@
 """From measurements to an identified model, and from that to its test error."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
+from sidegan.dynamics import RigidBody
 from sidegan.errors import ShapeError
 from sidegan.identification.measurements import Measurements, chunks
 from sidegan.identification.metrics import nmse
 from sidegan.identification.rls import Identified, Rls
-
-if TYPE_CHECKING:
-    from sidegan.dynamics import RigidBody
+from sidegan.identification.sums import Sums, finite
+from sidegan.kernels import tensors as kernels
 
 SAMPLES_AT_ONCE = 4096  # their regressor of a 7-joint arm takes 10 MB
 
 
 def identify(
-    body: "RigidBody",
+    body: RigidBody,
     measurements: Measurements | Iterable[Measurements],
     prior: float = 1e6,
     forgetting: float = 1.0,
@@ -41,7 +40,7 @@ def identify(
 
 
 def identify_weighted(
-    body: "RigidBody",
+    body: RigidBody,
     measurements: Measurements | Iterable[Measurements],
     prior: float = 1e6,
     forgetting: float = 1.0,
@@ -56,7 +55,7 @@ def identify_weighted(
 
 
 def evaluate(
-    body: "RigidBody",
+    body: RigidBody,
     identified: Identified,
     measurements: Measurements | Iterable[Measurements],
     samples_at_once: int = SAMPLES_AT_ONCE,
@@ -85,7 +84,7 @@ def evaluate(
 
 
 def accumulate(
-    body: "RigidBody",
+    body: RigidBody,
     measurements: Measurements | Iterable[Measurements],
     prior: float = 1e6,
     forgetting: float = 1.0,
@@ -95,7 +94,19 @@ def accumulate(
     rls: Rls | None = None
     for part in chunks(measurements, samples_at_once):
         rls = rls or Rls(len(body.base.values), part.joints, prior, forgetting)
-        rls.update(body.base_regressor(*part.states), part.torque)
+        if forgetting == 1 and isinstance(body, RigidBody) and kernels.usable(*part.states, part.torque):
+            rls.absorb(_sums(body, part))
+        else:
+            rls.update(body.base_regressor(*part.states), part.torque)
     if rls is None:
         raise ShapeError("there are no samples to identify from")
     return rls
+
+
+def _sums(body: RigidBody, part: Measurements) -> Sums:
+    """What ``sums_of`` gives, by a compiled kernel that keeps no regressor."""
+    body._check(*part.states)
+    products = kernels.sums(body.chain, body.base.columns, part.states, part.torque)
+    information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
+    weight = torch.tensor(float(len(part)), dtype=torch.float64)
+    return finite(Sums(information, moment, energy, part.torque.detach().sum(0), weight))

@@ -82,12 +82,21 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
         y, tau = y * root[:, None, None], tau * root[:, None]
     rows, torque = y.transpose(0, 1), tau.T[..., None]
     moment = (rows.mT @ torque)[..., 0]
-    found = Sums(*(x.cpu() for x in (rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum())))
-    if not all(x.isfinite().all() for x in found):
+    parts = rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum()
+    return finite(Sums(*(x.cpu() for x in parts)))
+
+
+def finite(sums: Sums) -> Sums:
+    """The same sums.
+
+    Raises:
+        ShapeError: when one of them is not finite.
+    """
+    if not all(x.isfinite().all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"
         )
-    return found
+    return sums
 
 
 def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Tensor]:

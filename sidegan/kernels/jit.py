@@ -12,7 +12,7 @@ import numba
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 
 
-def jit(**options: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def jit(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Numba's compiler with its cache on disk, or without where there is no place for one."""
     every: Any = {**_OPTIONS, **options}
 

@@ -4,9 +4,10 @@ First derivatives are compiled too. Where a derivative is to be derived again, t
 every one of these is given as its reference takes over.
 """
 
+import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -16,11 +17,13 @@ from torch import Tensor
 
 from sidegan.kernels import compiled
 from sidegan.kernels.chain import Chain
+from sidegan.kernels.limits import Limits, Near
 
 States = tuple[Tensor, Tensor, Tensor]
 Plain = Callable[[Tensor, Tensor, Tensor], Tensor]
 
 _WORTH_A_THREAD = 1_000  # states: half a millisecond of work
+_ALONE = 2**14  # numbers: below 2**15 torch works in the thread that it is called in
 
 
 def usable(*tensors: Tensor) -> bool:
@@ -60,6 +63,31 @@ def torques(chain: Chain, states: States, sets: Tensor, plain: Plain) -> Tensor:
     return _Torques.apply(*states, sets, chain, plain)
 
 
+def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tensor:
+    """Each joint's sums of products of base columns and torque over S samples, (J, p + 1, p + 1).
+
+    Args:
+        chain: the arm.
+        columns: columns of the full regressor, ascending, (p,).
+        states: joint position, velocity and acceleration, (S, J) each.
+        torque: (S, J), the last column of the products.
+    """
+    size, joints = len(columns), torque.shape[1]
+    order = _order(columns, joints)
+    threads = _threads(len(torque), len(torque))
+    found = np.zeros((threads, joints, size + 1, size + 1))
+    parts = [torch.tensor_split(x.detach(), threads) for x in (*states, torque)]
+
+    def work(k: int) -> None:
+        given = _states(*(x[k][None] for x in parts[:3]))
+        rows = _kernels().aligned(size + 1, joints * _kernels().SPAN)
+        pulled = _array(parts[3][k].T)[None]
+        _kernels().sums(chain, given, pulled, *order, found[k], _room(joints), rows)
+
+    _each(work, threads)
+    return torch.from_numpy(found.sum(0))
+
+
 def energy_slopes(chain: Chain, states: Sequence[Tensor], sets: Tensor, weights: Tensor) -> list[Tensor]:
     """Gradients in the states, (B, T, J) each, of the sum of weight · |Y v|² over sets and time.
 
@@ -69,8 +97,43 @@ def energy_slopes(chain: Chain, states: Sequence[Tensor], sets: Tensor, weights:
         sets: parameter vectors v, (B, K, 10 J).
         weights: (B, K).
     """
+    return penalised_slopes(chain, states, sets, weights, Limits.none(states[0].shape[2]), None)[1]
+
+
+def penalised_slopes(
+    chain: Chain,
+    states: Sequence[Tensor],
+    sets: Tensor,
+    weights: Tensor,
+    limits: Limits,
+    near: Near | None,
+) -> tuple[Tensor, list[Tensor]]:
+    """Penalty, (B,), and gradients, (B, T, J) each, of it and of Σ weight · |Y v|² over sets and time.
+
+    Args:
+        chain: the arm.
+        states: joint position, velocity and acceleration, (B, T, J) each.
+        sets: parameter vectors v, (B, K, 10 J).
+        weights: (B, K).
+        limits: what limits of the joints cost.
+        near: what small distances cost; nothing when None.
+    """
     batch, count, joints = states[0].shape
-    return _slopes(chain, states, sets, weights, weights.new_zeros(batch, 0, joints, count))
+    slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
+    given = _array(sets), _array(weights)
+
+    def work(k: slice) -> None:
+        motion = _states(*(x[k] for x in states))
+        _kernels().energy_slopes(
+            chain, limits, motion, *(x[k] for x in given), value[k], slope[:, k], _room(joints)
+        )
+        if near is not None:
+            cost, push = _close(chain, near.shapes, motion, near.reach)
+            value[k] += near.weight * cost
+            slope[0, k] += near.weight * push
+
+    _share(work, batch, count)
+    return torch.from_numpy(value), [x.transpose(1, 2) for x in torch.from_numpy(slope)]
 
 
 def closeness(chain: Chain, shapes: Sequence[Tensor], q: Tensor, reach: float) -> tuple[Tensor, Tensor]:
@@ -82,17 +145,26 @@ def closeness(chain: Chain, shapes: Sequence[Tensor], q: Tensor, reach: float) -
         q: joint position, (B, T, J).
         reach: smallest distance that costs nothing [m].
     """
-    from sidegan.kernels import closeness as kernel
-
     batch, count, joints = q.shape
-    given, states = kernel.Shapes(*map(_array, shapes)), _states(q, q, q)
     value, slope = np.zeros(batch), np.zeros((batch, joints, count))
 
     def work(k: slice) -> None:
-        kernel.closeness(chain, given, states[:, k], reach, value[k], slope[k], *kernel.room(given, joints))
+        value[k], slope[k] = _close(chain, shapes, _states(q[k], q[k], q[k]), reach)
 
     _share(work, batch, count)
     return torch.from_numpy(value), torch.from_numpy(slope).transpose(1, 2)
+
+
+def _close(
+    chain: Chain, shapes: Sequence[Tensor], states: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    from sidegan.kernels import closeness as kernel
+
+    _, batch, joints, count = states.shape
+    given = kernel.Shapes(*map(_array, shapes))
+    value, slope = np.zeros(batch), np.zeros((batch, joints, count))
+    kernel.closeness(chain, given, states, reach, value, slope, *kernel.room(given, joints))
+    return value, slope
 
 
 def eigh(x: Tensor) -> tuple[Tensor, Tensor]:
@@ -109,6 +181,33 @@ def eigh(x: Tensor) -> tuple[Tensor, Tensor]:
     return values, vectors
 
 
+@torch.no_grad()
+def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
+    """The smallest and largest eigenvalues, ascending, (B, low + high), and eigenvectors (B, p, low + high).
+
+    Not differentiable. All eigenpairs where there are no more than that, or no compiled kernel.
+    """
+    batch, size, wanted = *x.shape[:2], low + high
+    if size <= wanted or not usable(x):
+        return eigh(x)
+    scale = torch.maximum(x.amax((1, 2)), -x.amin((1, 2))).clamp_min(torch.finfo(x.dtype).tiny)
+    a, sound = (x / scale[:, None, None]).contiguous().numpy(), np.zeros(batch, bool)
+    values, vectors = np.zeros((batch, wanted)), np.zeros((batch, wanted, size))
+
+    def work(k: slice) -> None:
+        from sidegan.kernels import eigen as kernel
+
+        kernel.extremes(a[k], low, values[k], vectors[k], sound[k], *kernel.room(size, wanted))
+
+    _share(work, batch, _WORTH_A_THREAD // 20)
+    found, pairs = torch.from_numpy(values) * scale[:, None], torch.from_numpy(vectors).transpose(1, 2)
+    if not sound.all():
+        rest, ends = torch.from_numpy(~sound), [*range(low), *range(size - high, size)]
+        some, others = eigh(x[rest])
+        found[rest], pairs[rest] = some[:, ends], others[:, :, ends]
+    return found, pairs
+
+
 class _Gram(torch.autograd.Function):
     @staticmethod
     def forward(
@@ -117,21 +216,15 @@ class _Gram(torch.autograd.Function):
         ctx.save_for_backward(q, dq, ddq, columns)
         ctx.chain, ctx.plain = chain, plain
         batch, count, joints = q.shape
-        size = len(columns)
-        first = torch.searchsorted(columns // 10, torch.arange(joints + 1))
-        widths = (size - first[:-1]).tolist()
-        y, kinds = q.new_empty(batch, sum(widths), count), (columns % 10).numpy()
-        states = _states(q, dq, ddq)
+        size, order = len(columns), _order(columns, joints)
+        grams = np.zeros((batch, size, size))
 
         def work(k: slice) -> None:
-            _kernels().regressor(chain, states[:, k], kinds, first.numpy(), y[k].numpy(), _room(joints))
+            rows = _kernels().aligned(size, joints * _kernels().SPAN)
+            _kernels().grams(chain, _states(q[k], dq[k], ddq[k]), *order, grams[k], _room(joints), rows)
 
         _share(work, batch, count)
-        grams = q.new_zeros(batch, size, size)
-        for rows in y.split(widths, 1):
-            start = size - rows.shape[1]
-            grams[:, start:, start:] += rows @ rows.transpose(1, 2)
-        return grams / count
+        return torch.from_numpy(grams)
 
     @staticmethod
     def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
@@ -158,22 +251,28 @@ class _Torques(torch.autograd.Function):
         ctx.save_for_backward(q, dq, ddq, sets)
         ctx.chain, ctx.plain = chain, plain
         batch, count, joints = q.shape
-        found = q.new_empty(batch, sets.shape[1], joints, count)
-        states, parameters = _states(q, dq, ddq), _array(sets)
+        found, parameters = np.empty((batch, sets.shape[1], joints, count)), _array(sets)
 
         def work(k: slice) -> None:
-            _kernels().torques(chain, states[:, k], parameters[k], found[k].numpy(), _room(joints))
+            _kernels().torques(chain, _states(q[k], dq[k], ddq[k]), parameters[k], found[k], _room(joints))
 
         _share(work, batch, count)
-        return found.transpose(2, 3)
+        return torch.from_numpy(found).transpose(2, 3)
 
     @staticmethod
     def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
         *states, sets = ctx.saved_tensors
         if torch.is_grad_enabled():
             return (*_again(ctx.plain, states, cotangent), None, None, None)
-        none = cotangent.new_zeros(len(cotangent), 0)
-        return (*_slopes(ctx.chain, states, sets, none, cotangent.transpose(2, 3)), None, None, None)
+        batch, count, joints = states[0].shape
+        slope, given = np.empty((3, batch, joints, count)), (_array(sets), _array(cotangent.transpose(2, 3)))
+
+        def work(k: slice) -> None:
+            motion = _states(*(x[k] for x in states))
+            _kernels().slopes(ctx.chain, motion, *(x[k] for x in given), slope[:, k], _room(joints))
+
+        _share(work, batch, count)
+        return (*(x.transpose(1, 2) for x in torch.from_numpy(slope)), None, None, None)
 
 
 def _again(plain: Plain, states: list[Tensor], cotangent: Tensor) -> list[Tensor | None]:
@@ -181,21 +280,6 @@ def _again(plain: Plain, states: list[Tensor], cotangent: Tensor) -> list[Tensor
     wanted = [x for x in states if x.requires_grad]
     found = iter(torch.autograd.grad(plain(*states), wanted, cotangent, create_graph=True))
     return [next(found) if x.requires_grad else None for x in states]
-
-
-def _slopes(
-    chain: Chain, motion: Sequence[Tensor], sets: Tensor, weights: Tensor, cotangents: Tensor
-) -> list[Tensor]:
-    batch, count, joints = motion[0].shape
-    states = _states(*motion)
-    slope = np.empty((3, batch, joints, count))
-    given = _array(sets), _array(weights), _array(cotangents)
-
-    def work(k: slice) -> None:
-        _kernels().slopes(chain, states[:, k], *(x[k] for x in given), slope[:, k], _room(joints))
-
-    _share(work, batch, count)
-    return [x.transpose(1, 2) for x in torch.from_numpy(slope)]
 
 
 def _kernels() -> ModuleType:
@@ -208,22 +292,53 @@ def _room(joints: int) -> np.ndarray:
     return _kernels().room(joints)
 
 
+def _order(columns: Tensor, joints: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which of its link's ten parameters each column is, (p,); each link's first column and p, (J + 1,)."""
+    return (columns % 10).numpy(), torch.searchsorted(columns // 10, torch.arange(joints + 1)).numpy()
+
+
 def _states(q: Tensor, dq: Tensor, ddq: Tensor) -> np.ndarray:
     """What kernels take of states (B, T, J), (5, B, J, T)."""
-    q, dq, ddq = (x.detach().transpose(1, 2) for x in (q, dq, ddq))
-    return torch.stack([torch.sin(q), torch.cos(q), q, dq, ddq]).numpy()
+    batch, count, joints = q.shape
+    states = np.empty((5, batch, joints, count))
+    for row, x in zip(states[2:], (q, dq, ddq)):
+        row[...] = x.detach().numpy().transpose(0, 2, 1)
+    # In pieces that torch does not share among its threads: those would wait beside ours, and busily.
+    sine, cosine, position = (x.split(_ALONE) for x in torch.from_numpy(states[:3]).flatten(1))
+    for s, c, x in zip(sine, cosine, position):
+        torch.sin(x, out=s)
+        torch.cos(x, out=c)
+    return states
 
 
 def _array(x: Tensor) -> np.ndarray:
     return x.detach().contiguous().numpy()
 
 
+def _threads(tasks: int, states: int) -> int:
+    """How many of torch's threads so much work is worth."""
+    return max(1, min(torch.get_num_threads(), tasks, states // _WORTH_A_THREAD))
+
+
 def _share(work: Callable[[slice], None], batch: int, count: int) -> None:
     """Do work on slices of a batch of trajectories of ``count`` states, one per thread of torch's."""
-    threads = min(torch.get_num_threads(), batch, batch * count // _WORTH_A_THREAD)
-    if threads < 2:
-        work(slice(0, batch))
-        return
+    threads = _threads(batch, batch * count)
     cuts = [batch * k // threads for k in range(threads + 1)]
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, (slice(low, high) for low, high in pairwise(cuts))))
+    _each(lambda k: work(slice(cuts[k], cuts[k + 1])), threads)
+
+
+def _each(work: Callable[[int], None], count: int) -> None:
+    """Do work 0, 1, … at the same time, the first of it here."""
+    others = [_pool(os.getpid(), count - 1).submit(work, k) for k in range(1, count)]
+    try:
+        work(0)
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@cache
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads that stay, of this process: a fork has none of its parent's."""
+    return ThreadPoolExecutor(threads, "sidegan")

@@ -25,7 +25,7 @@ _HALVINGS = 36  # of a capsule's axis at a box: leaves 1e-11 of its length
 
 _seldom = jit()
 _inline = jit(forceinline=True)  # a call would pass some two hundred numbers
-_sum = jit(forceinline=True, fastmath={"contract", "reassoc"})  # type: ignore[arg-type]
+_sum = jit(forceinline=True, fastmath={"contract", "reassoc"})
 
 Vector = tuple[float, float, float]
 

@@ -60,7 +60,7 @@ class Diagonals(Sequence[Tensor]):
     def __init__(self, path: Path) -> None:
         self.path = path
         with _opened(path) as file:
-            self._groups = file.num_row_groups
+            self._metadata, self._groups = file.metadata, file.num_row_groups
             self._width = len(file.read_row_group(0, columns=["diagonal"])["diagonal"][0])
 
     def __len__(self) -> int:
@@ -69,7 +69,7 @@ class Diagonals(Sequence[Tensor]):
     def __getitem__(self, index: int) -> Tensor:  # type: ignore[override]
         if not 0 <= index < self._groups:
             raise IndexError(f"row group {index} of {self._groups}")
-        with _opened(self.path) as file:
+        with _opened(self.path, self._metadata) as file:
             column = file.read_row_group(index, columns=["diagonal"])["diagonal"].combine_chunks()
         values = np.array(column.flatten().to_numpy(zero_copy_only=False))
         return torch.from_numpy(values).reshape(-1, self._width)
@@ -103,8 +103,8 @@ def take(path: Path, indices: Tensor | Sequence[int]) -> Library:
 
 
 @contextmanager
-def _opened(path: Path) -> "Iterator[pq.ParquetFile]":
-    with opened_parquet(path) as file:
+def _opened(path: Path, metadata: "pq.FileMetaData | None" = None) -> "Iterator[pq.ParquetFile]":
+    with opened_parquet(path, metadata) as file:
         if parquet.METADATA_KEY not in (file.schema_arrow.metadata or {}) or not file.metadata.num_rows:
             raise ArtifactError(f"{path} is not a library of sidegan that holds trajectories")
         yield file

@@ -7,10 +7,12 @@ dynamics, never a differentiated regressor.
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from sidegan.kernels import tensors as kernels
+from sidegan.kernels.limits import Limits, Near
 from sidegan.seeds.problem import HOPELESS, SeedProblem
 from sidegan.trajectory import Motion
 from sidegan.validity import Plane
@@ -65,16 +67,9 @@ def pull_back(
         for columns in torch.arange(problem.samples).split(times):
             piece = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1))
             states = Motion(motion.time[piece[1]], *(x[piece].detach() for x in motion[1:]))
-            found: list[Tensor] = []
-            if directions is not None:
-                vectors, weights = (x[piece[0]] for x in directions)
-                found = problem.body.energy_slopes(
-                    states.position, states.velocity, states.acceleration, vectors, weights
-                )
-            if penalty is not None:
-                excess, pushes = _penalty(problem, states, penalty)
-                violation[piece[0]] += excess / problem.samples
-                found = [x + push for x, push in zip(found, pushes)] if found else pushes
+            given = None if directions is None else tuple(x[piece[0]] for x in directions)
+            excess, found = _pushes(problem, states, given, penalty)
+            violation[piece[0]] += excess / problem.samples
             for slope, x in zip(slopes, found):
                 slope[piece] = x / problem.samples
     (gradient,) = torch.autograd.grad(motion[1:], c, slopes)
@@ -95,7 +90,7 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
         values, order = grams.diagonal(dim1=1, dim2=2).sort(1)
         vectors = torch.nn.functional.one_hot(order, len(base.columns)).to(c)
     else:
-        values, eigenvectors = kernels.eigh(base.subspace.T @ grams @ base.subspace)
+        values, eigenvectors = kernels.extremes(base.subspace.T @ grams @ base.subspace, _LOWEST, _HIGHEST)
         vectors = (base.subspace @ eigenvectors).transpose(1, 2)
     values = torch.maximum(values, values[:, -1:] / HOPELESS)
     low, high = values[:, :_LOWEST], values[:, -_HIGHEST:]
@@ -107,19 +102,31 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
     return chosen, weights, value
 
 
+def _pushes(
+    problem: SeedProblem, states: Motion, directions: tuple[Tensor, ...] | None, penalty: Penalty | None
+) -> tuple[Tensor, list[Tensor]]:
+    """Penalty summed over time, (B,), and the gradients of penalty and energy in q, dq and ddq."""
+    batch, joints = states.position.shape[0], problem.body.joints
+    none = states.position.new_zeros(batch, 0, 10 * joints), states.position.new_zeros(batch, 0)
+    vectors, weights = directions or none
+    planes = _planes(problem) if kernels.usable(*states[1:]) else None
+    if penalty is not None and planes is not None:
+        given = _limits(problem, penalty), _near(problem, planes, penalty)
+        return kernels.penalised_slopes(problem.body.chain, states[1:], vectors, weights, *given)
+    found = problem.body.energy_slopes(*states[1:], vectors, weights)
+    if penalty is None:
+        return weights.new_zeros(batch), found
+    excess, pushes = _penalty(problem, states, penalty)
+    return excess, [x + push for x, push in zip(found, pushes)]
+
+
 @torch.enable_grad()
 def _penalty(problem: SeedProblem, states: Motion, penalty: Penalty) -> tuple[Tensor, list[Tensor]]:
     """Penalty summed over time, (B,), and its gradients in q, dq and ddq."""
     q, dq, ddq = (x.requires_grad_(True) for x in states[1:])
     torque = problem.body.torque(q, dq, ddq) if problem.constraints.torque else None
-    planes = _planes(problem) if kernels.usable(q) else None
-    excess = _limit_excess(problem, q, dq, torque, penalty)
-    if planes is None:
-        excess = excess + _distance_excess(problem, q, penalty)
-    pushes = list(torch.autograd.grad(excess.sum(), (q, dq, ddq), materialize_grads=True))
-    if planes is not None:
-        near, push = _closeness(problem, planes, q.detach(), penalty)
-        excess, pushes[0] = excess + near, pushes[0] + push
+    excess = _limit_excess(problem, q, dq, torque, penalty) + _distance_excess(problem, q, penalty)
+    pushes = torch.autograd.grad(excess.sum(), (q, dq, ddq), materialize_grads=True)
     return penalty.weight * excess.detach(), [penalty.weight * push for push in pushes]
 
 
@@ -148,14 +155,28 @@ def _distance_excess(problem: SeedProblem, q: Tensor, penalty: Penalty) -> Tenso
     return excess
 
 
-def _closeness(problem: SeedProblem, planes: Tensor, q: Tensor, penalty: Penalty) -> tuple[Tensor, Tensor]:
-    """The same with its gradient, by a compiled kernel, where all regions are planes."""
+def _limits(problem: SeedProblem, penalty: Penalty) -> Limits:
+    """What ``_limit_excess`` is of, for compiled kernels."""
+    arm = problem.constraints.arm
+    low, high = arm.position_lower, arm.position_upper
+    torque = arm.torque_limit if problem.constraints.torque else torch.full_like(arm.torque_limit, torch.inf)
+    numbers = [
+        (high + low) / 2,
+        (high - low) / 2,
+        arm.velocity_limit,
+        torque,
+        arm.inertial_parameters.flatten(),
+    ]
+    arrays = [np.ascontiguousarray(x.numpy()) for x in numbers]
+    return Limits(penalty.weight, penalty.limits, penalty.torque, *arrays)
+
+
+def _near(problem: SeedProblem, planes: Tensor, penalty: Penalty) -> Near:
+    """What ``_distance_excess`` is of, for compiled kernels, where all regions are planes."""
     constraints, capsules = problem.constraints, problem.constraints.arm.capsules
     shapes = [capsules.link, torch.stack([capsules.a, capsules.b]), capsules.radius]
     shapes += [constraints.pairs, constraints.guarded, planes]
-    reach = penalty.distance * _DISTANCE
-    value, slope = kernels.closeness(problem.body.chain, shapes, q, reach)
-    return value / _DISTANCE**2, slope / _DISTANCE**2
+    return Near(penalty.weight / _DISTANCE**2, penalty.distance * _DISTANCE, shapes)
 
 
 def _planes(problem: SeedProblem) -> Tensor | None:

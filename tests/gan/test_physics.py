@@ -44,6 +44,15 @@ def test_the_spectrum_is_that_of_the_excitation(arm_problem):
     torch.testing.assert_close(physics.diagonal(Information(arm_problem), c), exact.diagonal)
 
 
+def test_the_ends_are_those_of_the_spectrum(arm_problem):
+    c = arm_problem.start(4, random())
+    whole = physics.spectrum(Information(arm_problem, 2), c)
+    expected = torch.cat([whole[:, :3], whole[:, -2:]], 1)
+    torch.testing.assert_close(
+        physics.ends(Information(arm_problem, 2), c, 3, 2), expected, rtol=1e-6, atol=1e-10
+    )
+
+
 def test_the_spectrum_of_a_set_is_that_of_the_sum(problem):
     c = problem.start(6, random())
     grams = gram(problem.body, problem.trajectory, c, problem.samples).unflatten(0, (2, 3)).sum(1)

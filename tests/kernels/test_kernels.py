@@ -23,7 +23,9 @@ from ..chains import random_chain, random_states
 pytest.importorskip("numba")
 
 CHAINS = st.tuples(st.integers(1, 9), st.integers(0, 30))
-SIZES = st.tuples(st.integers(1, 3), st.sampled_from([1, 15, 16, 17, 33]))  # around the number of lanes
+SIZES = st.tuples(
+    st.integers(1, 3), st.sampled_from([1, 8, 63, 65, 130])
+)  # around the number of lanes, and more than a span
 
 
 def body_and_states(chain, batch, count):
@@ -205,7 +207,7 @@ def test_an_install_that_cannot_be_written_to_still_compiles():
     code = (
         "import numba.core.caching as c; c.CacheImpl._locator_classes = []\n"
         "from sidegan.kernels import dynamics; import numpy as np\n"
-        "dynamics._new_screw((1.0, 0.0, 0.0), False, np.zeros(6 * dynamics.LANES))"
+        "dynamics._new_screw((1.0, 0.0, 0.0), False, np.zeros(6 * dynamics.LANES), 8)"
     )
     subprocess.run([sys.executable, "-c", code], env={**os.environ}, check=True, timeout=60)
 
