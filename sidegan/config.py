@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from sidegan.config_beyond import Beyond
 from sidegan.config_identify import Identify, Model, Recording, check_files
 from sidegan.errors import ConfigError
 from sidegan.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
@@ -60,6 +61,9 @@ class Scale:
     trainings: list[Natural]  # of each variant
     side_trainings: list[Natural]  # of each variant on fewer seeds
     ablation_trainings: list[Natural]  # of each variant of the ablation
+    brief_epochs: Count  # of exact variants that are compared with each other only
+    transfer_epochs: Count  # of a training from scratch that transfer is compared with
+    polished: Count  # trajectories of the polish curve
 
 
 @dataclass(frozen=True)
@@ -398,6 +402,9 @@ class Config:
     sensitivity: Sensitivity
     discussion: Discussion
     ablation: dict[str, GanVariant]  # variants that show what each part of the recipe does
+    beyond: Beyond
+    objectives: dict[str, GanVariant]  # exact variants with other objectives, trained briefly
+    few_seeds: dict[str, GanVariant]  # exact variants for smaller seed sets, trained briefly
     recordings: list[str]  # files to identify from
     validation: list[str]  # files that are held out
     recording: Recording

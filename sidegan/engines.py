@@ -7,13 +7,14 @@ Which engine it is changes nothing about what the functions give back.
 import logging
 import os
 import queue
+import signal
 import threading
 import time
 import uuid
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -104,7 +105,7 @@ class Loky:
                 lost = {TerminatedWorkerError: _KILLED}
                 yield Pool(executor, partial(_put, messages), partial(_drain, messages), lost)
             except BaseException:
-                executor.shutdown(wait=False, kill_workers=True)
+                _kill(executor)
                 raise
 
     def close(self) -> None:
@@ -164,6 +165,7 @@ class Dask:
                 dashboard_address=None,
                 silence_logs=logging.CRITICAL,
                 env=ONE_THREAD,
+                preload=[__name__],
             )
             self._held.enter_context(cluster)
             return self._held.enter_context(Client(cluster))
@@ -176,6 +178,11 @@ class Dask:
 ENGINES: dict[str, Callable[[str | None], Engine]] = {"loky": lambda scheduler: Loky(), "dask": Dask}
 
 
+def dask_setup(worker: Any) -> None:
+    """Dask calls this in each worker of a cluster here: the keyboard interrupts the main process alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def leave_with(parent: int) -> None:
     """End this process soon after its parent, which may have been killed without a chance to tell."""
 
@@ -185,6 +192,18 @@ def leave_with(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _kill(executor: Any) -> None:
+    """End loky's workers at once.
+
+    Its thread throws away what nobody has begun, then looks for the next of these and dies of a KeyError. So
+    their numbers are taken from its list first, and nothing is left to look for.
+    """
+    with suppress(queue.Empty):
+        while True:
+            executor._work_ids.get_nowait()
+    executor.shutdown(wait=False, kill_workers=True)
 
 
 def _refuse_threads(client: "Client") -> None:

@@ -23,7 +23,7 @@ LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "histor
 RESULTS, FACTS, SUMS = "results.parquet", "facts.parquet", "sums.pt"
 SEEDS, RANDOM, LONG = "seeds", "random", "long-"  # sets that no generator made
 NEGATIVES_TRAINING = 0  # whose output the surrogates learn from
-_IDENTIFICATION = [
+IDENTIFICATION = [
     f"identification.{name}" for name in ("identify", "measurements", "metrics", "rls", "study", "sums")
 ]
 # Not the kernels: tests hold them to the plain code, and either may be used.
@@ -91,7 +91,7 @@ class Task:
         """Of the seed set."""
         wanted = self.cfg.seeds
         label = wanted.method if wanted.fitness == "eigenvalue" else f"{wanted.method}-{wanted.fitness}"
-        return self._stamp("seeds", label, wanted, {}, ["seeds"])
+        return self.stamp("seeds", label, wanted, {}, ["seeds"])
 
     def kind(self, name: str) -> "Task":
         """The same task with another kind of seeds."""
@@ -101,12 +101,12 @@ class Task:
     def random_set(self) -> Stamp:
         """Of the random valid trajectories."""
         values = {"count": self.cfg.library.count}
-        return self._stamp("random", "random", values, {}, ["seeds.problem", "stages.random"])
+        return self.stamp("random", "random", values, {}, ["seeds.problem", "stages.random"])
 
     def surrogates(self, data: str) -> Stamp:
         """Of success predictor and converters that learn from ``broad`` samples or those of the ``paper``."""
         values = {**asdict(self.cfg.surrogates), "data": data}
-        return self._stamp("surrogates", data, values, self._taught(), ["gan"])
+        return self.stamp("surrogates", data, values, self._taught(), ["gan"])
 
     def gan(self, name: str, settings: config.GanVariant, training: int) -> Stamp:
         """Of a trained variant."""
@@ -116,7 +116,7 @@ class Task:
             inputs["surrogates"] = self.surrogates(settings.data).digest
         values = {**asdict(settings), "evaluation": self.cfg.scale.evaluation}
         code = ["gan"] if settings.exact is None else ["gan", "seeds"]
-        return self._stamp("gan", name, values, inputs, code, training)
+        return self.stamp("gan", name, values, inputs, code, training)
 
     def library(self, name: str, training: int) -> Stamp:
         """Of a variant's library."""
@@ -124,13 +124,13 @@ class Task:
         if variant(name, self.cfg.gan[name]).seeded:
             inputs[SEEDS] = self.seeds.digest  # for the diversity of both together
         code = ["library", "seeds"] if self.cfg.library.polish else ["library"]
-        return self._stamp("library", name, self.cfg.library, inputs, code, training)
+        return self.stamp("library", name, self.cfg.library, inputs, code, training)
 
     def long(self, harmonics: int) -> Stamp:
         """Of a single long trajectory."""
         values = {**asdict(self.cfg.long), "harmonics": harmonics, "count": self.cfg.selection.count}
         label = f"{self.cfg.long.period:g}s-{harmonics}h"
-        return self._stamp("long", label, values, {"seeds": self.seeds.digest}, ["seeds"])
+        return self.stamp("long", label, values, {"seeds": self.seeds.digest}, ["seeds"])
 
     def selection(self, name: str, training: int) -> Stamp:
         """Of the pick from one pool: ``random``, ``seeds``, or the seeds and a variant's library."""
@@ -140,7 +140,7 @@ class Task:
         wanted = self.cfg.selection
         label = name if wanted.method == "greedy" else f"{name}-{wanted.method}"
         code = ["selection"] if wanted.method == "greedy" else ["criteria", "information", "optimal"]
-        return self._stamp("selection", label, wanted, inputs, code, self._trained(name, training))
+        return self.stamp("selection", label, wanted, inputs, code, self._trained(name, training))
 
     def identification(self, name: str, training: int) -> Stamp:
         """Of the identification from one set."""
@@ -149,7 +149,7 @@ class Task:
         else:
             inputs = {"selection": self.selection(name, training).digest}
         trained = self._trained(name, training)
-        return self._stamp("identification", name, self.cfg.identification, inputs, _IDENTIFICATION, trained)
+        return self.stamp("identification", name, self.cfg.identification, inputs, IDENTIFICATION, trained)
 
     def measured_sets(self) -> list[tuple[str, int]]:
         """Name and training of every whole set that is measured: the seeds and each library."""
@@ -163,16 +163,16 @@ class Task:
         wanted = asdict(self.cfg.replication)
         wanted["replicas"] = max(wanted["replicas"]) if name == SEEDS else 1
         values = {**wanted, "rate": self.cfg.identification.rate}
-        code = [*_IDENTIFICATION, "identification.replication", "stages.replication"]
-        return self._stamp("sums", name, values, inputs, code, self._trained(name, training))
+        code = [*IDENTIFICATION, "identification.replication", "stages.replication"]
+        return self.stamp("sums", name, values, inputs, code, self._trained(name, training))
 
     @property
     def replication(self) -> Stamp:
         """Of the identification from whole sets."""
         inputs = {f"{name} {k}": self.sums(name, k).digest for name, k in self.measured_sets()}
         values = {**asdict(self.cfg.replication), **asdict(self.cfg.identification)}
-        code = [*_IDENTIFICATION, "identification.replication", "stages.replication"]
-        return self._stamp("replication", "-".join(self.cfg.gan), values, inputs, code)
+        code = [*IDENTIFICATION, "identification.replication", "stages.replication"]
+        return self.stamp("replication", "-".join(self.cfg.gan), values, inputs, code)
 
     @property
     def sensitivity(self) -> Stamp:
@@ -182,20 +182,20 @@ class Task:
         inputs |= {f"kind {name}": self.kind(name).seeds.digest for name in self.cfg.kinds}
         values = {**asdict(self.cfg.identification), **asdict(self.cfg.sensitivity)}
         values["count"] = self.cfg.selection.count
-        code = [*_IDENTIFICATION, "selection", "stages.sensitivity"]
-        return self._stamp("sensitivity", "-".join(self.cfg.gan), values, inputs, code)
+        code = [*IDENTIFICATION, "selection", "stages.sensitivity"]
+        return self.stamp("sensitivity", "-".join(self.cfg.gan), values, inputs, code)
 
     @property
     def density(self) -> Stamp:
         """Of the kernel density estimate of the seeds."""
         wanted = self.cfg.discussion
         values = {"bandwidths": wanted.bandwidths, "draws": wanted.draws}
-        return self._stamp("density", "kde", values, self._taught(), ["stages.density"])
+        return self.stamp("density", "kde", values, self._taught(), ["stages.density"])
 
     def timing(self, name: str, training: int) -> Stamp:
         """Of a generator's measured speed."""
         inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
-        return self._stamp("timing", name, {}, inputs, ["gan", "stages.timing"], training)
+        return self.stamp("timing", name, {}, inputs, ["gan", "stages.timing"], training)
 
     def _trained(self, name: str, training: int) -> int | None:
         """The training that a set depends on, if it depends on one."""
@@ -210,14 +210,14 @@ class Task:
         values = {**asdict(self.cfg.plant), "tests": self.cfg.identification.tests}
         values["repeats"] = self.cfg.replication.repeats
         code = ["plant", "recording", "identification.estimate", "identification.model", "stages.plant"]
-        return self._stamp("plant", name, values, inputs, code, self._trained(name, training))
+        return self.stamp("plant", name, values, inputs, code, self._trained(name, training))
 
     def _taught(self) -> dict[str, str]:
         """What surrogates and generators learn from."""
         known = {"seeds": self.seeds.digest}
         return known if self.cfg.subset is None else {**known, "subset": str(self.cfg.subset)}
 
-    def _stamp(
+    def stamp(
         self,
         stage: str,
         label: str,
@@ -226,6 +226,16 @@ class Task:
         rooms: list[str],
         training: int | None = None,
     ) -> Stamp:
+        """Of an artifact that depends on arm, workspace and trajectories, and on so much more.
+
+        Args:
+            stage: who makes it.
+            label: what tells it from its siblings.
+            values: settings that it depends on.
+            inputs: digest of each thing that it is made from.
+            rooms: whose code makes it.
+            training: which one, where there are several.
+        """
         values = values if isinstance(values, dict) else asdict(values)
         values = {stage: values} if training is None else {stage: values, "training": training}
         shared = {"workspace": asdict(self.cfg.workspace), "trajectory": self.trajectory.describe()}

@@ -6,10 +6,13 @@ import logging
 import os
 import random
 import shutil
+import signal
+import sqlite3
 import subprocess
 import sys
+import threading
 import time
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +26,7 @@ from sidegan.errors import InfeasibleError, SideganError, StorageError
 from sidegan.progress import Bar
 from sidegan.seeds import Gradient, gradient
 from sidegan.seeds.objective import value_and_gradient
+from sidegan.tracking import Tracker
 from tests import small_job
 
 ROOT = Path(__file__).parents[1]
@@ -75,6 +79,62 @@ def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, und
 
     assert small_job.same(small_job.run(tmp_path, Counting()), undisturbed)
     assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
+
+
+def nap(report):
+    report(0, 1)
+    time.sleep(0.2)
+
+
+def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monkeypatch):
+    threads, failed = [], []
+
+    class Interrupted:
+        def __init__(self, *arguments):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *arguments):
+            pass
+
+        def __call__(self, done, total):
+            threads.extend(x for x in threading.enumerate() if x.name == "ExecutorManagerThread")
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading, "excepthook", failed.append)
+        patch.setattr(parallel, "bar", Interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            parallel.run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
+        assert threads
+        for thread in threads:
+            thread.join(20)
+        assert not any(thread.is_alive() for thread in threads)
+        assert not failed, failed
+    assert parallel.run_jobs("after", [nap] * 3, 2) == [None] * 3
+
+
+@pytest.mark.slow
+def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
+    pytest.importorskip("distributed")
+    code = (
+        "import sys, time\nfrom functools import partial\nfrom sidegan.parallel import engine, run_jobs\n"
+        "def note(number, report):\n"
+        f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(60)\n"
+        "try:\n"
+        "    with engine('dask'):\n        run_jobs('notes', [partial(note, k) for k in range(5)], 2)\n"
+        "except KeyboardInterrupt:\n    sys.exit(130)\n"
+    )
+    command = [sys.executable, "-c", code]
+    main = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    end = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < end:
+        time.sleep(0.1)
+    os.killpg(main.pid, signal.SIGINT)  # as a terminal does
+    _, told = main.communicate(timeout=60)
+    assert (main.returncode, told) == (130, "")
 
 
 def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkeypatch):
@@ -153,16 +213,7 @@ def not_a_number(every):
     return objective
 
 
-@pytest.mark.parametrize(
-    "every",
-    [
-        2,
-        pytest.param(
-            1,
-            marks=pytest.mark.xfail(strict=True, reason="seeds/lbfgs.py steps along a direction of NaN"),
-        ),
-    ],
-)
+@pytest.mark.parametrize("every", [2, 1])
 def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, monkeypatch, every):
     monkeypatch.setattr(gradient, "value_and_gradient", not_a_number(every))
     made = small_job.read_torch(small_job.run(tmp_path) / "seeds.pt")
@@ -209,6 +260,21 @@ def test_two_processes_on_one_output_folder_make_one_artifact(tmp_path, undistur
     assert small_job.same(made, undisturbed)
 
 
+def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path):
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom sidegan.tracking import Tracker\n"
+        "root, name = Path(sys.argv[1]), sys.argv[2]\n"
+        "with Tracker(root, root, 'exp1', name) as tracker:\n    tracker.log_metrics({'nmse': 0.5})\n"
+        "sys.exit(not tracker.reached)\n"
+    )
+    names = ("first", "second")
+    both = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), name], cwd=ROOT) for name in names]
+    assert [process.wait(120) for process in both] == [0, 0]
+    with closing(sqlite3.connect(tmp_path / "mlflow.db")) as database:
+        runs = database.execute("select name, status from runs order by name").fetchall()
+    assert runs == [(name, "FINISHED") for name in names]
+
+
 def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undisturbed, monkeypatch, caplog):
     caplog.set_level(logging.INFO)
     source = random.Random(0)
@@ -224,6 +290,24 @@ def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undi
     left = float(progress.describe().rpartition(", ")[2].removesuffix(" s left"))
     assert left == pytest.approx(time.monotonic() - began, abs=0.5)
     assert "seeds: made" in caplog.text
+
+
+def test_a_new_tracking_database_waits_for_the_disk_again_once_it_is_made(tmp_path):
+    from sqlalchemy import event
+    from sqlalchemy.engine import Engine
+
+    opened = []
+
+    def note(connection, record):
+        opened.append(connection)
+
+    event.listen(Engine, "connect", note)
+    try:
+        with Tracker(tmp_path, tmp_path, "exp1", "first") as tracker:
+            assert tracker.reached
+    finally:
+        event.remove(Engine, "connect", note)
+    assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
 
 
 def test_only_what_is_shown_to_people_takes_the_time_of_day():

@@ -17,6 +17,8 @@ _COLOURS = {
     "vanilla": "#7f7f7f",
     "eigen": "#1f77b4",
     "diagonal": "#d95f02",
+    "exact": "#1b9e77",
+    "exact_adversarial": "#e7298a",
     "seeds": "#7b4fb5",
     "union": "#d4a200",
     "random": "#4d9221",

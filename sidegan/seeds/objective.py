@@ -106,16 +106,18 @@ def _pushes(
     problem: SeedProblem, states: Motion, directions: tuple[Tensor, ...] | None, penalty: Penalty | None
 ) -> tuple[Tensor, list[Tensor]]:
     """Penalty summed over time, (B,), and the gradients of penalty and energy in q, dq and ddq."""
-    batch, joints = states.position.shape[0], problem.body.joints
-    none = states.position.new_zeros(batch, 0, 10 * joints), states.position.new_zeros(batch, 0)
-    vectors, weights = directions or none
+    q = states.position
     planes = _planes(problem) if kernels.usable(*states[1:]) else None
     if penalty is not None and planes is not None:
+        none = q.new_zeros(len(q), 0, 10 * problem.body.joints), q.new_zeros(len(q), 0)
+        vectors, weights = directions or none
         given = _limits(problem, penalty), _near(problem, planes, penalty)
         return kernels.penalised_slopes(problem.body.chain, states[1:], vectors, weights, *given)
-    found = problem.body.energy_slopes(*states[1:], vectors, weights)
+    found = [torch.zeros_like(x) for x in states[1:]]
+    if directions is not None:
+        found = problem.body.energy_slopes(*states[1:], *directions)
     if penalty is None:
-        return weights.new_zeros(batch), found
+        return q.new_zeros(len(q)), found
     excess, pushes = _penalty(problem, states, penalty)
     return excess, [x + push for x, push in zip(found, pushes)]
 
