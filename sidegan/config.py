@@ -72,6 +72,7 @@ class Robot:
 
     name: str
     gains: list[float] | None  # of the drives, motor current to joint torque [N·m/A]
+    effort: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of velocity and torque limits to use
 
 
 @dataclass(frozen=True)

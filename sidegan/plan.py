@@ -14,7 +14,7 @@ from sidegan.errors import ConfigError
 from sidegan.gan.objectives import Term
 from sidegan.gan.variants import Exact, Variant, Weights
 from sidegan.identification import Noise, study
-from sidegan.robot import Arm, load_robot
+from sidegan.robot import Arm, load_robot, with_effort
 from sidegan.stamp import Stamp
 from sidegan.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane, Region
@@ -40,7 +40,7 @@ class Task:
     @cached_property
     def arm(self) -> Arm:
         """The arm."""
-        return load_robot(self.cfg.robot.name)
+        return with_effort(load_robot(self.cfg.robot.name), self.cfg.robot.effort)
 
     @cached_property
     def trajectory(self) -> Trajectory:

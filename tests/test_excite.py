@@ -55,3 +55,15 @@ def test_more_than_there_is_is_refused(tmp_path):
     )
     with pytest.raises(ConfigError, match=r"selection\.count is 9, but the library of exact holds 8"):
         run_stages(config, tmp_path / "run", "excite", STAGES)
+
+
+def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
+    config = tiny(f"outputs={tmp_path}", *OPTIONS, "robot.effort=0.4", experiment="excite")
+    run_stages(config, tmp_path / "run", "excite", STAGES)
+    table = pd.read_csv(tmp_path / "run" / "set.csv")
+    arm = load_robot("planar2")
+    for k in range(1, 7):
+        frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
+        speed = frame[["dq_shoulder", "dq_elbow"]].abs().max().to_numpy()
+        assert (speed <= 0.4 * arm.velocity_limit.numpy() + 1e-6).all()
+    assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()

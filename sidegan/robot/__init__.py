@@ -1,6 +1,6 @@
 """What the arm is: placements, axes, inertias, limits and capsules as plain tensors, read from a URDF."""
 
-from sidegan.robot.arm import Arm, Capsules
+from sidegan.robot.arm import Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.load import built_in_robots, load_robot
 from sidegan.robot.oracle import capsule_geometry, pinocchio_model
@@ -17,5 +17,6 @@ __all__ = [
     "pinocchio_model",
     "pseudo_inertia",
     "require_consistent",
+    "with_effort",
     "write_urdf",
 ]

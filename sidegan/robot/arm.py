@@ -1,11 +1,13 @@
 """An arm as plain tensors."""
 
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import torch
 from torch import Tensor
+
+from sidegan.errors import RobotError
 
 _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
 
@@ -79,6 +81,21 @@ class Arm:
     def joints(self) -> int:
         """Number of joints J."""
         return len(self.joint_names)
+
+
+def with_effort(arm: Arm, effort: float) -> Arm:
+    """The same arm, of whose velocity and torque limits only the share ``effort`` may be used.
+
+    Raises:
+        RobotError: when the share is not above 0 and up to 1.
+    """
+    if not 0 < effort <= 1:
+        raise RobotError(f"effort is {effort}, expected a share above 0 and up to 1")
+    if effort == 1:
+        return arm
+    limits = {"velocity_limit": effort * arm.velocity_limit, "torque_limit": effort * arm.torque_limit}
+    digest = hashlib.sha256(f"{arm.digest} {digest_of(limits, arm.capsules)}".encode()).hexdigest()
+    return replace(arm, digest=digest, **limits)
 
 
 def digest_of(numbers: dict[str, Tensor], capsules: Capsules) -> str:

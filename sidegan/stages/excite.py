@@ -89,7 +89,7 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
             "cond(YᵀY)": [f"{x:.3g}" for x in chosen.fitness.tolist()],
             "peak velocity": _percent((motion.velocity.abs() / arm.velocity_limit).amax((1, 2))),
             "peak torque": _percent((torque.abs() / arm.torque_limit).amax((1, 2))),
-            "clearance [m]": [f"{x:.3f}" for x in nearest.tolist()],
+            "clearance [m]": ["—" if x != x else f"{x:.3f}" for x in nearest.tolist()],
             "energy [J]": [f"{x:.3g}" for x in torch.trapezoid(power, motion.time, dim=1).tolist()],
         }
     ).set_index("trajectory")
