@@ -93,9 +93,10 @@ def with_effort(arm: Arm, effort: float) -> Arm:
         raise RobotError(f"effort is {effort}, expected a share above 0 and up to 1")
     if effort == 1:
         return arm
-    limits = {"velocity_limit": effort * arm.velocity_limit, "torque_limit": effort * arm.torque_limit}
-    digest = hashlib.sha256(f"{arm.digest} {digest_of(limits, arm.capsules)}".encode()).hexdigest()
-    return replace(arm, digest=digest, **limits)
+    speed, torque = effort * arm.velocity_limit, effort * arm.torque_limit
+    limits = digest_of({"velocity_limit": speed, "torque_limit": torque}, arm.capsules)
+    digest = hashlib.sha256(f"{arm.digest} {limits}".encode()).hexdigest()
+    return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
 
 
 def digest_of(numbers: dict[str, Tensor], capsules: Capsules) -> str:
