@@ -13,6 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.config_beyond import Beyond
+from sidegan.config_conditional import Conditional
 from sidegan.config_identify import Identify, Model, Recording, check_files
 from sidegan.errors import ConfigError
 from sidegan.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
@@ -406,6 +407,7 @@ class Config:
     beyond: Beyond
     objectives: dict[str, GanVariant]  # exact variants with other objectives, trained briefly
     few_seeds: dict[str, GanVariant]  # exact variants for smaller seed sets, trained briefly
+    conditional: Conditional
     recordings: list[str]  # files to identify from
     validation: list[str]  # files that are held out
     recording: Recording

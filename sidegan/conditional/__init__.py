@@ -1,0 +1,7 @@
+"""One generator whose trajectories depend on a condition: region, effort, home, links to learn about."""
+
+from sidegan.conditional.condition import Condition
+from sidegan.conditional.generator import ConditionalGenerator
+from sidegan.conditional.ranges import Obstacles, Ranges
+
+__all__ = ["Condition", "ConditionalGenerator", "Obstacles", "Ranges"]

@@ -1,0 +1,83 @@
+"""A batch of conditions: what is asked of each trajectory, as tensors."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """What is asked of B trajectories; float64.
+
+    Attributes:
+        home: joint positions at both ends [rad or m], (B, J).
+        period: [s], (B,).
+        velocity: share of the velocity limits that may be used, (B,).
+        torque: share of the torque limits that may be used, (B,).
+        plane: height that no link that can help it goes below [m], (B,); −∞ for none.
+        walls: half-widths in x and y of a room around the world's origin [m], (B, 2); ∞ for none.
+        obstacle: centre and half edge of a cube to keep out of [m], (B, 4); half edge 0 for none.
+        links: how much the parameters of each link matter beside the condition number, (B, J).
+
+    Raises:
+        ShapeError: when the shapes do not fit each other.
+    """
+
+    home: Tensor
+    period: Tensor
+    velocity: Tensor
+    torque: Tensor
+    plane: Tensor
+    walls: Tensor
+    obstacle: Tensor
+    links: Tensor
+
+    def __post_init__(self) -> None:
+        count, joints = self.home.shape if self.home.ndim == 2 else (-1, -1)
+        wanted = {"home": (joints,), "walls": (2,), "obstacle": (4,), "links": (joints,)}
+        for name, x in self.columns().items():
+            expected = (count, *wanted.get(name, ()))
+            if x.shape != expected:
+                raise ShapeError(f"{name} of a condition is {tuple(x.shape)}, expected {expected}")
+            object.__setattr__(self, name, x.double())
+
+    def __len__(self) -> int:
+        return len(self.home)
+
+    def columns(self) -> dict[str, Tensor]:
+        """Every tensor by its name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def take(self, rows: Tensor) -> "Condition":
+        """The conditions at these indices, or where a mask is true."""
+        return replace(self, **{name: x[rows] for name, x in self.columns().items()})
+
+    def repeat(self, times: int) -> "Condition":
+        """Each condition so many times in a row."""
+        return replace(self, **{name: x.repeat_interleave(times, 0) for name, x in self.columns().items()})
+
+    def row(self, index: int) -> "Condition":
+        """One of the conditions, as a batch of one."""
+        return self.take(torch.tensor([index]))
+
+    def changed(self, **values: Tensor) -> "Condition":
+        """The same conditions with other values of some columns."""
+        return replace(self, **values)
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values of a batch of one, for people and for files; None for what there is not."""
+        plain: dict[str, Any] = {}
+        for name, x in self.columns().items():
+            values = [v if abs(v) < torch.inf else None for v in x[0].flatten().tolist()]
+            plain[name] = values if x.ndim > 1 else values[0]
+        return plain
+
+    @staticmethod
+    def cat(parts: "list[Condition]") -> "Condition":
+        """One batch of several."""
+        names = parts[0].columns()
+        return Condition(**{name: torch.cat([getattr(part, name) for part in parts]) for name in names})

@@ -1,0 +1,147 @@
+"""The trained conditioned generator: a condition in, trajectories out; one file."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from sidegan.conditional.asking import Asking
+from sidegan.conditional.condition import Condition
+from sidegan.conditional.ranges import Ranges
+from sidegan.conditional.settle import settle
+from sidegan.conditional.shaping import Shaping
+from sidegan.conditional.surroundings import family
+from sidegan.errors import ArtifactError, ShapeError, SideganError
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
+from sidegan.storage import read_torch, write_torch
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints
+
+_FORMAT = "conditional 1"
+
+
+@dataclass(frozen=True)
+class ConditionalGenerator:
+    """A generator with what may be asked of it.
+
+    Attributes:
+        network: noise and code of the condition → images.
+        scaling: images → coefficients.
+        reach: mean peaks of random trajectories, (2, J) (``Shaping``).
+        asking: the arm in its workspace, the family of trajectories, the ranges of conditions.
+    """
+
+    network: Generator
+    scaling: Scaling
+    reach: Tensor
+    asking: Asking
+
+    @torch.no_grad()
+    def sample(
+        self,
+        count: int,
+        condition: Condition | None = None,
+        seed: int | torch.Generator = 0,
+        settled: bool = True,
+    ) -> tuple[Trajectory, Tensor]:
+        """Family, with its home and period, and new coefficients [rad/s], (count, J, H, 2) float64.
+
+        Args:
+            count: how many.
+            condition: what is asked of all of them, a batch of one; nothing when None.
+            seed: of the noise; the same trajectories for the same seed.
+            settled: whether trajectories that would leave a region or a torque limit are made smaller
+                until they do not (``settle``).
+
+        Raises:
+            ShapeError: when count is not positive, or the condition is not one of this arm.
+            ConfigError: when the condition is outside of what the generator was trained for.
+            InfeasibleError: when the arm cannot rest at home, or a region leaves it no room.
+        """
+        if count < 1:
+            raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
+        condition = self.asking.neutral(1) if condition is None else condition
+        self.asking.refuse(condition)
+        random = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
+        each = condition.repeat(count)
+        return family(self.asking.trajectory, condition), self.sample_each(each, random, settled)
+
+    @torch.no_grad()
+    def sample_each(self, condition: Condition, random: torch.Generator, settled: bool = True) -> Tensor:
+        """One trajectory's coefficients [rad/s] for each of B conditions, (B, J, H, 2) float64.
+
+        The conditions are not checked; ``sample`` does so.
+        """
+        shaping = Shaping(self.asking.constraints.arm, self.asking.trajectory, self.reach)
+        noise = self.network.draw(len(condition), random)
+        code = self.asking.encode(condition).to(noise)
+        images = self.network(torch.cat([noise[:, : noise.shape[1] - code.shape[1]], code], 1))
+        c = shaping(self.scaling.to(images).coefficients(images), condition).double()
+        return settle(self.asking, condition, c) if settled else c
+
+    def save(self, path: Path) -> None:
+        """Write one file of tensors and plain values."""
+        arm = self.asking.constraints.arm
+        meta = {
+            "format": _FORMAT,
+            "robot": arm.name,
+            "digest": arm.digest,
+            "workspace": _workspace(self.asking.constraints),
+            "trajectory": self.asking.trajectory.describe(),
+            "network": self.network.settings,
+            "ranges": self.asking.ranges.describe(),
+        }
+        tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread, "reach": self.reach}
+        write_torch(path, {"meta": json.dumps(meta), "weights": self.network.state_dict(), **tensors})
+
+    @classmethod
+    def load(cls, path: Path, constraints: Constraints) -> "ConditionalGenerator":
+        """Generator of a file that ``save`` wrote; no code in the file is run.
+
+        Args:
+            path: the file.
+            constraints: the arm in its workspace, which must be those that it was trained for.
+
+        Raises:
+            ArtifactError: for a truncated or foreign file, another arm, or another workspace.
+        """
+        content = read_torch(path)
+        if not isinstance(content, dict):
+            raise ArtifactError(f"{path} does not hold a conditioned generator")
+        try:
+            meta: dict[str, Any] = json.loads(content["meta"])
+            if meta["format"] != _FORMAT:
+                raise ArtifactError(f"{path} has format {meta['format']!r}, expected {_FORMAT!r}")
+            _refuse_foreign(path, meta, constraints)
+            network = Generator(**meta["network"])
+            network.load_state_dict(content["weights"])
+            scaling = Scaling(content["mean"], content["spread"])
+            asking = Asking(constraints, Trajectory(**meta["trajectory"]), Ranges.of(meta["ranges"]))
+            if network.noise <= asking.size or content["reach"].shape != (2, constraints.arm.joints):
+                raise ArtifactError(f"{path} contradicts itself: its network does not fit its ranges")
+            return cls(network.eval(), scaling, content["reach"], asking)
+        except ArtifactError:
+            raise
+        except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
+            raise ArtifactError(f"{path} does not hold a conditioned generator: {error}") from error
+
+
+def _refuse_foreign(path: Path, meta: dict[str, Any], constraints: Constraints) -> None:
+    arm = constraints.arm
+    if meta["digest"] != arm.digest:
+        raise ArtifactError(
+            f"{path} was trained for {meta['robot']} (digest {meta['digest'][:12]}), "
+            f"not for {arm.name} (digest {arm.digest[:12]})"
+        )
+    here = json.loads(json.dumps(_workspace(constraints)))
+    if meta["workspace"] != here:
+        raise ArtifactError(f"{path} was trained for the workspace {meta['workspace']}, not for {here}")
+
+
+def _workspace(constraints: Constraints) -> dict[str, Any]:
+    regions = [{type(region).__name__.lower(): asdict(region)} for region in constraints.regions]
+    return {"torque": constraints.torque, "regions": regions}

@@ -1,0 +1,164 @@
+"""Trajectories of which each has its own home, period and limits, as one problem with exact gradients."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from sidegan.conditional.condition import Condition
+from sidegan.conditional.surroundings import Surroundings
+from sidegan.dynamics import RigidBody
+from sidegan.gan import physics
+from sidegan.gan.objectives import log_condition
+from sidegan.kernels import tensors as kernels
+from sidegan.seeds import SeedProblem
+from sidegan.seeds.objective import Penalty
+from sidegan.trajectory import Motion
+
+_DISTANCE = 0.25  # [m] clearance that counts like a whole limit, as in the seeds' penalty
+_AT_ONCE = 2_000  # states whose regressor stays near the processor
+_FLOOR = 1e-12  # share of the largest eigenvalue, below which a direction counts as not excited
+
+
+@dataclass(frozen=True)
+class ConditionedProblem(SeedProblem):
+    """A batch of trajectories under a batch of conditions.
+
+    Coefficients are velocities: with another period the motion is that of the family's period, with
+    positions from home in proportion to the period and accelerations against it. So one basis serves all.
+
+    Args:
+        constraints: the arm in its workspace, without torque limits: they differ between trajectories.
+        condition: as many as there are coefficients in every call.
+        surroundings: of the same arm.
+        torque: whether shares of the torque limits count.
+    """
+
+    condition: Condition = field(kw_only=True)
+    surroundings: Surroundings = field(kw_only=True)
+    torque: bool = field(kw_only=True)
+
+    @property
+    def stretch(self) -> Tensor:
+        """Each period over the family's, (B, 1, 1)."""
+        return (self.condition.period / self.trajectory.period)[:, None, None]
+
+    def motion(self, c: Tensor) -> Motion:
+        """Joint motion at the problem's time points, (B, samples, J); the time is that of the family."""
+        motion = super().motion(c)
+        moved = motion.position - c.new_tensor(self.trajectory.home)
+        position = self.condition.home[:, None] + moved * self.stretch
+        return Motion(motion.time, position, motion.velocity, motion.acceleration / self.stretch)
+
+    @torch.no_grad()
+    def gram(self, c: Tensor) -> Tensor:
+        """Gram matrices of the base regressor, (B, p, p)."""
+        rows = max(1, _AT_ONCE // self.samples)
+        return torch.cat(
+            [self._gram(*states) for states in zip(*(x.split(rows) for x in self.motion(c)[1:]))]
+        )
+
+    def _gram(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+        plain = partial(_plain_gram, self)
+        if kernels.usable(q, dq, ddq):
+            return kernels.gram(self.body.chain, self.body.base.columns, (q, dq, ddq), plain)
+        return plain(q, dq, ddq)
+
+    def violation(self, c: Tensor, penalty: Penalty) -> Tensor:
+        """Squared relative violations of limits, distances and regions, mean over time, (B,).
+
+        The same as the seeds' penalty, but for shares of the torque limits and regions of each trajectory.
+        """
+        motion = self.motion(c)
+        excess = physics.violation(self, c, penalty)
+        if self.torque:
+            torque = self.body.torque(*motion[1:]).abs() / self.constraints.arm.torque_limit
+            use = penalty.torque + torque / self.condition.torque[:, None, None] - 1
+            excess = excess + penalty.weight * (use.clamp_min(0) ** 2).sum(2).mean(1)
+        reach = penalty.distance * _DISTANCE
+        for distance in self.surroundings.clearances(motion.position, self.condition, reach).values():
+            near = penalty.distance - distance / _DISTANCE
+            excess = excess + penalty.weight * (near.clamp_min(0) ** 2).sum(2).mean(1)
+        return excess
+
+
+def _plain_gram(problem: ConditionedProblem, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    rows = problem.body.base_regressor(q, dq, ddq).flatten(1, 2)
+    return rows.transpose(1, 2) @ rows / q.shape[1]
+
+
+def variances(body: RigidBody, grams: Tensor) -> Tensor:
+    """Variances of the base parameters, (B, p): the diagonal of each inverse of Gram matrices (B, p, p)."""
+    values, vectors = _eigen(body, grams)
+    return (vectors**2 / values[:, None]).sum(2)
+
+
+def _eigen(body: RigidBody, grams: Tensor) -> tuple[Tensor, Tensor]:
+    """Eigenvalues λ, ascending, and V with G⁻¹ = V diag(1/λ) Vᵀ, of Gram matrices G (B, p, p)."""
+    subspace = body.base.subspace
+    values, vectors = kernels.eigh(subspace.T @ grams @ subspace)
+    floor = (_FLOOR * values[:, -1:]).clamp_min(torch.finfo(values.dtype).tiny)
+    return torch.maximum(values, floor), subspace @ vectors
+
+
+def worth(problem: SeedProblem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
+    """Smooth log condition number, and log of the weighted sum of the base parameters' variances, (B,) each.
+
+    The variances are those of parameters identified from one sample of noise 1 per time point: the diagonal
+    of (YᵀY / T)⁻¹. Where a row of weights is zero, the second is zero.
+
+    Args:
+        problem: the trajectories.
+        c: coefficients [rad/s], (B, J, H, 2).
+        weights: of the base parameters, (B, p), not negative.
+    """
+    return _Worth.apply(*problem.motion(c)[1:], problem, c.detach(), weights)
+
+
+class _Worth(torch.autograd.Function):
+    """For G = YᵀY / T, a function with slope S = Σ w v vᵀ in G has the energy Σ w |Y v|² / T as its gradient.
+
+    The v are eigenvectors for the condition number, and columns of G⁻¹ for the variances.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, problem: SeedProblem, c: Tensor, weights: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        values, vectors = _eigen(problem.body, problem.gram(c))
+        with torch.enable_grad():
+            given = values.detach().requires_grad_(True)
+            ratio = log_condition(given)
+            (slopes,) = torch.autograd.grad(ratio.sum(), given)
+        spread = (vectors**2 / values[:, None]).sum(2)
+        told = weights.amax(1) > 0
+        total = torch.where(told, (weights * spread).sum(1), 1.0)
+        ctx.problem, ctx.told = problem, told
+        ctx.save_for_backward(q, dq, ddq, values, vectors, slopes, weights / total[:, None])
+        return ratio.detach(), torch.log(total)
+
+    @staticmethod
+    def backward(ctx: Any, *upwards: Tensor) -> tuple[Tensor | None, ...]:
+        *states, values, vectors, slopes, weights = ctx.saved_tensors
+        used = (slopes != 0).any(0)
+        found = _energies(ctx.problem, states, vectors[:, :, used].mT, slopes[:, used] * upwards[0][:, None])
+        if ctx.told.any():
+            rows = ctx.told.nonzero()[:, 0]
+            count = int((weights[rows] > 0).sum(1).max())
+            largest, order = weights[rows].topk(count, 1)
+            inverse = (vectors[rows] / values[rows, None]) @ vectors[rows].mT
+            columns = inverse.gather(1, order[:, :, None].expand(-1, -1, inverse.shape[2]))
+            pushed = -largest * upwards[1][rows, None]
+            more = _energies(ctx.problem, [x[rows] for x in states], columns, pushed)
+            found = [x.index_add(0, rows, y) for x, y in zip(found, more)]
+        return (*found, None, None, None)
+
+
+def _energies(problem: SeedProblem, states: list[Tensor], vectors: Tensor, weights: Tensor) -> list[Tensor]:
+    """Gradients in the states, (B, T, J) each, of Σ weight |Y v|² / T over base vectors (B, K, p)."""
+    full = vectors.new_zeros(*vectors.shape[:2], 10 * problem.body.joints)
+    full[:, :, problem.body.base.columns] = vectors
+    q, dq, ddq = states
+    return problem.body.energy_slopes(q, dq, ddq, full, weights / q.shape[1])

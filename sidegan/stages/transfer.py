@@ -1,0 +1,158 @@
+"""Stage transfer: a generator for another arm, tool or desk, from scratch and from one that is there."""
+
+import logging
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from sidegan import plan_beyond
+from sidegan.artifacts import Store
+from sidegan.config import Config
+from sidegan.config_beyond import Target
+from sidegan.gan import TrajectoryGenerator, Variant
+from sidegan.gan.limits import Limits
+from sidegan.gan.metrics import measure
+from sidegan.parallel import Report
+from sidegan.plan import GENERATOR, HISTORY, REPORT, Task, regions, variant
+from sidegan.robot import Arm, load_robot, write_urdf
+from sidegan.stages.common import finite, produce_all, words
+from sidegan.stamp import Stamp
+from sidegan.storage import read_json, write_json
+from sidegan.tracking import Tracker
+from sidegan.trajectory import Trajectory
+from sidegan.validity import Constraints, Plane
+
+log = logging.getLogger(__name__)
+
+SCRATCH, BRIEF, TRANSFER = "scratch", "brief", "transfer"  # brief: from scratch, but as short as a transfer
+WAYS = (SCRATCH, BRIEF, TRANSFER)
+_ARMS = Path(__file__).parent / "arms"
+_BALL = 0.05  # [m] radius of gyration of a payload
+
+
+def run(cfg: Config, store: Store, tracker: Tracker) -> None:
+    """Train for every target in every way."""
+    task = Task(cfg, store)
+    wanted = [(target, way) for target in cfg.beyond.targets for way in WAYS]
+    stamps = [stamp_of(task, *one) for one in wanted]
+    produce_all(task, "transfer (%)", stamps, [partial(_make, task, *one) for one in wanted])
+    for (target, way), stamp in zip(wanted, stamps):
+        history = read_json(store.require(stamp) / HISTORY)
+        log.info("%s, %s: %s", target, way, words(history[-1]))
+
+
+def stamp_of(task: Task, target: str, way: str) -> Stamp:
+    """Of one training: what it begins with and for which arm it is."""
+    wanted = task.cfg.beyond
+    inputs = {}
+    if wanted.targets[target].robot is not None:
+        inputs["target"] = _there(task, wanted.targets[target]).digest
+    if way == TRANSFER:
+        inputs["gan"] = plan_beyond.source_stamp(task).digest
+    return plan_beyond.transfer(task, target, way, inputs)
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """What a target stands for.
+
+    Attributes:
+        task: where the generator comes from.
+        target: what differs.
+        folder: where the description of an arm with a payload is written.
+    """
+
+    task: Task
+    target: Target
+    folder: Path
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm, with its payload."""
+        arm = _there(self.task, self.target)
+        if not self.target.payload:
+            return arm
+        loaded = arm.inertial_parameters.clone()
+        loaded[-1] += _ball(self.target.payload, arm.tip)
+        write_urdf(arm, loaded, self.folder / "arm.urdf")
+        return load_robot(self.folder / "arm.urdf")
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The arm in its workspace."""
+        workspace = self.task.cfg.workspace
+        desk = self.target.desk
+        around = regions(workspace) if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
+        constraints = Constraints(self.arm, around, workspace.torque)
+        constraints.refuse_home(self.trajectory.home or ())
+        return constraints
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """Trajectories around the target's home."""
+        return replace(self.task.trajectory, home=self.target.home or self.task.trajectory.home)
+
+
+def _there(task: Task, target: Target) -> Arm:
+    """The arm without its payload."""
+    if target.robot is None:
+        return task.arm
+    ours = _ARMS / f"{target.robot}.urdf"
+    return load_robot(ours if ours.is_file() else target.robot)
+
+
+def _ball(mass: float, centre: Tensor) -> Tensor:
+    """Inertial parameters, (10,), of a ball of a mass [kg] around a point [m], (3,)."""
+    inertia = mass * (centre.square().sum() * torch.eye(3).to(centre) - torch.outer(centre, centre))
+    inertia = inertia + mass * _BALL**2 * torch.eye(3).to(centre)
+    rows, columns = (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)
+    return torch.cat([centre.new_tensor([mass]), mass * centre, inertia[rows, columns]])
+
+
+def schedule(task: Task, way: str) -> Variant:
+    """The source variant with the schedule of one way."""
+    wanted = task.cfg.beyond
+    name = plan_beyond.source(task)
+    settings = variant(name, task.cfg.gan[name])
+    epochs = wanted.epochs if way == SCRATCH else max(1, round(wanted.share * wanted.epochs))
+    return replace(settings, epochs=epochs, steps=wanted.epoch)
+
+
+def _make(task: Task, target: str, way: str, folder: Path, work: Path, report: Report) -> None:
+    from sidegan.gan.training import train_variant
+
+    there = Elsewhere(task, task.cfg.beyond.targets[target], folder)
+    wanted, count, facts = schedule(task, way), max(2, 2 * task.cfg.beyond.polished), {}
+    start = None
+    if way == TRANSFER:
+        start = _source(task)
+        facts = measure(there.constraints, there.trajectory, _moved(start, there).sample(count))
+    trained = train_variant(
+        wanted,
+        there.constraints,
+        there.trajectory,
+        None,
+        work,
+        seed=task.number(f"transfer {target} {way}"),
+        evaluation=count,
+        device=task.cfg.device,
+        epoch_end=lambda epoch, _: report(epoch + 1, wanted.epochs),
+        start=start,
+    )
+    trained.generator.save(folder / GENERATOR)
+    write_json(folder / HISTORY, [finite(row) for row in trained.history])
+    write_json(folder / REPORT, finite(facts))
+
+
+def _source(task: Task) -> TrajectoryGenerator:
+    path = task.store.require(plan_beyond.source_stamp(task)) / GENERATOR
+    return TrajectoryGenerator.load(path, task.arm)
+
+
+def _moved(generator: TrajectoryGenerator, there: Elsewhere) -> TrajectoryGenerator:
+    """The generator as it is, with the limits of another arm."""
+    limits = None if generator.limits is None else Limits.of(there.arm, there.trajectory)
+    return replace(generator, trajectory=there.trajectory, limits=limits)

@@ -1,0 +1,264 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from experiments import beyond, beyond_goals, beyond_tables
+from experiments import beyond_sections as sections
+from experiments.beyond_evidence import Evidence, arrival
+from sidegan import plan_beyond
+from sidegan.artifacts import Store
+from sidegan.errors import ArtifactError, ConfigError
+from sidegan.library import Library
+from sidegan.plan import SEEDS, Task
+from sidegan.run import run_stages
+from sidegan.stages import STAGES, best, transfer
+from sidegan.stages.common import load
+from tests.tiny import tiny
+
+SMALL = (
+    "trainings=[0,1]",
+    "gan=[vanilla,eigen,exact,exact_adversarial]",
+    "gan@objectives=[exact_brief,exact_set]",
+    "beyond.steps=[3]",
+    "beyond.finish=3",
+    "beyond.sizes=[10]",
+    "beyond.repeats=2",
+    "beyond.epoch=2",
+    "~beyond.targets.another_arm",
+    "~beyond.targets.higher_desk",
+)
+
+
+def config(root, *overrides):
+    return tiny(*SMALL, f"outputs={root}", *overrides, experiment="beyond")
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """Root of a whole tiny comparison."""
+    folder = tmp_path_factory.mktemp("outputs")
+    run_stages(config(folder, f"publish={folder}/docs"), folder / "runs" / "first", "first", STAGES)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evidence(root):
+    return Evidence(Task(config(root), Store(root)))
+
+
+def test_the_page_has_its_tables_figures_and_metrics(root):
+    docs = root / "docs"
+    text = (docs / "beyond.md").read_text(encoding="utf-8")
+    for title in (
+        "Goals",
+        "What each way makes",
+        "Seconds to the first 6",
+        "The best 6",
+        "Polish",
+        "Objectives",
+    ):
+        assert f"## {title}" in text, title
+    assert "Not run" not in text and "| nan" not in text
+    for link in [part.partition(")")[0] for part in text.split("](")[1:]]:
+        assert (docs / link).is_file(), link
+    tables = {path.stem for path in (docs / "beyond" / "tables").glob("*.csv")}
+    assert {
+        "goals",
+        "pools",
+        "first",
+        "best_greedy",
+        "best_D_optimal",
+        "polish",
+        "objectives",
+        "few",
+    } <= tables
+    metrics = json.loads((docs / "beyond" / "metrics.json").read_text())
+    assert 0 < metrics["exact.success"] <= 1 and metrics["seeds.stack"] >= 1
+
+
+def test_a_second_run_makes_nothing_anew(root):
+    stamps = {path: path.stat().st_mtime_ns for path in root.glob("*/*/stamp.json")}
+    names = [name for name in config(root).stages if name != "table"]
+    run_stages(config(root, f"stages=[{','.join(names)}]"), root / "runs" / "second", "second", STAGES)
+    assert {path: path.stat().st_mtime_ns for path in root.glob("*/*/stamp.json")} == stamps
+
+
+def test_what_was_not_run_is_said(root, tmp_path):
+    """With another schedule the single trainings are not there."""
+    other = Task(config(root, "beyond.epoch=3", "beyond.steps=[4]", "scale.brief_epochs=3"), Store(root))
+    missing = {sections.polish: "polish", sections.objectives: "objectives", sections.transfers: "transfer"}
+    for section, stage in missing.items():
+        made = section(Evidence(other), tmp_path)
+        assert made.blocks == [f"Not run for this page: stage `{stage}` makes it."]
+
+
+def test_the_page_needs_the_variant_that_it_is_about(root):
+    task = Task(config(root, "gan=[vanilla]"), Store(root))
+    with pytest.raises(ConfigError, match=r"beyond\.source is 'exact', expected one of gan: vanilla"):
+        beyond.collect(task)
+
+
+def test_a_page_without_its_sets_names_what_is_missing(tmp_path):
+    evidence = Evidence(Task(config(tmp_path), Store(tmp_path)))
+    with pytest.raises(ArtifactError, match="run stage best first"):
+        _ = evidence.pools
+
+
+def test_sets_are_of_one_pool_alone_and_of_their_size(evidence):
+    task = evidence.task
+    assert set(evidence.best.name) == {name for name, _ in plan_beyond.pools(task)}
+    for name, training in plan_beyond.pools(task):
+        pool = load(task, plan_beyond.pool(task, name, training))
+        assert set(pool.source) == {"gradient" if name == SEEDS else name}
+    chosen = best.picks(pool, best.information(task, pool.coefficients), 6)
+    assert set(chosen) == set(evidence.best.pick) and all(len(set(x.tolist())) == 6 for x in chosen.values())
+
+
+def test_the_determinants_pick_has_the_larger_determinant(evidence):
+    table = evidence.best.pivot(index=["name", "training"], columns="pick", values="log_det")
+    assert (table[best.OPTIMAL] >= table[best.GREEDY] - 1e-9).all()
+
+
+def test_effort_of_a_motion_that_is_known(evidence):
+    task = evidence.task
+    c = load(task, task.seeds).coefficients[:3]
+    energy, speed = best.effort(task, c)
+    double, faster = best.effort(task, 1.5 * c)
+    torch.testing.assert_close(faster, 1.5 * speed)
+    assert (speed > 0).all() and (speed <= 1).all() and (double > energy).all()
+    times = task.trajectory.times(2000.0)
+    _, q, dq, ddq = task.trajectory.roll_out(c, times)
+    power = (task.body.torque(q, dq, ddq) * dq).abs().sum(2)
+    torch.testing.assert_close(torch.trapezoid(power, times, dim=1), energy, rtol=1e-3, atol=0)
+
+
+def test_time_from_nothing_counts_what_a_variant_needs(evidence):
+    frame = evidence.first.groupby("name").mean(numeric_only=True)
+    assert frame.seeds["exact"] == 0 and frame.surrogates["exact"] == 0
+    assert frame.seeds["exact_adversarial"] > 0 and frame.surrogates["exact_adversarial"] == 0
+    assert frame.seeds["eigen"] > 0 and frame.surrogates["eigen"] > 0
+    assert frame.cpu["exact"] > 0 and np.isnan(frame.cpu["eigen"])
+    assert frame.total[SEEDS] == pytest.approx(frame.drawing[SEEDS])
+    progress = evidence.progress
+    for (name, _), part in progress.groupby(["variant", "training"]):
+        assert (part.seconds.diff().dropna() > 0).all()
+        assert part.seconds.iloc[0] > evidence.before(name)
+
+
+def test_goals_follow_from_the_numbers(evidence, monkeypatch):
+    def verdicts():
+        return {goal.text: goal.met for goal in beyond_goals.goals(evidence, "exact")}
+
+    pools = evidence.pools
+    for share, met in ((1.0, True), (0.98, False)):
+        monkeypatch.setitem(evidence.__dict__, "pools", pools.assign(success=share))
+        assert verdicts()["valid without filtering"] is met
+    ours = pools.name == "exact"
+    for rank, met in ((100.0, True), (1.0, False)):
+        monkeypatch.setitem(evidence.__dict__, "pools", pools.assign(rank=np.where(ours, rank, 50.0)))
+        assert verdicts()["effective rank"] is met
+    table = beyond_goals.table(*(beyond_goals.goals(evidence, name) for name in ("exact", "polished")))
+    assert table.verdict["effective rank"] == "**not met**"
+
+
+def test_choices_follow_from_the_numbers(evidence, monkeypatch):
+    def said():
+        return "\n".join(beyond_goals.choices(evidence))
+
+    first = evidence.first
+    slow = first.assign(total=np.where(first.name == SEEDS, 1.0, 100.0))
+    monkeypatch.setitem(evidence.__dict__, "first", slow)
+    assert "**: optimised seeds, after 1 s from nothing; `exact` takes 100 × as long" in said()
+    monkeypatch.setitem(
+        evidence.__dict__, "first", first.assign(total=np.where(first.name == SEEDS, 9.0, 1.0))
+    )
+    assert "optimised seeds, after" not in said()
+    pools = evidence.pools
+    worse = pools.assign(rank=np.where(pools.name == "vanilla", 1e6, pools["rank"]))
+    monkeypatch.setitem(evidence.__dict__, "pools", worse)
+    line = next(text for text in said().splitlines() if text.startswith("- **vanilla**"))
+    assert "effective rank" in line
+
+
+def test_arrival_is_where_a_training_first_has_both():
+    curve = pd.DataFrame(
+        {
+            "steps": [0, 25, 50, 75],
+            "seconds": [0.0, 1.0, 2.0, 3.0],
+            "success": [0.99, 0.9, 0.98, 0.99],
+            "condition": [900.0, 100.0, 109.0, 90.0],
+        }
+    )
+    assert arrival(curve, 100.0) == (50.0, 2.0)
+    assert np.isnan(arrival(curve, 50.0)).all()
+
+
+def test_a_payload_is_carried_at_the_tip(evidence, tmp_path):
+    task = evidence.task
+    target = task.cfg.beyond.targets["tool"]
+    there = transfer.Elsewhere(task, target, tmp_path)
+    before, after = (arm.inertial_parameters[:, 0].sum() for arm in (task.arm, there.arm))
+    assert float(after - before) == pytest.approx(target.payload)
+    zero = torch.zeros(1, 2, dtype=torch.float64)
+    moved = torch.tensor([[0.4, 0.3]], dtype=torch.float64)
+    lift = there.constraints.body.torque(moved, zero, zero) - task.body.torque(moved, zero, zero)
+    step = 1e-6
+    height = []
+    for joint in range(2):  # the torque of a weight is the slope of its potential energy
+        ends = [_tip_height(task.arm, moved + sign * step * torch.eye(2)[joint]) for sign in (1, -1)]
+        height.append((ends[0] - ends[1]) / (2 * step) * target.payload)
+    torch.testing.assert_close(lift[0], torch.stack(height), atol=1e-6, rtol=1e-6)
+
+
+def _tip_height(arm, q):
+    """Work against gravity per mass of the tip [m²/s²]."""
+    place = arm.tip
+    for joint in reversed(range(2)):
+        angle, axis = q[0, joint], arm.axis[joint]
+        skew = torch.linalg.cross(axis.expand(3, 3), torch.eye(3, dtype=torch.float64), dim=1).T
+        place = torch.linalg.matrix_exp(angle * -skew.T) @ place
+        place = arm.rotation[joint] @ place + arm.translation[joint]
+    return -(arm.gravity @ place)
+
+
+def test_the_panda_sized_arm_rests_at_its_home_and_can_be_excited():
+    cfg = tiny("robot=kuka_lwr4", "workspace=desk", "trajectory.harmonics=6", experiment="beyond")
+    task = Task(cfg, Store.__new__(Store))
+    there = transfer.Elsewhere(task, cfg.beyond.targets["another_arm"], None)
+    assert there.arm.joints == 7 and there.constraints.body.parameters_count >= 40
+    assert there.trajectory.home == tuple(cfg.beyond.targets["another_arm"].home)
+
+
+def test_a_transfer_starts_where_the_source_ended(evidence):
+    frame = evidence.transfers
+    assert set(frame.way) == set(transfer.WAYS)
+    begun = frame[frame.way == transfer.TRANSFER].iloc[0]
+    assert begun.steps == 0 and 0 <= begun.success <= 1
+    assert (frame[frame.way != transfer.TRANSFER].steps > 0).all()
+    table = beyond_tables.transfers(frame)
+    assert list(table["way"]) == list(transfer.WAYS) and list(table.index) == ["a tool"] * 3
+
+
+def test_objectives_and_few_seeds_are_single_trainings(evidence):
+    assert set(evidence.objectives.name) == {"exact_brief", "exact_set"}
+    sizes = evidence.few.groupby("variant").seeds.apply(set).to_dict()
+    assert sizes["exact_adversarial_brief"] == {10, 40} and sizes["eigen"] == {40}
+
+
+def test_libraries_of_objectives_are_valid(evidence):
+    task = plan_beyond.with_objectives(evidence.task)
+    folder = task.store.require(task.library("exact_set", 0))
+    assert Library.load(folder / "library.parquet", task.arm).valid.all()
+
+
+def test_polishing_costs_what_it_takes_and_excites_more(evidence):
+    task = evidence.task
+    for training in task.cfg.trainings:
+        report = evidence.report(plan_beyond.polished(task, training))
+        assert report["count"] == task.cfg.seeds.count and report["each"] > 0
+        plain = evidence.report(task.library("exact", training))
+        assert report["condition"] < plain["condition"]
+    assert not beyond_goals.verdict(beyond_goals.Goal("", "", "", True)).startswith("*")
