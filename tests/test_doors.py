@@ -39,6 +39,7 @@ ORDER = {
     "validity": 4,
     "seeds": 5,
     "gan": 6,
+    "conditional": 6.5,
     "library": 7,
     "information": 5,
     "selection": 8,
@@ -50,7 +51,7 @@ ORDER = {
 }
 SIDE_BY_SIDE = {"seeds", "gan", "library", "selection", "optimal", "plant", "recording", "identification"}
 KNOWN = {"gan": {"seeds"}}  # exact physics in the loop is the seeds' problem
-ABOVE = {"plan", "stages", "run", "callbacks"}  # what puts the rooms together
+ABOVE = {"plan", "plan_conditional", "plan_beyond", "stages", "run", "callbacks"}  # what puts the rooms together
 
 
 def room_of(path):

@@ -68,8 +68,8 @@ def fit(loop: LoneLoop, work: Path, measure: Measure, epoch_end: training.EpochE
     epochs, batch = loop.variant.epochs, loop.variant.batch
     blank = TensorDataset(torch.zeros(loop.steps // epochs * batch, 1))
     watch = _Watch(work / LAST, measure, epoch_end)
-    trainer = training._trainer(epochs, work, watch, "cpu")
-    training._fit(trainer, loop, DataLoader(blank, batch), training._whole(work / LAST))
+    trainer = training.lightning_trainer(epochs, work, watch, "cpu")
+    training.fit_resumably(trainer, loop, DataLoader(blank, batch), training.whole_checkpoint(work / LAST))
 
 
 class _Watch(pl.Callback):

@@ -98,9 +98,9 @@ def train_variant(
     sampler = RandomSampler(data, replacement=True, num_samples=steps * variant.batch)
     loader = DataLoader(data, variant.batch, sampler=sampler)
     watch = _Watch(constraints, trajectory, evaluation, seed, work / _LAST, epoch_end)
-    trainer = _trainer(variant.epochs, work, watch, device)
-    last = _whole(work / _LAST)
-    _fit(trainer, loop, loader, last)
+    trainer = lightning_trainer(variant.epochs, work, watch, device)
+    last = whole_checkpoint(work / _LAST)
+    fit_resumably(trainer, loop, loader, last)
     network = loop.generator.eval().cpu()
     scaling = loop.cpu().scaling
     arm = constraints.arm
@@ -171,7 +171,7 @@ def _tensors(
     return tensors
 
 
-def _whole(path: Path) -> Path | None:
+def whole_checkpoint(path: Path) -> Path | None:
     """The checkpoint to go on from; None when there is none, or it is damaged."""
     if not path.exists():
         return None
@@ -183,7 +183,7 @@ def _whole(path: Path) -> Path | None:
     return path
 
 
-def _fit(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader, last: Path | None) -> None:
+def fit_resumably(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader, last: Path | None) -> None:
     handler = signal.getsignal(signal.SIGINT)
     try:
         with warnings.catch_warnings():
@@ -194,7 +194,7 @@ def _fit(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader, last: P
         raise KeyboardInterrupt from error
 
 
-def _trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
+def lightning_trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     kind, _, index = device.partition(":")
     return pl.Trainer(
