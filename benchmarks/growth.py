@@ -1,8 +1,8 @@
 """The command ``python -m benchmarks.growth``: how costs grow, as tables and pictures in docs/growth.
 
-Every point is measured in a process of its own on one thread, in CPU time, since a machine is seldom idle.
-Points take turns and each is repeated, so that a machine that slows down slows all of them. Each finished
-measurement is a row of the curve's table: a run that was stopped goes on where it was.
+Points are measured in a process apart on one thread, in CPU time, since a machine is seldom idle; in one each
+where memory is measured too. Points take turns and are repeated: a machine that slows down slows all of them.
+Each finished measurement is a row of the curve's table: a run that was stopped goes on where it was.
 """
 
 import argparse
@@ -39,8 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         path = chosen.folder / f"{name}.csv"
         if chosen.fresh:
             path.unlink(missing_ok=True)
-        for at, repeat in _wanted(CURVES[name], chosen.small, chosen.repeats):
-            _measure(name, at, repeat, path)
+        with _process(CURVES[name]) as pool:
+            for at, repeat in _wanted(CURVES[name], chosen.small, chosen.repeats):
+                _measure(pool, name, at, repeat, path)
         draw(CURVES[name], pd.read_csv(path), path.with_suffix(".png"))
     write_page(chosen.folder)
     return 0
@@ -52,25 +53,34 @@ def _wanted(curve: Curve, small: bool, repeats: int) -> list[tuple[int, int]]:
     return [(at, k) for k in range(repeats) for at in points if k == 0 or at not in curve.once]
 
 
-def _measure(name: str, at: int, repeat: int, path: Path) -> None:
+def _process(curve: Curve) -> ProcessPoolExecutor:
+    each = 1 if curve.memory else None
+    return ProcessPoolExecutor(1, mp_context=_CONTEXT, initializer=_get_ready, max_tasks_per_child=each)
+
+
+def _measure(pool: ProcessPoolExecutor, name: str, at: int, repeat: int, path: Path) -> None:
     """Leave a measurement's row in the table, unless it is there."""
     known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["at", "repeat"])
     if ((known["at"] == at) & (known["repeat"] == repeat)).any():
         return
     sys.stderr.write(f"{name} at {at}, {repeat + 1} …\n")
-    with ProcessPoolExecutor(1, mp_context=_CONTEXT) as pool:
-        found = {"at": at, "repeat": repeat, **pool.submit(_point, name, at).result()}
+    found = {"at": at, "repeat": repeat, **pool.submit(_point, name, at).result()}
     rows = pd.DataFrame([*known.to_dict("records"), found]).sort_values(["at", "repeat"])
     write_bytes(path, rows.to_csv(index=False, float_format="%.5g").encode())
 
 
-def _point(name: str, at: int) -> dict[str, float]:
+def _get_ready() -> None:
     import torch
 
     from benchmarks import curves
 
     torch.set_num_threads(1)
     curves.warm_up()
+
+
+def _point(name: str, at: int) -> dict[str, float]:
+    from benchmarks import curves
+
     found: dict[str, float] = getattr(curves, name)(at)
     return found
 
