@@ -396,6 +396,7 @@ class Config:
     gan: dict[str, GanVariant]
     library: Expansion
     selection: Selection
+    excite: list[str]  # pools that stage excite picks from: seeds, random, variants
     long: Long
     identification: Identification
     plant: Plant
@@ -431,6 +432,8 @@ class Config:
             raise ConfigError(f"trainings is {self.trainings}, expected one number or more, each once")
         if self.subset is not None and self.subset > self.seeds.count:
             raise ConfigError(f"subset is {self.subset}, expected at most seeds.count = {self.seeds.count}")
+        if not self.excite or len(set(self.excite)) < len(self.excite):
+            raise ConfigError(f"excite is {self.excite}, expected one pool or more, each once")
         if not self.gan:
             raise ConfigError("gan is empty, expected one variant or more")
         if self.replication.replicas and self.identification.forgetting < 1 and "replication" in self.stages:

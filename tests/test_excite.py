@@ -10,14 +10,14 @@ from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
 
-OPTIONS = ("gan.exact.exact.samples=20", "library.draws=5000", "library.polish=5")
+GENERATED = ("gan=exact", "stages=[gan,library,excite]", "excite=[exact]", "gan.exact.exact.samples=20")
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Folder of a run that made trajectories to execute."""
     root = tmp_path_factory.mktemp("excite")
-    run_stages(tiny(f"outputs={root}", *OPTIONS, experiment="excite"), root / "run", "excite", STAGES)
+    run_stages(tiny(f"outputs={root}", experiment="excite"), root / "run", "excite", STAGES)
     return root / "run"
 
 
@@ -49,16 +49,26 @@ def test_the_table_says_what_each_asks_of_the_arm(folder):
     assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
 
 
-def test_more_than_there_is_is_refused(tmp_path):
-    config = tiny(
-        f"outputs={tmp_path}", *OPTIONS, "library.count=8", "selection.count=9", experiment="excite"
-    )
-    with pytest.raises(ConfigError, match=r"selection\.count is 9, but the library of exact holds 8"):
+def test_a_generator_may_be_the_pool(tmp_path):
+    options = (*GENERATED, "library.draws=5000", "library.polish=5", "library.count=8")
+    config = tiny(f"outputs={tmp_path}", *options, experiment="excite")
+    run_stages(config, tmp_path / "run", "excite", STAGES)
+    assert Library.load(tmp_path / "run" / "library.parquet").source == ["exact"] * 6
+    with pytest.raises(ConfigError, match=r"selection\.count is 9, but exact hold 8 trajectories"):
+        many = tiny(f"outputs={tmp_path}", *options, "selection.count=9", experiment="excite")
+        run_stages(many, tmp_path / "run", "excite", STAGES)
+
+
+def test_pools_that_are_not_there_are_refused(tmp_path):
+    with pytest.raises(ConfigError, match="excite names 'gold', expected some of seeds, random, vanilla"):
+        config = tiny(f"outputs={tmp_path}", "excite=[gold]", "stages=[excite]", experiment="excite")
         run_stages(config, tmp_path / "run", "excite", STAGES)
+    with pytest.raises(ConfigError, match="expected one pool or more, each once"):
+        tiny("excite=[seeds,seeds]", experiment="excite")
 
 
 def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
-    config = tiny(f"outputs={tmp_path}", *OPTIONS, "robot.effort=0.4", experiment="excite")
+    config = tiny(f"outputs={tmp_path}", "robot.effort=0.4", experiment="excite")
     run_stages(config, tmp_path / "run", "excite", STAGES)
     table = pd.read_csv(tmp_path / "run" / "set.csv")
     arm = load_robot("planar2")

@@ -1,4 +1,4 @@
-"""Stage excite: the trajectories to execute on an arm, from a generator's library alone, as files."""
+"""Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
 import logging
 from pathlib import Path
@@ -13,10 +13,11 @@ from sidegan.criteria import criteria_of
 from sidegan.errors import ConfigError
 from sidegan.information import information_of
 from sidegan.library import Library
-from sidegan.plan import LIBRARY, Task
+from sidegan.plan import LIBRARY, RANDOM, SEEDS, Task
 from sidegan.report.export import publish
 from sidegan.stages.common import load
 from sidegan.stages.selection import pick
+from sidegan.stamp import Stamp
 from sidegan.storage import write_bytes
 from sidegan.tracking import Tracker
 from sidegan.trajectory import Motion, concatenate
@@ -27,18 +28,16 @@ FOLDER, WHOLE = "trajectories", "all.csv"
 
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Pick from the first variant's library, and write each trajectory and all of them in a row.
+    """Pick from the configured pools, and write each trajectory and all of them in a row.
 
     Raises:
-        ConfigError: when more trajectories are wanted than the library holds.
+        ConfigError: when there is no such pool, or more trajectories are wanted than the pools hold.
     """
     task = Task(cfg, store)
-    name, training = next(iter(cfg.gan)), cfg.trainings[0]
-    pool = load(task, task.library(name, training))
+    pool = _pool(task)
     if cfg.selection.count > len(pool):
-        raise ConfigError(
-            f"selection.count is {cfg.selection.count}, but the library of {name} holds {len(pool)}"
-        )
+        held = f"{', '.join(cfg.excite)} hold {len(pool)}"
+        raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
     chosen = pool.take(pick(task, pool))
     folder = store.run_folder
     chosen.save(folder / LIBRARY)
@@ -52,6 +51,21 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
         f"{criteria.condition:.3g}, at {cfg.identification.rate:g} Hz in {folder / FOLDER}"
     )
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
+
+
+def _pool(task: Task) -> Library:
+    """All trajectories of the configured pools."""
+    stamps: list[Stamp] = []
+    for name in task.cfg.excite:
+        if name in task.cfg.gan:
+            stamps += [task.library(name, training) for training in task.cfg.trainings]
+        elif name in (SEEDS, RANDOM):
+            stamps.append(task.seeds if name == SEEDS else task.random_set)
+        else:
+            known = ", ".join((SEEDS, RANDOM, *task.cfg.gan))
+            raise ConfigError(f"excite names {name!r}, expected some of {known}")
+    first, *others = (load(task, stamp) for stamp in stamps)
+    return first.merge(*others)
 
 
 def _information(task: Task, c: Tensor) -> Tensor:
