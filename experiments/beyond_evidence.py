@@ -11,7 +11,6 @@ from experiments import artifacts
 from experiments.artifacts import History
 from sidegan import plan_beyond
 from sidegan.config import Config, GanVariant
-from sidegan.gan.variants import Variant
 from sidegan.plan import (
     FACTS,
     HISTORY,
@@ -23,7 +22,6 @@ from sidegan.plan import (
     variant,
     with_subset,
 )
-from sidegan.stages import transfer
 from sidegan.stamp import Stamp
 from sidegan.storage import read_json
 
@@ -81,7 +79,7 @@ class Evidence:
 
     def before(self, name: str) -> float:
         """Wall time before a training can begin [s]: seeds, and surrogates with the GAN they learn from."""
-        wanted = self.variant(name)
+        wanted = variant(name, self.task.cfg.gan[name])
         seconds = self.seconds(self.task.seeds) if wanted.seeded else 0.0
         return seconds + (self.surrogate_seconds if wanted.surrogates else 0.0)
 
@@ -111,7 +109,7 @@ class Evidence:
             if name == SEEDS:
                 row["each"] = self.seeds["cpu_seconds"] / self.seeds["count"]
             if name in self.task.cfg.gan:
-                wanted = self.variant(name)
+                wanted = variant(name, self.task.cfg.gan[name])
                 row["seeds"] = self.seconds(self.task.seeds) if wanted.seeded else 0.0
                 row["surrogates"] = self.surrogate_seconds if wanted.surrogates else 0.0
                 row["training_seconds"] = self.training_seconds(name, training)
@@ -176,21 +174,18 @@ class Evidence:
         """Metrics after every epoch for every target and way, with steps and seconds; may be empty."""
         rows = []
         for target in self.task.cfg.beyond.targets:
-            for way in transfer.WAYS:
-                folder = self.task.store.find(transfer.stamp_of(self.task, target, way))
+            for way in plan_beyond.WAYS:
+                stamp = plan_beyond.transfer(self.task, target, way)
+                folder = self.task.store.find(stamp)
                 if folder is None:
                     continue
                 history, tags = read_json(folder / HISTORY), {"target": target, "way": way}
                 before = read_json(folder / REPORT)
                 rows += [{**tags, "steps": 0, "seconds": 0.0, **before}] if before else []
-                for k, (at, row) in enumerate(zip(_elapsed(history, np.nan), history), 1):
+                for k, (at, row) in enumerate(zip(_elapsed(history, self.seconds(stamp)), history), 1):
                     steps = k * self.task.cfg.beyond.epoch
                     rows.append({**tags, **row, "steps": steps, "seconds": at})
         return pd.DataFrame(rows)
-
-    def variant(self, name: str) -> Variant:
-        """A configured variant."""
-        return variant(name, self.task.cfg.gan[name])
 
     def report(self, stamp: Stamp) -> dict[str, Any]:
         """Report in an artifact."""

@@ -11,9 +11,9 @@ from sidegan.plan import RANDOM, SEEDS
 from sidegan.report.document import Block, Section, Table, illustrate
 from sidegan.report.export import write_table
 from sidegan.report.panels import Panel, panels
-from sidegan.stages.best import GREEDY, OPTIMAL
 
 _SHARE = "success"
+_CROWDED = 1.2  # wall time over CPU time, from which on it is told
 _METRICS = {
     "success": ("valid share without filtering", False),
     "condition": ("median cond(YᵀY)", True),
@@ -70,6 +70,7 @@ def quality(evidence: Evidence, assets: Path) -> Section:
     words = (
         "Time from nothing: seeds and surrogates come before the trainings that need them. Wall times as "
         "recorded when the artifacts were made, each training on one core of this machine."
+        + _crowded(evidence)
     )
     return Section(
         "What each way makes",
@@ -84,6 +85,15 @@ def quality(evidence: Evidence, assets: Path) -> Section:
             ),
         ],
     )
+
+
+def _crowded(evidence: Evidence) -> str:
+    """How much longer trainings took than they would alone, where that is known and much."""
+    known = evidence.first.dropna(subset=["cpu"])
+    ratio = float((known.training_seconds / known.cpu).mean()) if len(known) else 1.0
+    if ratio < _CROWDED:
+        return ""
+    return f" Other work ran beside the exact trainings: they took {ratio:.1f} × their CPU time."
 
 
 def first(evidence: Evidence, assets: Path) -> Section:
@@ -113,7 +123,10 @@ def best(evidence: Evidence, assets: Path) -> Section:
         f"Table I, {cfg.beyond.repeats} draws of it each. Energy is ∫ Σ |τ dq| per trajectory, peak velocity "
         "the largest share of a joint's limit, means over the set."
     ]
-    for pick, words in ((OPTIMAL, "D-optimal pick"), (GREEDY, "the paper's greedy pick")):
+    for pick, words in (
+        (plan_beyond.OPTIMAL, "D-optimal pick"),
+        (plan_beyond.GREEDY, "the paper's greedy pick"),
+    ):
         frame = beyond_tables.best(evidence, pick)
         blocks.append(_table(assets, f"best_{pick.replace('-', '_')}", frame, f"The best set, {words}"))
     return Section(f"The best {cfg.selection.count}", blocks)
@@ -183,7 +196,7 @@ def objectives(evidence: Evidence, assets: Path) -> Section:
     return Section(
         name,
         [
-            words + _objective_words(frame),
+            words + _objective_words(frame, evidence.best),
             _table(
                 assets,
                 "objectives",
@@ -194,15 +207,21 @@ def objectives(evidence: Evidence, assets: Path) -> Section:
     )
 
 
-def _objective_words(frame: pd.DataFrame) -> str:
-    part = frame[frame.pick == OPTIMAL].set_index("name")
+def _objective_words(frame: pd.DataFrame, best: pd.DataFrame) -> str:
+    """Which objective is best at what, and whether that is more than any other set of the page has."""
+    others = best[best.pick == plan_beyond.OPTIMAL].groupby("name").log_det.mean()
+    part = frame[frame.pick == plan_beyond.OPTIMAL].set_index("name")
     winners = {
         "smallest stacked condition number": part.condition.idxmin(),
         "largest log determinant": part.log_det.idxmax(),
         "smallest covariance norm": part.covariance_norm.idxmin(),
     }
     told = [f"the {what} is that of `{str(name).removeprefix('exact_')}`" for what, name in winners.items()]
-    return "By D-optimal pick, " + ", ".join(told) + "."
+    text = "By D-optimal pick, " + ", ".join(told) + ". "
+    return text + (
+        f"Of the pools above, the largest log determinant is {others.max():.4g} "
+        f"({beyond_tables.title(str(others.idxmax()))}), against {part.log_det.max():.4g} here."
+    )
 
 
 def few(evidence: Evidence, assets: Path) -> Section:
@@ -236,8 +255,9 @@ def transfers(evidence: Evidence, assets: Path) -> Section:
     blocks: list[Block] = [
         f"`{cfg.source}` for the {evidence.task.arm.name} goes on training elsewhere, beside trainings "
         f"from scratch: of {cfg.epochs * cfg.epoch} steps, and of {cfg.share:.0%} of that (`brief`), which "
-        "is what a transfer gets too. Another arm has the kinematics and limits that the Panda's maker "
-        "publishes, and masses and shapes of about its size that are ours; a tool is a payload at the tip; "
+        f"is what a transfer gets too, after the {_steps(evidence)} steps of its source. Another arm has the kinematics and limits that the Panda's maker "
+        "publishes, and masses and shapes of about its size that are ours; a tool is a payload at the tip, "
+        "which changes torques and no regressor; "
         f"a higher desk keeps the arm further away from it ({_targets(evidence)}). The same quality: "
         f"{GOOD:.0%} valid and a median within {NEAR - 1:.0%} of where the training from scratch ends.",
         _table(
@@ -253,6 +273,12 @@ def transfers(evidence: Evidence, assets: Path) -> Section:
         words = f"Training for {beyond_tables.called(str(target))}"
         blocks.append(illustrate(assets, f"transfer-{target}", drawn, words))
     return Section(name, blocks)
+
+
+def _steps(evidence: Evidence) -> int:
+    """Steps of the source's training."""
+    settings = evidence.task.cfg.gan[plan_beyond.source(evidence.task)]
+    return settings.epochs * (settings.steps or 1)
 
 
 def _targets(evidence: Evidence) -> str:

@@ -5,9 +5,8 @@ import pandas as pd
 
 from experiments.beyond_evidence import Evidence, arrival
 from sidegan.plan import RANDOM, SEEDS
-from sidegan.plan_beyond import OPTIMISED, POLISHED
+from sidegan.plan_beyond import OPTIMISED, POLISHED, SCRATCH
 from sidegan.report import tables
-from sidegan.stages.transfer import SCRATCH
 
 _POOLS = {
     "success": "valid share",

@@ -1,14 +1,22 @@
 """What the artifacts of the page on exact physics are made from, beside ``plan``."""
 
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
+from sidegan.config_beyond import Target
 from sidegan.errors import ConfigError
 from sidegan.plan import IDENTIFICATION, RANDOM, SEEDS, Task
+from sidegan.robot import Arm, load_robot
 from sidegan.stamp import Stamp
 
 POLISHED = "polished"  # the source's trajectories after gradient steps
 OPTIMISED = "optimised"  # like the seeds, but with little reserve
+
+GREEDY, OPTIMAL = "greedy", "D-optimal"  # ways to pick a set
+SCRATCH, BRIEF, TRANSFER = "scratch", "brief", "transfer"  # brief: from scratch, but as short as a transfer
+WAYS = (SCRATCH, BRIEF, TRANSFER)
+_ARMS = Path(__file__).parent / "stages" / "arms"
 
 
 def pools(task: Task) -> list[tuple[str, int]]:
@@ -97,9 +105,22 @@ def polished(task: Task, training: int) -> Stamp:
     )
 
 
-def transfer(task: Task, target: str, way: str, inputs: dict[str, str]) -> Stamp:
-    """Of a training for a target, by one way; ``inputs`` are what it begins with."""
+def arm_of(task: Task, target: Target) -> Arm:
+    """The arm of a target without its payload: the task's own, or one of ``stages/arms``, or any other."""
+    if target.robot is None:
+        return task.arm
+    ours = _ARMS / f"{target.robot}.urdf"
+    return load_robot(ours if ours.is_file() else target.robot)
+
+
+def transfer(task: Task, target: str, way: str) -> Stamp:
+    """Of a training for a target, by one of ``WAYS``."""
     wanted = task.cfg.beyond
+    inputs = {}
+    if wanted.targets[target].robot is not None:
+        inputs["target"] = arm_of(task, wanted.targets[target]).digest
+    if way == TRANSFER:
+        inputs["gan"] = source_stamp(task).digest
     values = {key: getattr(wanted, key) for key in ("epochs", "epoch", "share", "polished")}
     values |= {"target": asdict(wanted.targets[target]), "way": way}
     values |= {"variant": asdict(task.cfg.gan[source(task)])}

@@ -28,7 +28,6 @@ from sidegan.tracking import Tracker
 
 log = logging.getLogger(__name__)
 
-GREEDY, OPTIMAL = "greedy", "D-optimal"
 _RATE = 5.0  # [Hz] at which information is taken
 _ENERGY_RATE = 50.0  # [Hz] at which power is taken
 
@@ -82,7 +81,7 @@ def information(task: Task, c: Tensor) -> Information:
 def picks(pool: Library, about: Information, count: int) -> dict[str, Tensor]:
     """Indices (count,) of the paper's pick and of the D-optimal one, by name."""
     count = min(count, len(pool))
-    return {GREEDY: greedy(pool.diagonal, count), OPTIMAL: d_optimal(about, count)}
+    return {plan_beyond.GREEDY: greedy(pool.diagonal, count), plan_beyond.OPTIMAL: d_optimal(about, count)}
 
 
 def _told(task: Task, pool: Library, about: Information, chosen: Tensor) -> dict[str, float]:

@@ -19,7 +19,6 @@ from sidegan.parallel import Report
 from sidegan.plan import GENERATOR, HISTORY, REPORT, Task, regions, variant
 from sidegan.robot import Arm, load_robot, write_urdf
 from sidegan.stages.common import finite, produce_all, words
-from sidegan.stamp import Stamp
 from sidegan.storage import read_json, write_json
 from sidegan.tracking import Tracker
 from sidegan.trajectory import Trajectory
@@ -27,32 +26,18 @@ from sidegan.validity import Constraints, Plane
 
 log = logging.getLogger(__name__)
 
-SCRATCH, BRIEF, TRANSFER = "scratch", "brief", "transfer"  # brief: from scratch, but as short as a transfer
-WAYS = (SCRATCH, BRIEF, TRANSFER)
-_ARMS = Path(__file__).parent / "arms"
 _BALL = 0.05  # [m] radius of gyration of a payload
 
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Train for every target in every way."""
     task = Task(cfg, store)
-    wanted = [(target, way) for target in cfg.beyond.targets for way in WAYS]
-    stamps = [stamp_of(task, *one) for one in wanted]
+    wanted = [(target, way) for target in cfg.beyond.targets for way in plan_beyond.WAYS]
+    stamps = [plan_beyond.transfer(task, *one) for one in wanted]
     produce_all(task, "transfer (%)", stamps, [partial(_make, task, *one) for one in wanted])
     for (target, way), stamp in zip(wanted, stamps):
         history = read_json(store.require(stamp) / HISTORY)
         log.info("%s, %s: %s", target, way, words(history[-1]))
-
-
-def stamp_of(task: Task, target: str, way: str) -> Stamp:
-    """Of one training: what it begins with and for which arm it is."""
-    wanted = task.cfg.beyond
-    inputs = {}
-    if wanted.targets[target].robot is not None:
-        inputs["target"] = _there(task, wanted.targets[target]).digest
-    if way == TRANSFER:
-        inputs["gan"] = plan_beyond.source_stamp(task).digest
-    return plan_beyond.transfer(task, target, way, inputs)
 
 
 @dataclass(frozen=True)
@@ -72,7 +57,7 @@ class Elsewhere:
     @cached_property
     def arm(self) -> Arm:
         """The arm, with its payload."""
-        arm = _there(self.task, self.target)
+        arm = plan_beyond.arm_of(self.task, self.target)
         if not self.target.payload:
             return arm
         loaded = arm.inertial_parameters.clone()
@@ -96,14 +81,6 @@ class Elsewhere:
         return replace(self.task.trajectory, home=self.target.home or self.task.trajectory.home)
 
 
-def _there(task: Task, target: Target) -> Arm:
-    """The arm without its payload."""
-    if target.robot is None:
-        return task.arm
-    ours = _ARMS / f"{target.robot}.urdf"
-    return load_robot(ours if ours.is_file() else target.robot)
-
-
 def _ball(mass: float, centre: Tensor) -> Tensor:
     """Inertial parameters, (10,), of a ball of a mass [kg] around a point [m], (3,)."""
     inertia = mass * (centre.square().sum() * torch.eye(3).to(centre) - torch.outer(centre, centre))
@@ -117,7 +94,7 @@ def schedule(task: Task, way: str) -> Variant:
     wanted = task.cfg.beyond
     name = plan_beyond.source(task)
     settings = variant(name, task.cfg.gan[name])
-    epochs = wanted.epochs if way == SCRATCH else max(1, round(wanted.share * wanted.epochs))
+    epochs = wanted.epochs if way == plan_beyond.SCRATCH else max(1, round(wanted.share * wanted.epochs))
     return replace(settings, epochs=epochs, steps=wanted.epoch)
 
 
@@ -127,7 +104,7 @@ def _make(task: Task, target: str, way: str, folder: Path, work: Path, report: R
     there = Elsewhere(task, task.cfg.beyond.targets[target], folder)
     wanted, count, facts = schedule(task, way), max(2, 2 * task.cfg.beyond.polished), {}
     start = None
-    if way == TRANSFER:
+    if way == plan_beyond.TRANSFER:
         start = _source(task)
         facts = measure(there.constraints, there.trajectory, _moved(start, there).sample(count))
     trained = train_variant(

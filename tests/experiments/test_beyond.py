@@ -119,7 +119,7 @@ def test_sets_are_of_one_pool_alone_and_of_their_size(evidence):
 
 def test_the_determinants_pick_has_the_larger_determinant(evidence):
     table = evidence.best.pivot(index=["name", "training"], columns="pick", values="log_det")
-    assert (table[best.OPTIMAL] >= table[best.GREEDY] - 1e-9).all()
+    assert (table[plan_beyond.OPTIMAL] >= table[plan_beyond.GREEDY] - 1e-9).all()
 
 
 def test_effort_of_a_motion_that_is_known(evidence):
@@ -234,12 +234,12 @@ def test_the_panda_sized_arm_rests_at_its_home_and_can_be_excited():
 
 def test_a_transfer_starts_where_the_source_ended(evidence):
     frame = evidence.transfers
-    assert set(frame.way) == set(transfer.WAYS)
-    begun = frame[frame.way == transfer.TRANSFER].iloc[0]
+    assert set(frame.way) == set(plan_beyond.WAYS)
+    begun = frame[frame.way == plan_beyond.TRANSFER].iloc[0]
     assert begun.steps == 0 and 0 <= begun.success <= 1
-    assert (frame[frame.way != transfer.TRANSFER].steps > 0).all()
+    assert (frame[frame.way != plan_beyond.TRANSFER].steps > 0).all()
     table = beyond_tables.transfers(frame)
-    assert list(table["way"]) == list(transfer.WAYS) and list(table.index) == ["a tool"] * 3
+    assert list(table["way"]) == list(plan_beyond.WAYS) and list(table.index) == ["a tool"] * 3
 
 
 def test_objectives_and_few_seeds_are_single_trainings(evidence):
