@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from experiments.beyond_evidence import Evidence, arrival
+from experiments.beyond_evidence import GOOD, Evidence, arrival
 from experiments.beyond_tables import called, spread, title
 from sidegan import plan_beyond
 from sidegan.plan import RANDOM, SEEDS
@@ -153,12 +153,13 @@ def _elsewhere(evidence: Evidence) -> str:
         final = float(part[part.way == plan_beyond.SCRATCH].condition.iloc[-1])
         ways = {str(way): arrival(curve, final)[0] for way, curve in part.groupby("way", sort=False)}
         steps = [_steps(ways.get(way, np.nan)) for way in (plan_beyond.TRANSFER, plan_beyond.SCRATCH)]
-        told.append(f"{called(str(target))} {steps[0]} against {steps[1]}")
+        end = float(part[part.way == plan_beyond.TRANSFER].success.iloc[-1])
+        fallen = "" if end >= GOOD else f" (but {end:.1%} valid at its end)"
+        told.append(f"{called(str(target))} {steps[0]}{fallen} against {steps[1]}")
     if not told:
         return ""
-    return (
-        f"**Another arm, tool or desk**: transfer. Steps to the same quality: {'; '.join(told)} from scratch."
-    )
+    text = "**Another arm, tool or desk**: transfer. Steps until the same quality is first there: "
+    return f"{text}{'; '.join(told)} from scratch."
 
 
 def _steps(steps: float) -> str:

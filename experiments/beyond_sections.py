@@ -69,8 +69,8 @@ def quality(evidence: Evidence, assets: Path) -> Section:
     )
     words = (
         "Time from nothing: seeds and surrogates come before the trainings that need them. Wall times as "
-        "recorded when the artifacts were made, each training on one core of this machine."
-        + _crowded(evidence)
+        "recorded when the artifacts were made, each training on one core of this machine; of the exact "
+        "variants CPU times." + _crowded(evidence)
     )
     return Section(
         "What each way makes",
@@ -90,10 +90,10 @@ def quality(evidence: Evidence, assets: Path) -> Section:
 def _crowded(evidence: Evidence) -> str:
     """How much longer trainings took than they would alone, where that is known and much."""
     known = evidence.first.dropna(subset=["cpu"])
-    ratio = float((known.training_seconds / known.cpu).mean()) if len(known) else 1.0
+    ratio = float((known.wall / known.cpu).mean()) if len(known) else 1.0
     if ratio < _CROWDED:
         return ""
-    return f" Other work ran beside the exact trainings: they took {ratio:.1f} × their CPU time."
+    return f" Other work ran beside those: they took {ratio:.1f} × as long."
 
 
 def first(evidence: Evidence, assets: Path) -> Section:
@@ -102,7 +102,8 @@ def first(evidence: Evidence, assets: Path) -> Section:
     caption = (
         "Seeds, surrogates (with the vanilla GAN that they learn from) and training in wall time as "
         "recorded, the set itself in CPU time of one core. Training, CPU: what it takes where nothing else "
-        "runs, from the time of some of its steps. One more: a further valid trajectory, drawn and checked"
+        "runs, from the time of some of its steps; where it is known, it is what counts. One more: a further "
+        "valid trajectory, drawn and checked"
     )
     return Section(
         f"Seconds to the first {count} valid trajectories",
@@ -255,9 +256,9 @@ def transfers(evidence: Evidence, assets: Path) -> Section:
     blocks: list[Block] = [
         f"`{cfg.source}` for the {evidence.task.arm.name} goes on training elsewhere, beside trainings "
         f"from scratch: of {cfg.epochs * cfg.epoch} steps, and of {cfg.share:.0%} of that (`brief`), which "
-        f"is what a transfer gets too, after the {_steps(evidence)} steps of its source. Another arm has the kinematics and limits that the Panda's maker "
-        "publishes, and masses and shapes of about its size that are ours; a tool is a payload at the tip, "
-        "which changes torques and no regressor; "
+        f"is what a transfer gets too, after the {_steps(evidence)} steps of its source. Another arm has the "
+        "kinematics and limits that the Panda's maker publishes, and masses and shapes of about its size "
+        "that are ours; a tool is a payload at the tip, which changes torques and no regressor; "
         f"a higher desk keeps the arm further away from it ({_targets(evidence)}). The same quality: "
         f"{GOOD:.0%} valid and a median within {NEAR - 1:.0%} of where the training from scratch ends.",
         _table(

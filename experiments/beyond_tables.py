@@ -29,10 +29,10 @@ _BEST = {
 _FIRST = {
     "seeds": "seeds [s]",
     "surrogates": "surrogates [s]",
-    "training_seconds": "training [s]",
+    "wall": "training, wall [s]",
+    "cpu": "training, CPU [s]",
     "drawing": "the set itself [s]",
     "total": "together [s]",
-    "cpu": "training, CPU [s]",
     "each": "one more [ms]",
 }
 _TITLES = {

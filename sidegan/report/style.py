@@ -19,6 +19,7 @@ _COLOURS = {
     "diagonal": "#d95f02",
     "exact": "#1b9e77",
     "exact_adversarial": "#e7298a",
+    "exact_adversarial_brief": "#e7298a",
     "seeds": "#7b4fb5",
     "union": "#d4a200",
     "random": "#4d9221",
