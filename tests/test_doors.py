@@ -51,7 +51,14 @@ ORDER = {
 }
 SIDE_BY_SIDE = {"seeds", "gan", "library", "selection", "optimal", "plant", "recording", "identification"}
 KNOWN = {"gan": {"seeds"}}  # exact physics in the loop is the seeds' problem
-ABOVE = {"plan", "plan_conditional", "plan_beyond", "stages", "run", "callbacks"}  # what puts the rooms together
+ABOVE = {
+    "plan",
+    "plan_conditional",
+    "plan_beyond",
+    "stages",
+    "run",
+    "callbacks",
+}  # what puts the rooms together
 
 
 def room_of(path):

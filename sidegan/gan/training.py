@@ -184,6 +184,7 @@ def whole_checkpoint(path: Path) -> Path | None:
 
 
 def fit_resumably(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader, last: Path | None) -> None:
+    """Train from a checkpoint, or from the start; an interrupt comes out as KeyboardInterrupt."""
     handler = signal.getsignal(signal.SIGINT)
     try:
         with warnings.catch_warnings():
@@ -195,6 +196,7 @@ def fit_resumably(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader
 
 
 def lightning_trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
+    """A trainer that is silent and leaves saving to the ``watch``."""
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     kind, _, index = device.partition(":")
     return pl.Trainer(
