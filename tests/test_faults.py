@@ -122,7 +122,7 @@ def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     code = (
         "import sys, time\nfrom functools import partial\nfrom sidegan.parallel import engine, run_jobs\n"
         "def note(number, report):\n"
-        f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(60)\n"
+        f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(30)\n"
         "try:\n"
         "    with engine('dask'):\n        run_jobs('notes', [partial(note, k) for k in range(5)], 2)\n"
         "except KeyboardInterrupt:\n    sys.exit(130)\n"
@@ -133,7 +133,7 @@ def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < end:
         time.sleep(0.1)
     os.killpg(main.pid, signal.SIGINT)  # as a terminal does
-    _, told = main.communicate(timeout=60)
+    _, told = main.communicate(timeout=150)
     assert (main.returncode, told) == (130, "")
 
 

@@ -343,7 +343,8 @@ def test_help_shows_what_can_be_run_and_starts_nothing(tmp_path):
         "'stages=[seeds]'",
         "robot.name=/path/to/arm.urdf",
         "outputs/mlflow.db",
-        "experiment: exp1",
+        "+experiment=excite",
+        "experiment: beyond, conditional, excite, exp1",
         "workspace: desk, free",
     ):
         assert words in done.stdout

@@ -1,6 +1,7 @@
 """The soak: a leak is seen, flat memory is not called one, and the work is real."""
 
 import math
+import time
 
 import pytest
 import torch
@@ -47,7 +48,8 @@ def test_a_leak_is_found_in_this_process(monkeypatch):
     leaked = []
 
     def leaking(number):
-        leaked.append(torch.ones(2**19))  # 2 MB
+        leaked.append(torch.ones(10 * 2**20))  # 40 MB: so much never comes from what was freed before
+        time.sleep(0.1)
 
     found = soak.soak(leaking, 3.0, every=0.0)
     assert found[-1].rounds == len(leaked)

@@ -21,6 +21,7 @@ FEW = (
     "conditional.study.compared=[effort]",
     "conditional.study.count=2",
     "conditional.study.pool=8",
+    "conditional.study.chosen=6",
     "conditional.count=5",
 )
 
