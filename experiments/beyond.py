@@ -65,7 +65,8 @@ def _lead(evidence: Evidence) -> str:
     return (
         "The paper trains its generator against surrogates, because its physics was not differentiable. Here "
         "the exact condition number of YᵀY and the exact constraints of what is generated flow back into the "
-        "generator: `exact` from the arm and its workspace alone, `exact_adversarial` against the seeds too. "
+        "generator: `exact` from the arm and its workspace alone, `exact_together` rewarded for what 32 of "
+        "them tell together too, `exact_adversarial` against the seeds. "
         f"Beside them stand the surrogate variants, {cfg.seeds.count} optimised seeds, and random valid "
         "trajectories. This page is generated from artifacts; no number in it is typed. "
         f"Robot: {evidence.task.arm.name}."

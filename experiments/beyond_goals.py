@@ -89,14 +89,14 @@ def _goal(text: str, wanted: str, found: pd.Series, met: bool) -> Goal:
     return Goal(text, wanted, spread(found), bool(met))
 
 
-def table(plain: list[Goal], polished: list[Goal]) -> pd.DataFrame:
-    """Goals for people, of what is generated and of the same polished."""
-    rows = [
-        (one.text, one.wanted, one.found, verdict(one), other.found, verdict(other))
-        for one, other in zip(plain, polished)
-    ]
-    columns = ["goal", "wanted", "exact", "verdict", "exact, polished", "its verdict"]
-    return pd.DataFrame(rows, columns=columns).set_index("goal")
+def table(found: dict[str, list[Goal]]) -> pd.DataFrame:
+    """Goals for people, with two columns for each pool that they are judged for."""
+    first = next(iter(found.values()))
+    frame = pd.DataFrame({"goal": [goal.text for goal in first], "wanted": [goal.wanted for goal in first]})
+    for name, judged in found.items():
+        frame[title(name)] = [goal.found for goal in judged]
+        frame[f"{title(name)}: verdict"] = [verdict(goal) for goal in judged]
+    return frame.set_index("goal")
 
 
 def verdict(goal: Goal) -> str:

@@ -18,6 +18,7 @@ _COLOURS = {
     "eigen": "#1f77b4",
     "diagonal": "#d95f02",
     "exact": "#1b9e77",
+    "exact_together": "#17a2b8",
     "exact_adversarial": "#e7298a",
     "exact_adversarial_brief": "#e7298a",
     "seeds": "#7b4fb5",

@@ -160,8 +160,8 @@ def test_goals_follow_from_the_numbers(evidence, monkeypatch):
     for rank, met in ((100.0, True), (1.0, False)):
         monkeypatch.setitem(evidence.__dict__, "pools", pools.assign(rank=np.where(ours, rank, 50.0)))
         assert verdicts()["effective rank"] is met
-    table = beyond_goals.table(*(beyond_goals.goals(evidence, name) for name in ("exact", "polished")))
-    assert table.verdict["effective rank"] == "**not met**"
+    table = beyond_goals.table({name: beyond_goals.goals(evidence, name) for name in ("exact", "polished")})
+    assert table["exact: verdict"]["effective rank"] == "**not met**"
 
 
 def test_choices_follow_from_the_numbers(evidence, monkeypatch):
