@@ -390,7 +390,7 @@ def gram(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) 
     if kernels.usable(c):
         most = min(most, _STATES_IN_CACHE * torch.get_num_threads())
     batch = max(1, most // samples)
-    pieces = [_gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in c.split(batch)]
+    pieces = [gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in c.split(batch)]
     return torch.cat(pieces)
 
 
@@ -398,12 +398,13 @@ def _states_at_once(body: RigidBody) -> int:
     return max(1, _VALUES_AT_ONCE // (10 * body.joints**2))
 
 
-def _gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+def gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    """Gram matrices YᵀY / T of the base regressor, (B, p, p), at states (B, T, J)."""
     count = q.shape[1]
     most = _states_at_once(body)
     if count > most:
         parts = zip(*(x.split(most, 1) for x in (q, dq, ddq)))
-        return torch.stack([_gram_of(body, *part) * part[0].shape[1] for part in parts]).sum(0) / count
+        return torch.stack([gram_of(body, *part) * part[0].shape[1] for part in parts]).sum(0) / count
     if kernels.usable(q, dq, ddq):
         body._check(q, dq, ddq)
         return kernels.gram(body.chain, body.base.columns, (q, dq, ddq), partial(_plain_gram, body))

@@ -15,6 +15,7 @@ from sidegan.conditional.settle import settle
 from sidegan.conditional.shaping import Shaping
 from sidegan.conditional.surroundings import family
 from sidegan.errors import ArtifactError, ShapeError, SideganError
+from sidegan.gan.generator import opened, refuse_other
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.storage import read_torch, write_torch
@@ -109,13 +110,7 @@ class ConditionalGenerator:
         Raises:
             ArtifactError: for a truncated or foreign file, another arm, or another workspace.
         """
-        content = read_torch(path)
-        if not isinstance(content, dict):
-            raise ArtifactError(f"{path} does not hold a conditioned generator")
-        try:
-            meta: dict[str, Any] = json.loads(content["meta"])
-            if meta["format"] != _FORMAT:
-                raise ArtifactError(f"{path} has format {meta['format']!r}, expected {_FORMAT!r}")
+        with opened(path, "conditioned generator", _FORMAT) as (meta, content):
             _refuse_foreign(path, meta, constraints)
             network = Generator(**meta["network"])
             network.load_state_dict(content["weights"])
@@ -124,19 +119,10 @@ class ConditionalGenerator:
             if network.noise <= asking.size or content["reach"].shape != (2, constraints.arm.joints):
                 raise ArtifactError(f"{path} contradicts itself: its network does not fit its ranges")
             return cls(network.eval(), scaling, content["reach"], asking)
-        except ArtifactError:
-            raise
-        except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
-            raise ArtifactError(f"{path} does not hold a conditioned generator: {error}") from error
 
 
 def _refuse_foreign(path: Path, meta: dict[str, Any], constraints: Constraints) -> None:
-    arm = constraints.arm
-    if meta["digest"] != arm.digest:
-        raise ArtifactError(
-            f"{path} was trained for {meta['robot']} (digest {meta['digest'][:12]}), "
-            f"not for {arm.name} (digest {arm.digest[:12]})"
-        )
+    refuse_other(path, meta, constraints.arm)
     here = json.loads(json.dumps(_workspace(constraints)))
     if meta["workspace"] != here:
         raise ArtifactError(f"{path} was trained for the workspace {meta['workspace']}, not for {here}")

@@ -1,7 +1,6 @@
 """Trajectories of which each has its own home, period and limits, as one problem with exact gradients."""
 
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import torch
@@ -9,7 +8,7 @@ from torch import Tensor
 
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.surroundings import Surroundings
-from sidegan.dynamics import RigidBody
+from sidegan.dynamics import RigidBody, gram_of
 from sidegan.gan import physics
 from sidegan.gan.objectives import log_condition
 from sidegan.kernels import tensors as kernels
@@ -56,15 +55,8 @@ class ConditionedProblem(SeedProblem):
     def gram(self, c: Tensor) -> Tensor:
         """Gram matrices of the base regressor, (B, p, p)."""
         rows = max(1, _AT_ONCE // self.samples)
-        return torch.cat(
-            [self._gram(*states) for states in zip(*(x.split(rows) for x in self.motion(c)[1:]))]
-        )
-
-    def _gram(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-        plain = partial(_plain_gram, self)
-        if kernels.usable(q, dq, ddq):
-            return kernels.gram(self.body.chain, self.body.base.columns, (q, dq, ddq), plain)
-        return plain(q, dq, ddq)
+        pieces = zip(*(x.split(rows) for x in self.motion(c)[1:]))
+        return torch.cat([gram_of(self.body, *states) for states in pieces])
 
     def violation(self, c: Tensor, penalty: Penalty) -> Tensor:
         """Squared relative violations of limits, distances and regions, mean over time, (B,).
@@ -82,11 +74,6 @@ class ConditionedProblem(SeedProblem):
             near = penalty.distance - distance / _DISTANCE
             excess = excess + penalty.weight * (near.clamp_min(0) ** 2).sum(2).mean(1)
         return excess
-
-
-def _plain_gram(problem: ConditionedProblem, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-    rows = problem.body.base_regressor(q, dq, ddq).flatten(1, 2)
-    return rows.transpose(1, 2) @ rows / q.shape[1]
 
 
 def variances(body: RigidBody, grams: Tensor) -> Tensor:

@@ -1,6 +1,8 @@
 """The trained generator on its own: what it takes to make trajectories, in one file."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,13 +85,7 @@ class TrajectoryGenerator:
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
-        content = read_torch(path)
-        if not isinstance(content, dict):
-            raise ArtifactError(f"{path} does not hold a trajectory generator")
-        try:
-            meta: dict[str, Any] = json.loads(content["meta"])
-            if meta["format"] != _FORMAT:
-                raise ArtifactError(f"{path} has format {meta['format']}, expected {_FORMAT}")
+        with opened(path, "trajectory generator", _FORMAT) as (meta, content):
             network = Generator(**meta["network"])
             network.load_state_dict(content["weights"])
             scaling = Scaling(content["mean"], content["spread"])
@@ -97,13 +93,40 @@ class TrajectoryGenerator:
             limits = Limits(family, content["room"], content["speed"]) if meta.get("limited") else None
             names = (meta["robot"], meta["digest"], meta["variant"])
             made = cls(network.eval(), scaling, family, *names, limits)
-        except ArtifactError:
-            raise
-        except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
-            raise ArtifactError(f"{path} does not hold a trajectory generator: {error}") from error
-        if arm is not None and arm.digest != made.digest:
-            raise ArtifactError(
-                f"{path} was trained for {made.robot} (digest {made.digest[:12]}), "
-                f"not for {arm.name} (digest {arm.digest[:12]})"
-            )
+        if arm is not None:
+            refuse_other(path, meta, arm)
         return made
+
+
+@contextmanager
+def opened(path: Path, kind: str, form: int | str) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Description and content of a generator's file; what does not fit within is told as a damaged file.
+
+    Raises:
+        ArtifactError: when the file does not hold a ``kind`` of the format ``form``.
+    """
+    content = read_torch(path)
+    if not isinstance(content, dict):
+        raise ArtifactError(f"{path} does not hold a {kind}")
+    try:
+        meta: dict[str, Any] = json.loads(content["meta"])
+        if meta["format"] != form:
+            raise ArtifactError(f"{path} has format {meta['format']!r}, expected {form!r}")
+        yield meta, content
+    except ArtifactError:
+        raise
+    except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
+        raise ArtifactError(f"{path} does not hold a {kind}: {error}") from error
+
+
+def refuse_other(path: Path, meta: dict[str, Any], arm: Arm) -> None:
+    """Refuse a generator's file that was made for another arm.
+
+    Raises:
+        ArtifactError: with both names and digests.
+    """
+    if meta["digest"] != arm.digest:
+        raise ArtifactError(
+            f"{path} was trained for {meta['robot']} (digest {meta['digest'][:12]}), "
+            f"not for {arm.name} (digest {arm.digest[:12]})"
+        )

@@ -9,17 +9,16 @@ from torch import Tensor
 from sidegan.errors import ConfigError
 from sidegan.gan import physics
 from sidegan.seeds import SeedProblem
+from sidegan.seeds.objective import HIGHEST, LOWEST, SHARPNESS
 
-# The smallest eigenvalue changes places with its neighbours all the time: a smooth minimum over a few.
-_LOWEST, _HIGHEST, _SHARPNESS = 3, 2, 6.0
 _FLOOR = 1e-12  # share of the largest eigenvalue, below which a direction counts as not excited
 
 
 def log_condition(x: Tensor) -> Tensor:
     """Logarithm of the smooth largest over the smooth smallest of p values, ascending, (B, p) → (B,)."""
     logs = _logs(x)
-    low = torch.logsumexp(-_SHARPNESS * logs[:, :_LOWEST], 1)
-    return (low + torch.logsumexp(_SHARPNESS * logs[:, -_HIGHEST:], 1)) / _SHARPNESS
+    low = torch.logsumexp(-SHARPNESS * logs[:, :LOWEST], 1)
+    return (low + torch.logsumexp(SHARPNESS * logs[:, -HIGHEST:], 1)) / SHARPNESS
 
 
 def d_optimal(x: Tensor) -> Tensor:
@@ -79,8 +78,8 @@ class Term:
         information = physics.Information(problem, self.together, self.noise)
         if self.objective == "diagonal_ratio":
             return self.weight * log_condition(physics.diagonal(information, whole).sort(1).values).mean()
-        if self.objective == "log_condition" and problem.body.parameters_count > _LOWEST + _HIGHEST:
-            values = physics.ends(information, whole, _LOWEST, _HIGHEST)
+        if self.objective == "log_condition" and problem.body.parameters_count > LOWEST + HIGHEST:
+            values = physics.ends(information, whole, LOWEST, HIGHEST)
         else:
             values = physics.spectrum(information, whole)
         return self.weight * SPECTRAL[self.objective](values).mean()

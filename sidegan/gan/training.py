@@ -26,7 +26,7 @@ from sidegan.seeds import SeedProblem
 from sidegan.seeds.coordinates import Coordinates
 from sidegan.storage import read_torch
 from sidegan.trajectory import Trajectory
-from sidegan.validity import Constraints, check
+from sidegan.validity import Constraints, check, told
 
 log = logging.getLogger(__name__)
 
@@ -123,10 +123,9 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
     c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, 1.0))
     verdict = check(constraints, trajectory, _SMALL * c[:_TRIED])
     if not verdict.valid.any():
-        worst = "; ".join(f"{n} violate {fault}" for fault, n in verdict.faults().most_common(3))
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
-            f"{_SMALL:.0%} of the position and velocity limits, {worst}"
+            f"{_SMALL:.0%} of the position and velocity limits, {told(verdict.faults())}"
         )
     return c
 

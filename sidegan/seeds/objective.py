@@ -21,7 +21,7 @@ _DISTANCE = 0.25  # [m] clearance that counts like a whole joint range in the pe
 _STATES_AT_ONCE = 8_192  # bounds the memory of a gradient to about 300 MB for seven joints
 # The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
 # spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
-_LOWEST, _HIGHEST, _SHARPNESS = 3, 2, 6.0
+LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
 
 
 @dataclass(frozen=True)
@@ -90,15 +90,15 @@ def _directions(problem: SeedProblem, c: Tensor) -> tuple[Tensor, Tensor, Tensor
         values, order = grams.diagonal(dim1=1, dim2=2).sort(1)
         vectors = torch.nn.functional.one_hot(order, len(base.columns)).to(c)
     else:
-        values, eigenvectors = kernels.extremes(base.subspace.T @ grams @ base.subspace, _LOWEST, _HIGHEST)
+        values, eigenvectors = kernels.extremes(base.subspace.T @ grams @ base.subspace, LOWEST, HIGHEST)
         vectors = (base.subspace @ eigenvectors).transpose(1, 2)
     values = torch.maximum(values, values[:, -1:] / HOPELESS)
-    low, high = values[:, :_LOWEST], values[:, -_HIGHEST:]
-    softened = [-_SHARPNESS * torch.log(low), _SHARPNESS * torch.log(high)]
+    low, high = values[:, :LOWEST], values[:, -HIGHEST:]
+    softened = [-SHARPNESS * torch.log(low), SHARPNESS * torch.log(high)]
     weights = torch.cat([-torch.softmax(softened[0], 1) / low, torch.softmax(softened[1], 1) / high], 1)
     chosen = c.new_zeros(len(c), weights.shape[1], 10 * problem.body.joints)
-    chosen[:, :, base.columns] = torch.cat([vectors[:, :_LOWEST], vectors[:, -_HIGHEST:]], 1)
-    value = torch.stack([torch.logsumexp(x, 1) for x in softened]).sum(0) / _SHARPNESS
+    chosen[:, :, base.columns] = torch.cat([vectors[:, :LOWEST], vectors[:, -HIGHEST:]], 1)
+    value = torch.stack([torch.logsumexp(x, 1) for x in softened]).sum(0) / SHARPNESS
     return chosen, weights, value
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError
 from sidegan.seeds.problem import HOPELESS, SeedProblem
-from sidegan.validity import check
+from sidegan.validity import check, told
 
 _SHRINK = 0.99  # towards home, one step at a time
 _SMALLEST = 0.5  # a seed that must shrink further has failed
@@ -61,8 +61,7 @@ class SeedBatch:
 
     def shortfall(self, count: int) -> InfeasibleError:
         """The error that says why there are fewer than ``count`` seeds."""
-        worst = Counter(self.faults).most_common(3)
-        why = "; ".join(f"{n} violate {fault}" for fault, n in worst) or "no start was finished"
+        why = told(self.faults) or "no start was finished"
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
             f"of those that failed, {why}"

@@ -1,6 +1,7 @@
 """The validity of whole trajectories, and what they violate."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
@@ -64,6 +65,11 @@ class Validity:
             for name, margin in self.margins.items()
             if not (m := margin[index]) >= 0
         ]
+
+
+def told(faults: Mapping[str, int], most: int = 3) -> str:
+    """What is violated most often, for people."""
+    return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(most))
 
 
 @torch.no_grad()
