@@ -15,17 +15,17 @@ from torch import Tensor
 from benchmarks.networks import untrained
 from benchmarks.setting import Setting
 from benchmarks.timing import Timing, medians, timed
-from sidegan.dynamics import gram
-from sidegan.excitation import Excitation, excite
+from sidegan.design.excitation import Excitation, excite
+from sidegan.design.greedy import greedy_in_parts
+from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.problem import Problem
 from sidegan.identification import Measurements, identify
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
+from sidegan.motion.dynamics import gram
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.seeds.gradient import Gradient
-from sidegan.seeds.objective import Penalty, value_and_gradient
-from sidegan.seeds.problem import SeedProblem
-from sidegan.selection import greedy_in_parts
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, Validity, check
 
 Point = dict[str, float]
@@ -48,7 +48,7 @@ def warm_up() -> None:
 
 def joints(count: int) -> Point:
     """CPU time per trajectory [ms] of YᵀY, its gradient with the penalty, and the check of validity."""
-    return _costs(SeedProblem(Constraints(_repeated(Setting().arm, count), [_DESK]), Trajectory(count)))
+    return _costs(Problem(Constraints(_repeated(Setting().arm, count), [_DESK]), Trajectory(count)))
 
 
 def samples(count: int) -> Point:
@@ -133,7 +133,7 @@ def long(periods: int) -> Point:
     }
 
 
-def _evaluation(problem: SeedProblem) -> Callable[[], object]:
+def _evaluation(problem: Problem) -> Callable[[], object]:
     """One evaluation: the condition number, and every constraint at every sample."""
     c = problem.start(1, torch.Generator().manual_seed(0), 0.3)
 
@@ -172,7 +172,7 @@ def _library(setting: Setting, count: int) -> tuple[dict[str, float], float, flo
     return clock.spent, time.perf_counter() - began, size
 
 
-def _costs(problem: SeedProblem) -> Point:
+def _costs(problem: Problem) -> Point:
     c = problem.start(_BATCH, torch.Generator().manual_seed(0), 0.3)
     body, family = problem.body, problem.trajectory
     works: dict[str, Callable[[], object]] = {

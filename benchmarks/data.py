@@ -6,8 +6,8 @@ import torch
 from benchmarks.limits import bandwidth, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Row, cost, medians, threads
+from sidegan.design.greedy import greedy
 from sidegan.identification import Measurements, identify
-from sidegan.selection import greedy
 
 _LIBRARY, _PICKS = 100_000, 350
 _TRAJECTORIES, _SAMPLES = 6000, 1600  # of the largest identification

@@ -12,10 +12,10 @@ from torch import Tensor
 from benchmarks.limits import bandwidth
 from benchmarks.setting import Setting
 from benchmarks.timing import Row, Timing, cost, threads, timed
-from sidegan.criteria import DETERMINANT, criteria_of, variance
-from sidegan.information import Information, information_of
-from sidegan.optimal import a_optimal, ceiling, d_optimal, exchange
-from sidegan.selection import greedy
+from sidegan.design.criteria import DETERMINANT, criteria_of, variance
+from sidegan.design.greedy import greedy
+from sidegan.design.information import Information, information_of
+from sidegan.design.optimal import a_optimal, ceiling, d_optimal, exchange
 
 _LIBRARY, _PICKS = 100_000, 35
 _SAMPLES = 40  # states per trajectory

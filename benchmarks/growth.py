@@ -16,7 +16,7 @@ import pandas as pd
 
 from benchmarks.growth_curves import CURVES, Curve
 from benchmarks.growth_page import draw, write_page
-from sidegan.storage import write_bytes
+from sidegan.base.storage import write_bytes
 
 FOLDER = Path(__file__).parent.parent / "docs" / "growth"
 

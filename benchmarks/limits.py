@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from benchmarks.timing import threads
-from sidegan.kernels import VARIABLE
+from sidegan.motion.compiled import VARIABLE
 
 _SIZE = 1024  # of the matrices multiplied
 _COPIED = 2**25  # float64 numbers copied: 256 MB, more than any cache

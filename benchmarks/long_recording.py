@@ -14,9 +14,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import torch
 
-from sidegan.dynamics import RigidBody
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
-from sidegan.trajectory import Trajectory
 
 PERIOD = 16.0  # [s]
 RATE = 1000  # [Hz]

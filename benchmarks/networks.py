@@ -9,7 +9,7 @@ import torch
 from benchmarks.limits import bandwidth, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Row, Timing, cost, medians, rate, threads, timed
-from sidegan.excitation import excite
+from sidegan.design.excitation import excite
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling

@@ -9,9 +9,9 @@ from benchmarks import figaroh
 from benchmarks.limits import operations, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Row, medians, rate, threads
-from sidegan.dynamics import gram
+from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.motion.dynamics import gram
 from sidegan.robot.oracle import capsule_geometry, pinocchio_model
-from sidegan.seeds.objective import Penalty, value_and_gradient
 from sidegan.validity import check
 
 _THREADS = 2

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
+from sidegan.base.storage import replacing
 from sidegan.report.canvas import blank, legend, tidy
-from sidegan.storage import replacing
 
 _WIDTH, _HEIGHT = 5.5, 3.7  # [inch] of a panel
 _RESOLUTION = 130  # [1/inch]

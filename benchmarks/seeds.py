@@ -5,8 +5,8 @@ import torch
 
 from benchmarks.setting import Setting
 from benchmarks.timing import Row, Timing, cost, medians, threads, timed
+from sidegan.design.objective import Penalty, value_and_gradient
 from sidegan.seeds.gradient import Gradient
-from sidegan.seeds.objective import Penalty, value_and_gradient
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import SeedBatch
 

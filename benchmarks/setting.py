@@ -6,11 +6,11 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
+from sidegan.design.problem import Problem
 from sidegan.gan.variants import Variant
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, load_robot
-from sidegan.seeds.problem import SeedProblem
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 
 _QUICK = 10  # times smaller
@@ -49,10 +49,10 @@ class Setting:
         """The SIDE-GAN variants of the paper's first experiment, with its schedule."""
         from hydra import compose, initialize_config_dir
 
-        from sidegan import callbacks  # noqa: F401 - registers what the paths in conf/ use
-        from sidegan.config import validate
-        from sidegan.plan import variant
-        from sidegan.run import CONF
+        from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
+        from sidegan.pipeline.config import validate
+        from sidegan.pipeline.plan import variant
+        from sidegan.pipeline.run import CONF
 
         with initialize_config_dir(str(CONF), version_base="1.3"):
             cfg = validate(compose("config", overrides=["+experiment=exp1", "scale=paper"]))
@@ -64,9 +64,9 @@ class Setting:
         return self.constraints.body
 
     @cached_property
-    def problem(self) -> SeedProblem:
+    def problem(self) -> Problem:
         """The seeds' optimisation problem at the default number of samples."""
-        return SeedProblem(self.constraints, self.trajectory)
+        return Problem(self.constraints, self.trajectory)
 
     def start(self, count: int) -> Tensor:
         """Random trajectories, (count, 7, 6, 2) [rad/s]; the same each time."""

@@ -11,14 +11,14 @@ from torch import Tensor
 
 from benchmarks.curves import library_of
 from benchmarks.setting import Setting
-from sidegan.excitation import excite
+from sidegan.design.excitation import excite
+from sidegan.design.greedy import greedy_in_parts
 from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.training import train_variant
 from sidegan.identification import Noise, identify, measure
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
 from sidegan.seeds import Gradient
-from sidegan.selection import greedy_in_parts
 from sidegan.validity import check
 
 _PARTS, _DRAWN, _PICKS = 4, 250, 20

@@ -29,12 +29,12 @@ import torch
 from torch import Tensor
 
 from benchmarks.setting import Setting
-from sidegan.dynamics import RigidBody
+from sidegan.base.parallel import Report, engine, run_jobs
+from sidegan.design.problem import Problem
 from sidegan.identification import Noise, identify_weighted, measure
-from sidegan.parallel import Report, engine, run_jobs
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient
-from sidegan.seeds.problem import SeedProblem
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 MANY = (8, 64)  # workers that the model is asked about
@@ -111,14 +111,14 @@ def works(setting: Setting) -> dict[str, tuple[list[Task], int]]:
     }
 
 
-def _seeds(problem: SeedProblem, method: Gradient, count: int, seed: np.random.SeedSequence) -> Tensor:
+def _seeds(problem: Problem, method: Gradient, count: int, seed: np.random.SeedSequence) -> Tensor:
     return method.optimise(problem, count, seed).coefficients
 
 
 def _filter(
     constraints: Constraints,
     family: Trajectory,
-    problem: SeedProblem,
+    problem: Problem,
     count: int,
     seed: np.random.SeedSequence,
 ) -> Tensor:

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from experiments import exp2
-from sidegan.config import GanVariant
+from sidegan.base.storage import read_json
 from sidegan.library import Library
-from sidegan.plan import FACTS, HISTORY, LIBRARY, REPORT, RESULTS, SEEDS, Task, with_subset
-from sidegan.stamp import Stamp
-from sidegan.storage import read_json
+from sidegan.pipeline.config import GanVariant
+from sidegan.pipeline.plan import FACTS, HISTORY, LIBRARY, REPORT, RESULTS, SEEDS, Task, with_subset
+from sidegan.pipeline.stamp import Stamp
 
 History = list[dict[str, float | None]]
 

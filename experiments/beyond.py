@@ -7,12 +7,12 @@ from pathlib import Path
 
 from experiments import beyond_goals, beyond_sections
 from experiments.beyond_evidence import Evidence
-from sidegan import plan_beyond
-from sidegan.plan import Task
+from sidegan.base.storage import write_json
+from sidegan.pipeline import plan_beyond
+from sidegan.pipeline.plan import Task
+from sidegan.pipeline.tracking import Tracker
 from sidegan.report.document import Document
 from sidegan.report.markdown import write_markdown
-from sidegan.storage import write_json
-from sidegan.tracking import Tracker
 
 
 def collect(task: Task) -> Evidence:

@@ -9,9 +9,10 @@ import pandas as pd
 
 from experiments import artifacts
 from experiments.artifacts import History
-from sidegan import plan_beyond
-from sidegan.config import Config, GanVariant
-from sidegan.plan import (
+from sidegan.base.storage import read_json
+from sidegan.pipeline import plan_beyond
+from sidegan.pipeline.config import Config, GanVariant
+from sidegan.pipeline.plan import (
     FACTS,
     HISTORY,
     NEGATIVES_TRAINING,
@@ -22,8 +23,7 @@ from sidegan.plan import (
     variant,
     with_subset,
 )
-from sidegan.stamp import Stamp
-from sidegan.storage import read_json
+from sidegan.pipeline.stamp import Stamp
 
 GOOD, NEAR = 0.97, 1.1  # valid share and factor of the final condition that count as "the same quality"
 

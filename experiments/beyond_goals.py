@@ -8,8 +8,8 @@ import pandas as pd
 
 from experiments.beyond_evidence import GOOD, Evidence, arrival
 from experiments.beyond_tables import called, spread, title
-from sidegan import plan_beyond
-from sidegan.plan import RANDOM, SEEDS
+from sidegan.pipeline import plan_beyond
+from sidegan.pipeline.plan import RANDOM, SEEDS
 from sidegan.report.style import seconds
 
 MET, MISSED = "met", "not met"

@@ -6,8 +6,8 @@ import pandas as pd
 
 from experiments import beyond_goals, beyond_tables
 from experiments.beyond_evidence import GOOD, NEAR, Evidence
-from sidegan import plan_beyond
-from sidegan.plan import RANDOM, SEEDS, variant
+from sidegan.pipeline import plan_beyond
+from sidegan.pipeline.plan import RANDOM, SEEDS, variant
 from sidegan.report.document import Block, Section, Table, illustrate
 from sidegan.report.export import write_table
 from sidegan.report.panels import Panel, panels
@@ -311,7 +311,7 @@ def method(evidence: Evidence) -> Section:
     return Section(
         "How this page was made",
         [
-            "```\npython -m sidegan.run +experiment=beyond scale=paper publish=docs\n```\n\n"
+            "```\npython -m sidegan.pipeline.run +experiment=beyond scale=paper publish=docs\n```\n\n"
             f"{len(cfg.trainings)} trainings of each variant share the seeds and the surrogates. Objectives, "
             "few seeds and transfer are single trainings, so that small differences there mean nothing. "
             "Everything runs on the model: no torque was measured on a real arm."

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.beyond_evidence import Evidence, arrival
-from sidegan.plan import RANDOM, SEEDS
-from sidegan.plan_beyond import OPTIMISED, POLISHED, SCRATCH
+from sidegan.pipeline.plan import RANDOM, SEEDS
+from sidegan.pipeline.plan_beyond import OPTIMISED, POLISHED, SCRATCH
 from sidegan.report import tables
 
 _POOLS = {

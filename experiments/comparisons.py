@@ -7,7 +7,7 @@ import pandas as pd
 import torch
 
 from experiments.artifacts import Evidence, History
-from sidegan.excitation import effective_rank, mean_distance
+from sidegan.design.excitation import effective_rank, mean_distance
 from sidegan.report import tables
 
 _LAST = {

@@ -6,11 +6,11 @@ from typing import Any
 
 import pandas as pd
 
-from sidegan.plan import LIBRARY, REPORT, Task
-from sidegan.plan_conditional import STUDY, Conditions
+from sidegan.base.storage import read_json, write_bytes, write_json
+from sidegan.pipeline.plan import LIBRARY, REPORT, Task
+from sidegan.pipeline.plan_conditional import STUDY, Conditions
+from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
-from sidegan.storage import read_json, write_bytes, write_json
-from sidegan.tracking import Tracker
 
 MET, LOSS = 0.97, 1.5  # goals: share of samples that meet their condition, loss against a dedicated generator
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pandas as pd
 
 from experiments import artifacts
-from sidegan.config import Config
-from sidegan.plan import Task
+from sidegan.base.storage import write_parquet
+from sidegan.pipeline.config import Config
+from sidegan.pipeline.plan import Task
+from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 from sidegan.report.export import publish, show, write_table
-from sidegan.storage import write_parquet
-from sidegan.tracking import Tracker
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 PLANT, PLANT_WEIGHTED = "MuJoCo plant", "MuJoCo plant, weighted"

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from sidegan.config import Config
-from sidegan.plan import FACTS, RESULTS, Task
+from sidegan.base.storage import write_parquet
+from sidegan.pipeline.config import Config
+from sidegan.pipeline.plan import FACTS, RESULTS, Task
+from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.export import publish
-from sidegan.storage import write_parquet
-from sidegan.tracking import Tracker
 
 PAPER_IMPROVEMENT = {
     "vanilla": {1: "36 ± 44", 4: "21 ± 30", 10: "38 ± 17"},

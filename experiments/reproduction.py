@@ -8,12 +8,12 @@ from pathlib import Path
 from experiments import sections
 from experiments.artifacts import Evidence
 from experiments.claims import claims
-from sidegan.plan import Task
+from sidegan.base.storage import write_json
+from sidegan.pipeline.plan import Task
+from sidegan.pipeline.tracking import Tracker
 from sidegan.report.document import Claims, Document, Section
 from sidegan.report.markdown import write_markdown
 from sidegan.report.web import write_html
-from sidegan.storage import write_json
-from sidegan.tracking import Tracker
 
 
 def collect(task: Task) -> Evidence:

@@ -8,7 +8,7 @@ import pandas as pd
 from experiments import comparisons, exp1, exp2
 from experiments import training as training_experiment
 from experiments.artifacts import Evidence
-from sidegan.plan import LONG, SEEDS
+from sidegan.pipeline.plan import LONG, SEEDS
 from sidegan.report import figures, interactive, motion, spatial, tables
 from sidegan.report.document import Picture, Section, Table, illustrate
 from sidegan.report.export import write_table

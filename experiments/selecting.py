@@ -8,14 +8,14 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from sidegan.criteria import DETERMINANT, criteria_of, variance
-from sidegan.dynamics import RigidBody
+from sidegan.design.criteria import DETERMINANT, criteria_of, variance
+from sidegan.design.greedy import greedy
+from sidegan.design.information import Information, information_of
+from sidegan.design.optimal import a_optimal, ceiling, d_optimal, exchange
 from sidegan.errors import ShapeError
 from sidegan.identification import study
-from sidegan.information import Information, information_of
-from sidegan.optimal import a_optimal, ceiling, d_optimal, exchange
-from sidegan.selection import greedy
-from sidegan.trajectory import Trajectory
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 
 _RATE = 5.0  # [Hz] at which information is taken: 80 samples in 16 s
 _LEAST = 1e-3  # of a joint's largest torque: one that hardly loads a joint does not tell all about it

@@ -18,11 +18,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sidegan.artifacts import Store
+from sidegan.base.storage import read_torch, write_json, write_torch
+from sidegan.design.problem import Problem
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.artifacts import Store
 from sidegan.robot import load_robot
-from sidegan.seeds import Gradient, SeedProblem, Tasks, make_seeds
-from sidegan.storage import read_torch, write_json, write_torch
-from sidegan.trajectory import Trajectory
+from sidegan.seeds import Gradient, Tasks, make_seeds
 from sidegan.validity import Constraints
 
 METHOD = Gradient(steps=10)
@@ -31,7 +32,7 @@ COUNT, BATCH = 12, 2
 
 def problem():
     """Three harmonics of the planar arm, nowhere kept out."""
-    return SeedProblem(Constraints(load_robot("planar2"), []), Trajectory(2, 3, 8.0), samples=20)
+    return Problem(Constraints(load_robot("planar2"), []), Trajectory(2, 3, 8.0), samples=20)
 
 
 def run(root, method=METHOD, workers=1):

@@ -2,9 +2,9 @@
 
 from hydra import compose, initialize_config_dir
 
-from sidegan import callbacks  # noqa: F401 - registers what the paths in conf/ use
-from sidegan.config import validate
-from sidegan.run import CONF
+from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
+from sidegan.pipeline.config import validate
+from sidegan.pipeline.run import CONF
 
 TINY = (
     "scale=tiny",

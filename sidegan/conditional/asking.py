@@ -14,7 +14,7 @@ from sidegan.conditional.encoding import encode, refuse_outside
 from sidegan.conditional.ranges import KINDS, Range, Ranges
 from sidegan.conditional.surroundings import Surroundings
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
 _ROUNDS, _SPARE = 50, 3  # of drawing; three times as many as are wanted in each

@@ -9,7 +9,7 @@ from torch import Tensor
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.ranges import Obstacles, Range, Ranges
 from sidegan.errors import ConfigError
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 
 _SAME = 1e-6  # by which a number may lie outside a range
 

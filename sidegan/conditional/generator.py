@@ -8,18 +8,18 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import write_torch
 from sidegan.conditional.asking import Asking
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.ranges import Ranges
 from sidegan.conditional.settle import settle
 from sidegan.conditional.shaping import Shaping
 from sidegan.conditional.surroundings import family
-from sidegan.errors import ArtifactError, ShapeError, SideganError
+from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.generator import opened, refuse_other
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.storage import read_torch, write_torch
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
 _FORMAT = "conditional 1"

@@ -8,7 +8,7 @@ from torch import Tensor
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.generator import ConditionalGenerator
 from sidegan.conditional.surroundings import family, regions
-from sidegan.excitation import excite, mean_distance
+from sidegan.design.excitation import excite, mean_distance
 from sidegan.validity import Constraints, Validity, check
 
 RATE = 12.5  # [Hz] at which excitation is taken

@@ -8,13 +8,13 @@ from torch import Tensor
 
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.surroundings import Surroundings
-from sidegan.dynamics import RigidBody, gram_of
-from sidegan.gan import physics
-from sidegan.gan.objectives import log_condition
-from sidegan.kernels import tensors as kernels
-from sidegan.seeds import SeedProblem
-from sidegan.seeds.objective import Penalty
-from sidegan.trajectory import Motion
+from sidegan.design import physics
+from sidegan.design.objective import Penalty
+from sidegan.design.objectives import log_condition
+from sidegan.design.problem import Problem
+from sidegan.motion.compiled import tensors as kernels
+from sidegan.motion.dynamics import RigidBody, gram_of
+from sidegan.motion.trajectory import Motion
 
 _DISTANCE = 0.25  # [m] clearance that counts like a whole limit, as in the seeds' penalty
 _AT_ONCE = 2_000  # states whose regressor stays near the processor
@@ -22,7 +22,7 @@ _FLOOR = 1e-12  # share of the largest eigenvalue, below which a direction count
 
 
 @dataclass(frozen=True)
-class ConditionedProblem(SeedProblem):
+class ConditionedProblem(Problem):
     """A batch of trajectories under a batch of conditions.
 
     Coefficients are velocities: with another period the motion is that of the family's period, with
@@ -90,7 +90,7 @@ def _eigen(body: RigidBody, grams: Tensor) -> tuple[Tensor, Tensor]:
     return torch.maximum(values, floor), subspace @ vectors
 
 
-def worth(problem: SeedProblem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
+def worth(problem: Problem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
     """Smooth log condition number, and log of the weighted sum of the base parameters' variances, (B,) each.
 
     The variances are those of parameters identified from one sample of noise 1 per time point: the diagonal
@@ -112,7 +112,7 @@ class _Worth(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, problem: SeedProblem, c: Tensor, weights: Tensor
+        ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, problem: Problem, c: Tensor, weights: Tensor
     ) -> tuple[Tensor, Tensor]:
         values, vectors = _eigen(problem.body, problem.gram(c))
         with torch.enable_grad():
@@ -143,7 +143,7 @@ class _Worth(torch.autograd.Function):
         return (*found, None, None, None)
 
 
-def _energies(problem: SeedProblem, states: list[Tensor], vectors: Tensor, weights: Tensor) -> list[Tensor]:
+def _energies(problem: Problem, states: list[Tensor], vectors: Tensor, weights: Tensor) -> list[Tensor]:
     """Gradients in the states, (B, T, J) each, of Σ weight |Y v|² / T over base vectors (B, K, p)."""
     full = vectors.new_zeros(*vectors.shape[:2], 10 * problem.body.joints)
     full[:, :, problem.body.base.columns] = vectors

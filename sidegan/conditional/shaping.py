@@ -6,8 +6,8 @@ from torch.func import functional_call
 
 from sidegan.conditional.condition import Condition
 from sidegan.gan.limits import Limits
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 _LEAST_ROOM = 1e-3  # [rad or m] below which a joint whose home lies at its limit stands still
 _LEAST_SHARE = 0.05  # of a joint's range, that counts as its room when sizes are compared

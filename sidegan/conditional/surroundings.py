@@ -7,7 +7,7 @@ from torch import Tensor
 
 from sidegan.conditional.condition import Condition
 from sidegan.errors import InfeasibleError
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane, Region
 from sidegan.validity.capsules import capsule_axes
 

@@ -13,13 +13,13 @@ from sidegan.conditional.generator import ConditionalGenerator
 from sidegan.conditional.measure import met
 from sidegan.conditional.problem import ConditionedProblem, variances, worth
 from sidegan.conditional.shaping import Shaping
+from sidegan.design.objective import Penalty
 from sidegan.errors import ConfigError
 from sidegan.gan.conditional import LoneLoop, fit
 from sidegan.gan.exact import ExactPhysics
 from sidegan.gan.limits import Limits
 from sidegan.gan.training import random_trajectories
 from sidegan.gan.variants import Exact, Variant, Weights
-from sidegan.seeds.objective import Penalty
 from sidegan.validity import Constraints
 
 EpochEnd = Callable[[int, dict[str, float]], None]

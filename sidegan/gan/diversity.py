@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from sidegan.excitation import mean_distance
+from sidegan.design.excitation import mean_distance
 
 _DIRECTIONS = 48  # most principal directions whose spread is kept; a batch of 100 resolves no more
 _RIDGE = 1e-3  # keeps the covariance of a small batch invertible

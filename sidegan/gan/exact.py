@@ -3,12 +3,12 @@
 import torch
 from torch import Tensor
 
-from sidegan.gan import physics
+from sidegan.design import physics
+from sidegan.design.objective import Penalty
+from sidegan.design.problem import Problem
 from sidegan.gan.surrogates import Standard
 from sidegan.gan.variants import Exact
-from sidegan.seeds import SeedProblem
-from sidegan.seeds.objective import Penalty
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
 _CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
@@ -24,7 +24,7 @@ class ExactPhysics:
     """
 
     def __init__(self, constraints: Constraints, trajectory: Trajectory, settings: Exact) -> None:
-        self.problem = SeedProblem(constraints, trajectory, settings.samples)
+        self.problem = Problem(constraints, trajectory, settings.samples)
         self.terms, self.ease = settings.terms, settings.ease
         self.penalty = Penalty(
             1.0, limits=0.0, torque=settings.reserve, distance=_CLEARANCE * settings.reserve
@@ -48,7 +48,7 @@ class ExactFeatures(Standard):
         seeds: coefficients (N, J, H, 2) whose features have zero mean and unit spread.
     """
 
-    def __init__(self, problem: SeedProblem, kind: str, seeds: Tensor) -> None:
+    def __init__(self, problem: Problem, kind: str, seeds: Tensor) -> None:
         self.information = physics.Information(problem)
         self.of = physics.spectrum if kind == "spectrum" else physics.diagonal
         with torch.no_grad():

@@ -10,13 +10,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError, ShapeError, SideganError
 from sidegan.gan.limits import Limits
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.storage import read_torch, write_torch
-from sidegan.trajectory import Trajectory
 
 _FORMAT = 1
 

@@ -8,13 +8,13 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import MIXTURES, Labelled, Progress, label
 from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.storage import read_torch, write_torch
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 Network = TypeVar("Network", bound=torch.nn.Module)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import gram
-from sidegan.excitation import excitation_of
+from sidegan.design.excitation import excitation_of
 from sidegan.gan.scaling import Scaling
-from sidegan.trajectory import Trajectory
+from sidegan.motion.dynamics import gram
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 _DISTANCE = 0.1  # [m] clearance that counts like a whole joint range

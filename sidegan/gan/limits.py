@@ -4,8 +4,8 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 _POINTS = 24  # time points per harmonic
 _SHARPNESS = 8.0  # of the turn from proportional to saturated; use 1 becomes 0.92

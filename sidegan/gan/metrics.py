@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from sidegan.excitation import Excitation, effective_rank, excite, mean_distance, nearest_distance
-from sidegan.trajectory import Trajectory
+from sidegan.design.excitation import Excitation, effective_rank, excite, mean_distance, nearest_distance
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 NOISE_BATCHES = 10  # the paper averages over ten noise batches

@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor, nn
 
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 _PEAKS = 4  # finer time points per step at which the limit use is taken, so that peaks are seen
 _ACCELERATION = 5.0  # [rad/s²] that counts as one

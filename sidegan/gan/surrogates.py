@@ -10,8 +10,8 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.gan.rollout import RollOut
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
 _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on

@@ -12,9 +12,11 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
-from sidegan.dynamics import gram
+from sidegan.base.storage import read_torch
+from sidegan.design.coordinates import Coordinates
+from sidegan.design.excitation import excitation_of
+from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError, ShapeError, SideganError
-from sidegan.excitation import excitation_of
 from sidegan.gan.adversarial import AdversarialLoop
 from sidegan.gan.exact import ExactFeatures, ExactPhysics
 from sidegan.gan.generator import TrajectoryGenerator
@@ -22,10 +24,8 @@ from sidegan.gan.limits import Limits
 from sidegan.gan.metrics import measure
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.variants import Variant
-from sidegan.seeds import SeedProblem
-from sidegan.seeds.coordinates import Coordinates
-from sidegan.storage import read_torch
-from sidegan.trajectory import Trajectory
+from sidegan.motion.dynamics import gram
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, told
 
 log = logging.getLogger(__name__)
@@ -117,7 +117,7 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
     Raises:
         InfeasibleError: when not even small motions are valid; says what they violate.
     """
-    problem = SeedProblem(constraints, trajectory)
+    problem = Problem(constraints, trajectory)
     coordinates = Coordinates.of(problem)
     noise = torch.Generator().manual_seed(seed)
     c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, 1.0))

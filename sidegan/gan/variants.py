@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
+from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.networks import ACTIVATIONS, BODIES
-from sidegan.gan.objectives import Term
 
 FEATURES = ("none", "spectrum", "diagonal")
 

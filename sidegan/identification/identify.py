@@ -5,13 +5,13 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import ShapeError
 from sidegan.identification.measurements import Measurements, chunks
 from sidegan.identification.metrics import nmse
 from sidegan.identification.rls import Identified, Rls
 from sidegan.identification.sums import Sums, finite
-from sidegan.kernels import tensors as kernels
+from sidegan.motion.compiled import tensors as kernels
+from sidegan.motion.dynamics import RigidBody
 
 SAMPLES_AT_ONCE = 4096  # their regressor of a 7-joint arm takes 10 MB
 

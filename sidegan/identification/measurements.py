@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.trajectory import Motion
+from sidegan.motion.trajectory import Motion
 
 if TYPE_CHECKING:
-    from sidegan.dynamics import RigidBody
+    from sidegan.motion.dynamics import RigidBody
 
 STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
 

@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.formulas import formula
 from sidegan.identification.terms import LETTERS, Terms
+from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
 _DEPENDENT = 1e-8  # relative length of a column's new part; rounding leaves 1e-14, a true one 1e-3

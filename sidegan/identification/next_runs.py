@@ -8,7 +8,7 @@ from torch import Tensor
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.model import Model
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 
 _STATES_AT_ONCE = 4096
 _GRAMS_AT_ONCE = 256

@@ -7,7 +7,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
 from sidegan.identification.gather import Samples, pieces, residual_of
@@ -15,6 +14,7 @@ from sidegan.identification.inertia import least_eigenvalues
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Model
 from sidegan.identification.program import Task, most_likely
+from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 
 _LEAST_MASS, _LEAST_LENGTH = 1e-3, 1e-2  # [kg], [m] of a load that is hardly there
 _MARGIN = 1e-4  # smallest eigenvalue of the load's pseudo-inertia in its own mass and length

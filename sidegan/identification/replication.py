@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import ShapeError
 from sidegan.identification.identify import accumulate, evaluate
 from sidegan.identification.measurements import Measurements, Noise, measure
@@ -20,7 +19,8 @@ from sidegan.identification.metrics import covariance_norm
 from sidegan.identification.rls import Rls
 from sidegan.identification.study import Settings
 from sidegan.identification.sums import Sums
-from sidegan.trajectory import Trajectory
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 
 _TRAJECTORIES_AT_ONCE = 10
 _SILENT = Noise(level=0.0)

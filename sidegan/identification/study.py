@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody, gram
-from sidegan.excitation import excitation_of
+from sidegan.design.excitation import excitation_of
 from sidegan.identification.identify import accumulate, evaluate
 from sidegan.identification.measurements import Noise, measure
 from sidegan.identification.metrics import covariance_norm
 from sidegan.identification.rls import Identified
-from sidegan.trajectory import Motion, Trajectory
+from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.trajectory import Motion, Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import read_parquet, write_parquet
 from sidegan.errors import ArtifactError
-from sidegan.storage import read_parquet, write_parquet
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
     import pyarrow as pa

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import opened_parquet, replacing
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.library import parquet
 from sidegan.library.collection import Library
-from sidegan.storage import opened_parquet, replacing
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
     import pyarrow.parquet as pq

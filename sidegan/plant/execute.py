@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import PlantSettings
 from sidegan.robot import Arm, require_consistent
-from sidegan.trajectory import Motion, concatenate
 
 if TYPE_CHECKING:
     import mujoco

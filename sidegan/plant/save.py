@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from sidegan.base.storage import replacing, write_parquet
 from sidegan.errors import ConfigError
 from sidegan.plant.execute import Executed
-from sidegan.storage import replacing, write_parquet
 
 _LETTERS = {"position": "q", "velocity": "qd", "torque": "tau"}
 

@@ -7,11 +7,11 @@ from typing import TypeVar
 import numpy as np
 from torch import Tensor
 
-from sidegan.parallel import Job, Report, run_jobs
+from sidegan.base.parallel import Job, Report, run_jobs
+from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.execute import Executed, Plant
 from sidegan.plant.settings import PlantSettings
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 T = TypeVar("T")
 

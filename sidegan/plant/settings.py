@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, fields
 import torch
 from torch import Tensor
 
+from sidegan.base.typed import NonNegative, Positive, Share
 from sidegan.errors import ConfigError
-from sidegan.typed import NonNegative, Positive, Share
 
 
 def _none() -> list[float]:

@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import RecordingError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausible, suspicion
 from sidegan.recording.conditioning import condition, grid_for
 from sidegan.recording.excited import Excited, excited

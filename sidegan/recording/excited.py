@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
+from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import Segment
 
 _SAMPLES_AT_ONCE = 4096

@@ -5,8 +5,8 @@ import math
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import RecordingError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.excited import SMOOTH
 from sidegan.recording.raw import Survey
 from sidegan.recording.recording import Segment

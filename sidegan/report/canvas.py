@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from sidegan.base.storage import replacing
 from sidegan.report.summary import Line
-from sidegan.storage import replacing
 
 # The same figure gives the same file, so that a repeated run changes nothing under version control.
 _METADATA: dict[str, dict[str, Any]] = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}

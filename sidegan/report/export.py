@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from sidegan.storage import write_bytes
+from sidegan.base.storage import write_bytes
 
 if TYPE_CHECKING:
-    from sidegan.tracking import Tracker
+    from sidegan.pipeline.tracking import Tracker
 
 
 def publish(table: pd.DataFrame, path: Path, caption: str, tracker: "Tracker") -> None:

@@ -6,9 +6,9 @@ from urllib.parse import quote
 
 import pandas as pd
 
+from sidegan.base.storage import write_bytes
 from sidegan.report.document import Block, Claims, Document, Picture, Table, Text, verdicts
 from sidegan.report.export import markdown
-from sidegan.storage import write_bytes
 
 _SIGNS = {"holds": "🟢", "holds in part": "🟡", "does not hold": "🔴", "not tested": "⚪"}
 

@@ -15,11 +15,11 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.report.pose import Mesh, bounds, film, tip_traces
 from sidegan.report.style import DESK, colour
 from sidegan.report.tables import title
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 _COLUMNS = 4
 _TIME = "viridis"

@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 from sidegan.validity.capsules import capsule_axes, place_points
 
 _RATE = 25.0  # [Hz] of a drawn trace

@@ -6,13 +6,13 @@ import numpy as np
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.report.motion import Bundles, describe
 from sidegan.report.plotted import finish
 from sidegan.report.pose import Mesh, bounds, film, tip_traces
 from sidegan.report.style import DESK, colour
 from sidegan.report.tables import title
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
+from sidegan.base.storage import write_bytes
 from sidegan.errors import ArtifactError
 from sidegan.report.document import Block, Claims, Document, Picture, Section, Table, Text, verdicts
 from sidegan.report.page import figure_html, page
-from sidegan.storage import write_bytes
 
 _STYLE = Path(__file__).with_name("document.css")
 _SCRIPT = Path(__file__).with_name("document.js")

@@ -7,12 +7,12 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import replacing
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
-from sidegan.storage import replacing
 
 _TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost

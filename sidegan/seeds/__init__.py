@@ -2,8 +2,6 @@
 
 from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.make import Tasks, make_long, make_seeds, method_of
-from sidegan.seeds.polish import Polish
-from sidegan.seeds.problem import SeedProblem
 from sidegan.seeds.result import SeedBatch
 
-__all__ = ["Gradient", "Polish", "SeedBatch", "SeedProblem", "Tasks", "make_long", "make_seeds", "method_of"]
+__all__ = ["Gradient", "SeedBatch", "Tasks", "make_long", "make_seeds", "method_of"]

@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.seeds.coordinates import Coordinates
-from sidegan.seeds.lbfgs import BatchedLbfgs, Function
-from sidegan.seeds.objective import Penalty, value_and_gradient
-from sidegan.seeds.problem import HOPELESS, SeedProblem
+from sidegan.design.coordinates import Coordinates, objective
+from sidegan.design.lbfgs import BatchedLbfgs
+from sidegan.design.objective import Penalty
+from sidegan.design.problem import HOPELESS, Problem
 from sidegan.seeds.result import SeedBatch, collect, torch_generator
 
 # At first violations cost little and few samples do: the search moves freely. Then it becomes strict.
@@ -40,7 +40,7 @@ class Gradient:
     memory: int = 25
     reserve: float = 0.2
 
-    def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
+    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
 
         def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
@@ -48,7 +48,7 @@ class Gradient:
 
         return collect(problem, count, seed, self.attempts, propose, self.ceiling)
 
-    def _descend(self, problem: SeedProblem, count: int, reach: float, generator: torch.Generator) -> Tensor:
+    def _descend(self, problem: Problem, count: int, reach: float, generator: torch.Generator) -> Tensor:
         few = max(int(_ROUGH_SAMPLES * problem.samples), 2 * problem.trajectory.harmonics + 1)
         coordinates = Coordinates.of(problem)
         x = coordinates.start(problem, count, generator, reach)
@@ -64,13 +64,3 @@ class Gradient:
 
     def _penalty(self, weight: float) -> Penalty:
         return Penalty(weight, limits=self.reserve, torque=self.reserve, distance=2 * self.reserve)
-
-
-def objective(problem: SeedProblem, penalty: Penalty, coordinates: Coordinates) -> Function:
-    """Penalised objective and its gradient at points in natural coordinates, (B, J · 2 H)."""
-
-    def function(x: Tensor) -> tuple[Tensor, Tensor]:
-        value, gradient = value_and_gradient(problem, coordinates.coefficients(x), penalty)
-        return value, coordinates.pull_back(gradient)
-
-    return function

@@ -9,12 +9,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sidegan.base.parallel import Report, run_jobs
+from sidegan.base.storage import read_torch, write_torch
+from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, ConfigError
-from sidegan.parallel import Report, run_jobs
 from sidegan.seeds.gradient import Gradient
-from sidegan.seeds.problem import SeedProblem
 from sidegan.seeds.result import SeedBatch
-from sidegan.storage import read_torch, write_torch
 
 _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
 _LONG_ROUNDS = 50
@@ -24,7 +24,7 @@ _LONG_RESERVE = 0.05  # share of each limit: nothing is to imitate a long trajec
 class Method(Protocol):
     """An optimiser of seeds."""
 
-    def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
+    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` valid seeds."""
 
 
@@ -45,9 +45,7 @@ class Tasks:
     workers: int | None = None
 
 
-def make_seeds(
-    problem: SeedProblem, method: Method, tasks: Tasks, random: np.random.SeedSequence
-) -> SeedBatch:
+def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random.SeedSequence) -> SeedBatch:
     """Exactly ``tasks.count`` valid seeds.
 
     Raises:
@@ -74,7 +72,7 @@ def make_seeds(
 
 
 def make_long(
-    problem: SeedProblem, steps: int, seconds: float, random: np.random.SeedSequence, progress: Report
+    problem: Problem, steps: int, seconds: float, random: np.random.SeedSequence, progress: Report
 ) -> SeedBatch:
     """One long trajectory: the best of as many starts as fit into the CPU time, of at least one.
 
@@ -107,7 +105,7 @@ def make_long(
 
 
 def _task(
-    problem: SeedProblem, method: Method, count: int, seed: np.random.SeedSequence, path: Path, report: Report
+    problem: Problem, method: Method, count: int, seed: np.random.SeedSequence, path: Path, report: Report
 ) -> SeedBatch:
     try:
         batch = SeedBatch(**read_torch(path))

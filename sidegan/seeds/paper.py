@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.seeds.problem import SeedProblem
+from sidegan.design.problem import Problem
 from sidegan.seeds.result import SeedBatch, collect
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class ConditionProblem:
     joints are scaled into their limits.
     """
 
-    def __init__(self, problem: SeedProblem) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.problem = problem
         arm, shape = problem.constraints.arm, problem.trajectory.shape
         self.range = (_RANGE * arm.velocity_limit)[:, None, None].expand(shape).clone()
@@ -85,7 +85,7 @@ class Paper:
     evaluations: int = 20_000
     attempts: int = 5
 
-    def optimise(self, problem: SeedProblem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
+    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
 
         def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
@@ -93,7 +93,7 @@ class Paper:
 
         return collect(problem, count, seed, self.attempts, propose)
 
-    def _search(self, problem: SeedProblem, source: np.random.SeedSequence) -> Tensor:
+    def _search(self, problem: Problem, source: np.random.SeedSequence) -> Tensor:
         import pygmo as pg
 
         first, second = (int(number) % _SEED_LIMIT for number in source.generate_state(2))

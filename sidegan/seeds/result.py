@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.design.problem import HOPELESS, Problem
 from sidegan.errors import InfeasibleError
-from sidegan.seeds.problem import HOPELESS, SeedProblem
 from sidegan.validity import check, told
 
 _SHRINK = 0.99  # towards home, one step at a time
@@ -68,7 +68,7 @@ class SeedBatch:
         )
 
 
-def settle(problem: SeedProblem, c: Tensor, ceiling: float = HOPELESS) -> SeedBatch:
+def settle(problem: Problem, c: Tensor, ceiling: float = HOPELESS) -> SeedBatch:
     """The valid ones among candidates (B, J, H, 2), after shrinking towards home where that helps.
 
     Args:
@@ -95,7 +95,7 @@ def settle(problem: SeedProblem, c: Tensor, ceiling: float = HOPELESS) -> SeedBa
 
 
 def collect(
-    problem: SeedProblem,
+    problem: Problem,
     count: int,
     seed: np.random.SeedSequence,
     attempts: int,

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 from sidegan.validity.constraints import Constraints
 
 _SAMPLES_AT_ONCE = 200_000  # of the jerk: 11 MB for seven joints

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.fused import FusedSearch, kernel
 from sidegan.validity.search import Search, coarse_cells

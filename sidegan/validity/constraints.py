@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
 from sidegan.validity.regions import Region

@@ -11,9 +11,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.kernels import compiled
+from sidegan.motion.compiled import compiled
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 from sidegan.validity.bounds import Slack, link_norms
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.regions import Plane, Region
@@ -33,7 +33,7 @@ def kernel() -> Any:
     if not compiled():
         return None
     try:
-        from sidegan.kernels import validity
+        from sidegan.motion.compiled import validity
     except ImportError as error:
         log.info("validity is checked without a compiled kernel: %s", error)
         return None

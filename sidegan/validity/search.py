@@ -5,7 +5,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import Slack, cell_motion, jerk_bound
 from sidegan.validity.constraints import Constraints
 

@@ -3,7 +3,7 @@ import torch
 
 from sidegan.conditional.asking import Asking
 from sidegan.conditional.ranges import Obstacles, Ranges
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 
 CUBES = Obstacles((-0.8, -0.05, 0.2), (0.8, 0.05, 1.4), (0.05, 0.15))

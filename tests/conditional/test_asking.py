@@ -7,7 +7,7 @@ from sidegan.conditional.asking import Asking
 from sidegan.conditional.measure import constraints_of
 from sidegan.conditional.ranges import KINDS
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 from tests.conditional.conftest import CUBES, RANGES, random
 

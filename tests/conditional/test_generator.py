@@ -3,12 +3,12 @@ from dataclasses import replace
 import pytest
 import torch
 
+from sidegan.base.storage import read_torch, write_torch
 from sidegan.conditional import ConditionalGenerator
 from sidegan.conditional.asking import Asking
 from sidegan.conditional.measure import checked, met
 from sidegan.conditional.training import Settings, train
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError, SideganError
-from sidegan.storage import read_torch, write_torch
 from sidegan.validity import Constraints, Plane
 from tests.conditional.conftest import RANGES, random
 

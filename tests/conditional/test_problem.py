@@ -7,10 +7,10 @@ from sidegan.conditional.measure import constraints_of
 from sidegan.conditional.problem import ConditionedProblem, variances, worth
 from sidegan.conditional.surroundings import family as family_of
 from sidegan.conditional.surroundings import regions
-from sidegan.dynamics import gram
-from sidegan.excitation import excitation_of
-from sidegan.seeds import SeedProblem
-from sidegan.seeds.objective import Penalty
+from sidegan.design.excitation import excitation_of
+from sidegan.design.objective import Penalty
+from sidegan.design.problem import Problem
+from sidegan.motion.dynamics import gram
 from sidegan.validity import Constraints
 from tests.conditional.conftest import random
 
@@ -19,7 +19,7 @@ SAMPLES = 24
 
 @pytest.fixture(scope="module")
 def c(constraints, family, conditions):
-    return SeedProblem(constraints, family, SAMPLES).start(len(conditions), random(), 0.9)
+    return Problem(constraints, family, SAMPLES).start(len(conditions), random(), 0.9)
 
 
 @pytest.fixture(scope="module")

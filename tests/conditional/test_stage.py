@@ -4,12 +4,12 @@ import pandas as pd
 import pytest
 
 from experiments import conditional
-from sidegan.artifacts import Store
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.library import Library
-from sidegan.plan import LIBRARY, Task
-from sidegan.run import run_stages
-from sidegan.stages import STAGES
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.plan import LIBRARY, Task
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import STAGES
 from tests.tiny import tiny
 
 FEW = (

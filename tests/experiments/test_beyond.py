@@ -8,14 +8,14 @@ import torch
 from experiments import beyond, beyond_goals, beyond_tables
 from experiments import beyond_sections as sections
 from experiments.beyond_evidence import Evidence, arrival
-from sidegan import plan_beyond
-from sidegan.artifacts import Store
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library import Library
-from sidegan.plan import SEEDS, Task
-from sidegan.run import run_stages
-from sidegan.stages import STAGES, best, transfer
-from sidegan.stages.common import load
+from sidegan.pipeline import plan_beyond
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.plan import SEEDS, Task
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import STAGES, best, transfer
+from sidegan.pipeline.stages.common import load
 from tests.tiny import tiny
 
 SMALL = (

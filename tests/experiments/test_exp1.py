@@ -2,9 +2,9 @@ import pandas as pd
 import pytest
 
 from experiments import exp1
+from sidegan.base.storage import write_parquet
+from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
-from sidegan.storage import write_parquet
-from sidegan.tracking import Tracker
 from tests.tiny import tiny
 
 

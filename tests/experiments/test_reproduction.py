@@ -8,11 +8,11 @@ from experiments import exp2, training
 from experiments.artifacts import Evidence
 from experiments.claims import HOLDS, NOT, claims
 from experiments.comparisons import ablation, costs, densities, kinds, sensitivity, subsets
-from sidegan.artifacts import Store
 from sidegan.errors import ArtifactError, ConfigError
-from sidegan.plan import Task, with_subset
-from sidegan.run import run_stages
-from sidegan.stages import STAGES
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.plan import Task, with_subset
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import STAGES
 from tests.tiny import tiny
 
 SMALL = (

@@ -3,12 +3,12 @@ import pytest
 import torch
 
 from experiments import selecting
-from sidegan.dynamics import RigidBody
+from sidegan.design.excitation import excite
+from sidegan.design.greedy import greedy
 from sidegan.errors import ShapeError
-from sidegan.excitation import excite
 from sidegan.identification import Noise, study
-from sidegan.selection import greedy
-from sidegan.trajectory import Trajectory
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 
 SETTINGS = study.Settings(20.0, 1e6, 1.0, True, Noise("multiplicative", 0.1, True, False), 2)
 

@@ -3,12 +3,12 @@ from dataclasses import replace
 import pytest
 import torch
 
+from sidegan.design.problem import Problem
 from sidegan.gan.labels import blend, label
 from sidegan.gan.pretrain import split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.variants import Variant, Weights
-from sidegan.seeds.problem import SeedProblem
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 STEPS = 32  # time points that the surrogates see
@@ -32,14 +32,14 @@ def constraints(planar):
 @pytest.fixture(scope="session")
 def seeds(constraints, family):
     """Valid random trajectories that use most of their limits."""
-    c = SeedProblem(constraints, family).start(240, random(), 0.9)
+    c = Problem(constraints, family).start(240, random(), 0.9)
     return c[check(constraints, family, c).valid]
 
 
 @pytest.fixture(scope="session")
 def wild(constraints, family):
     """Random trajectories of which most violate something."""
-    return SeedProblem(constraints, family).start(240, random(1), 1.3)
+    return Problem(constraints, family).start(240, random(1), 1.3)
 
 
 @pytest.fixture(scope="session")

@@ -3,10 +3,10 @@ from dataclasses import replace
 import pytest
 import torch
 
+from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError, SideganError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.exact import ExactFeatures, ExactPhysics
-from sidegan.gan.objectives import Term
 from sidegan.gan.training import random_trajectories, train_variant
 from sidegan.gan.variants import Exact, Variant, Weights
 from sidegan.validity import Constraints, Plane, check

@@ -5,7 +5,7 @@ import torch
 
 from sidegan.errors import ArtifactError
 from sidegan.gan import jobs
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 
 SIZES = jobs.Sizes(16, 8, 8)
 

@@ -1,9 +1,9 @@
 import pytest
 import torch
 
-from sidegan.excitation import excite
+from sidegan.design.excitation import excite
 from sidegan.gan.labels import blend, label, paper, scaled_margins
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
 from tests.gan.conftest import STEPS, random
 

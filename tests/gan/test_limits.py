@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ShapeError
 from sidegan.gan.limits import Limits
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 ARM = load_robot("planar2")

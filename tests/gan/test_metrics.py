@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from sidegan.excitation import excite
+from sidegan.design.excitation import excite
 from sidegan.gan.metrics import measure
 
 

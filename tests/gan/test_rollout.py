@@ -1,7 +1,7 @@
 import torch
 
 from sidegan.gan.rollout import RollOut
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 
 
 def test_channels_are_those_of_the_exact_motion(arm):

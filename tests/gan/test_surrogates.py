@@ -3,7 +3,7 @@ import dataclasses
 import torch
 
 from sidegan.gan.surrogates import Converter, SuccessPredictor
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 from tests.gan.conftest import random
 

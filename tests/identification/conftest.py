@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.trajectory import Motion
+from sidegan.motion.trajectory import Motion
 
 
 class LinearBody:

@@ -3,8 +3,8 @@
 import numpy as np
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.identification import Measurements, Model, Terms
+from sidegan.motion.dynamics import RigidBody
 
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import SideganError
 from sidegan.identification import Noise, Rls, covariance_norm, evaluate, identify, identify_weighted, measure
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory, concatenate
 from sidegan.robot import load_robot
-from sidegan.trajectory import Trajectory, concatenate
 
 CLEAN = Noise(level=0.0)
 

@@ -6,11 +6,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import ConfigError, InfeasibleError, RobotError
 from sidegan.identification import Conditions, Model, consistent, estimate
 from sidegan.identification.inertia import from_pseudo_inertia, least_eigenvalues, pseudo_inertia
 from sidegan.identification.prior import scales
+from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from tests.identification.recordings import model_of, recorded, truth_of
 

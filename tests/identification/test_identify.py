@@ -16,7 +16,7 @@ from sidegan.identification import (
     measure,
     nmse,
 )
-from sidegan.trajectory import Motion
+from sidegan.motion.trajectory import Motion
 
 
 @pytest.fixture

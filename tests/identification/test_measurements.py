@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import Measurements, Noise, measure
 from sidegan.identification.measurements import STATES_AT_ONCE, chunks
-from sidegan.trajectory import Motion
+from sidegan.motion.trajectory import Motion
 
 
 def stack(measurements):

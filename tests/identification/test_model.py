@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import Model, Terms
 from sidegan.identification.formulas import formula
 from sidegan.identification.model import states_within
 from sidegan.identification.single import SingleRegressor
+from sidegan.motion.dynamics import RigidBody
 from tests.chains import random_chain
 from tests.identification.recordings import model_of, multisine
 

@@ -3,9 +3,9 @@ import pandas as pd
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.identification import Noise, study
-from sidegan.trajectory import Trajectory
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from sidegan.identification import (
 )
 from sidegan.identification.next_runs import certainty
 from sidegan.identification.score import score_of_sums
-from sidegan.trajectory import Trajectory
+from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import model_of, multisine, recorded, truth_of
 
 NOISE = 0.3

@@ -6,12 +6,11 @@ import pytest
 import torch
 import yaml
 
+from sidegan.base.typed import build
+from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.plant import PlantSettings
 from sidegan.robot import Arm
-from sidegan.trajectory import Motion, Trajectory
-from sidegan.typed import build
-
-from ..chains import random_chain, real_links
+from tests.chains import random_chain, real_links
 
 CONF = Path(__file__).parents[2] / "conf" / "plant"
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import InfeasibleError, RobotError, ShapeError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import concatenate
 from sidegan.plant import Plant, PlantSettings
 from sidegan.robot import built_in_robots, load_robot
-from sidegan.trajectory import concatenate
 
 RATE = 1000.0  # Hz
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
+from sidegan.design.problem import Problem
 from sidegan.identification import Measurements, Model, estimate, nmse
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import execute_all
 from sidegan.recording import Recording, Settings, condition
-from sidegan.seeds.problem import SeedProblem
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints
 
 FAMILY = Trajectory(7, 6, 16.0)
@@ -25,7 +25,7 @@ def measurements_of(executed, joint_names, settings):
 @pytest.fixture(scope="module")
 def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
-    c = SeedProblem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
+    c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
     how = partial(measurements_of, joint_names=arm.joint_names, settings=Settings(bandwidth=6 / 16))
     return execute_all(arm, standard, FAMILY, c, np.random.SeedSequence(0), how, workers=1)
 

@@ -7,12 +7,11 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import ConfigError, RobotError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.plant import PlantSettings, inverse_dynamics, mujoco_model
 from sidegan.robot import built_in_robots, load_robot, pinocchio_model
-
-from ..chains import random_states
+from tests.chains import random_states
 
 
 @pytest.mark.parametrize("name", built_in_robots())

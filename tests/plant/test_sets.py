@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import Plant, PlantSettings, execute_all
-from sidegan.trajectory import Trajectory
 
 FAMILY = Trajectory(2, 3, 1.0)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
+from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import Recording
 
 

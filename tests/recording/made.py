@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from sidegan.dynamics import RigidBody
+from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import Recording
 
 

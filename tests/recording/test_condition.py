@@ -72,7 +72,7 @@ def test_currents_become_torques(planar, clock):
 
 def test_torque_is_not_shifted(planar, clock):
     """What is filtered twice is late by nothing: the torque of the filtered states is the filtered torque."""
-    from sidegan.dynamics import RigidBody
+    from sidegan.motion.dynamics import RigidBody
 
     recording = recorded(planar, clock)
     clean = replace(recording, torque=RigidBody(planar).torque(*states(clock)))

@@ -68,7 +68,7 @@ def report():
         recommendations=["Run trajectory 12."],
         settings="method: weighted",
         files={"the verdict": "verdict.json"},
-        command="python -m sidegan.run",
+        command="python -m sidegan.pipeline.run",
     )
 
 
@@ -106,7 +106,7 @@ def test_everything_is_told(report):
     for words in (
         "Identification of planar2", "The model can be trusted.", "It predicts what was held out.", "0.0042",
         "Run trajectory 12.", "a gap of 1 s", "shoulder", "elbow", "Izz1 + 0.16 m2", "3·10⁻⁵", "123", "0.8 %",
-        "> 1000 %", "upper", "1.4", "verdict.json", "method: weighted", "python -m sidegan.run",
+        "> 1000 %", "upper", "1.4", "verdict.json", "method: weighted", "python -m sidegan.pipeline.run",
         "Marked: 1 whose uncertainty matters", "mx2 and fv1 (0.95): their difference",
     ):  # fmt: skip
         assert words in text, words

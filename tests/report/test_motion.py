@@ -6,9 +6,9 @@ import torch
 from matplotlib.image import imread
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.report import motion, spatial
 from sidegan.report.canvas import save
-from sidegan.trajectory import Trajectory
 
 FAMILY = Trajectory(2, harmonics=3, period=4.0)
 LONG = Trajectory(2, harmonics=5, period=12.0)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.report.pose import arm_mesh, bounds, capsule_mesh, film, tip_traces
 from sidegan.robot import pinocchio_model
-from sidegan.trajectory import Trajectory
 
 POINTS = arrays(float, 3, elements=st.floats(-2, 2, width=16))
 

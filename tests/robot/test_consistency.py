@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import built_in_robots, inconsistent_links, load_robot, pseudo_inertia, require_consistent
+from tests.chains import random_chain
 
-from ..chains import random_chain
 from .urdf import one_joint
 
 ROD = (2.0, 0.0, 0.0, 0.4, 0.1, 0.0, 0.1, 0.0, 0.0, 0.002)

@@ -10,11 +10,11 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import RobotError, ShapeError, StorageError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import built_in_robots, load_robot, pinocchio_model, write_urdf
+from tests.chains import random_states, real_links
 
-from ..chains import random_states, real_links
 from .urdf import INERTIA, joint, link, one_joint, robot
 
 

@@ -1,21 +1,21 @@
 import pytest
 import torch
 
-from sidegan.seeds import SeedProblem
-from sidegan.trajectory import Trajectory
+from sidegan.design.problem import Problem
+from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 
 
 @pytest.fixture(scope="session")
 def lwr_problem(arm):
     constraints = Constraints(arm, [Plane((0, 0, 1), 0.1)])
-    return SeedProblem(constraints, Trajectory(7), 40)
+    return Problem(constraints, Trajectory(7), 40)
 
 
 @pytest.fixture(scope="session")
 def planar_problem(planar):
     constraints = Constraints(planar, [Plane((0, 0, 1), 0.1)])
-    return SeedProblem(constraints, Trajectory(planar.joints, 3, 8.0), 24)
+    return Problem(constraints, Trajectory(planar.joints, 3, 8.0), 24)
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, Tasks, make_long, make_seeds, method_of
-from sidegan.trajectory import Trajectory
 from sidegan.validity import check
 
 METHOD = Gradient(steps=10)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.seeds import Gradient, SeedProblem
+from sidegan.motion.trajectory import Trajectory
+from sidegan.seeds import Gradient
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import settle
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, check
 
 METHODS = {
@@ -51,7 +52,7 @@ def test_the_diagonal_fitness_is_optimised_when_asked(planar_problem):
 
 def test_an_infeasible_home_is_refused(planar):
     around = Box((-0.5, -0.5, 0.2), (0.5, 0.5, 3.0))
-    problem = SeedProblem(Constraints(planar, [around]), Trajectory(planar.joints, 3, 8.0), 24)
+    problem = Problem(Constraints(planar, [around]), Trajectory(planar.joints, 3, 8.0), 24)
     with pytest.raises(InfeasibleError, match="home position"):
         Gradient(steps=5).optimise(problem, 2, np.random.SeedSequence(0))
 
@@ -113,14 +114,14 @@ def test_pygmo_vectors_never_leave_the_linear_limits(planar_problem):
 @pytest.mark.parametrize(("joints", "samples", "message"), [(3, 24, "joints"), (2, 6, "harmonics")])
 def test_a_problem_that_does_not_fit_is_refused(planar_problem, joints, samples, message):
     with pytest.raises(ShapeError, match=message):
-        SeedProblem(planar_problem.constraints, Trajectory(joints, 3, 8.0), samples)
+        Problem(planar_problem.constraints, Trajectory(joints, 3, 8.0), samples)
 
 
 def test_a_long_trajectory_is_not_a_straw_man(planar):
     """With the short ones' bandwidth one long trajectory gets as well conditioned as a short one."""
     constraints = Constraints(planar, [])
-    short = SeedProblem(constraints, Trajectory(2, 3, 8.0), 24)
-    long = SeedProblem(constraints, Trajectory(2, 36, 96.0), 288)
+    short = Problem(constraints, Trajectory(2, 3, 8.0), 24)
+    long = Problem(constraints, Trajectory(2, 36, 96.0), 288)
     shorts = Gradient(steps=40).optimise(short, 6, np.random.SeedSequence(0))
     one = Gradient(steps=60).optimise(long, 1, np.random.SeedSequence(0))
     assert float(one.fitness) < 3 * float(shorts.fitness.median())

@@ -6,8 +6,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
 
 KINDS = ("position", "velocity", "torque", "collision", "desk", "box")

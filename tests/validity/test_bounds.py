@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 from torch.autograd.functional import jvp
 
-from sidegan.dynamics import RigidBody
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
 from sidegan.validity.bounds import (
     CellMotion,
@@ -20,8 +20,7 @@ from sidegan.validity.bounds import (
     torque_rate_bound,
 )
 from sidegan.validity.capsules import capsule_axes
-
-from ..chains import random_chain, random_states
+from tests.chains import random_chain, random_states
 
 CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(2)]
 REGIONS = (Plane((0.2, -0.1, 1.0), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4)))

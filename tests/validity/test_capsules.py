@@ -14,8 +14,7 @@ from torch import Tensor
 from sidegan.robot import Arm, capsule_geometry, pinocchio_model
 from sidegan.validity import Constraints
 from sidegan.validity.capsules import capsule_axes, place_points, segment_distance
-
-from ..chains import random_chain, random_states
+from tests.chains import random_chain, random_states
 
 Quad = tuple[Tensor, Tensor, Tensor, Tensor]
 

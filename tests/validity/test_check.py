@@ -8,13 +8,13 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.kernels import VARIABLE
+from sidegan.motion.compiled import VARIABLE
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
 from sidegan.validity.fused import kernel
+from tests.chains import random_chain
 
-from ..chains import random_chain
 from .critical import DESK, KINDS, isolated, margins_at, named, scaled_to, smallest
 
 COARSE = 20.0  # [Hz] centres and edges of the check's first cells

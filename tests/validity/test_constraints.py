@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.dynamics import RigidBody
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
+from tests.chains import random_states
 
-from ..chains import random_states
 from .critical import DESK, only
 
 

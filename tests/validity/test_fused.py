@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane, check
 from sidegan.validity.fused import FusedSearch, kernel
 from sidegan.validity.search import Search
+from tests.chains import random_chain
 
-from ..chains import random_chain
 from .critical import BOX, DESK
 
 pytestmark = pytest.mark.skipif(kernel() is None, reason="numba is not installed")
@@ -117,8 +117,8 @@ def test_without_a_usable_numba_the_plain_search_does_the_work(
     constraints, trajectory = Constraints(planar, [DESK]), Trajectory(2)
     c = moderate(planar, trajectory, 20, seed=4)
     compiled = check(constraints, trajectory, c)
-    monkeypatch.setitem(sys.modules, "sidegan.kernels.validity", None)
-    monkeypatch.delattr("sidegan.kernels.validity")
+    monkeypatch.setitem(sys.modules, "sidegan.motion.compiled.validity", None)
+    monkeypatch.delattr("sidegan.motion.compiled.validity")
     assert kernel() is None
     plain = check(constraints, trajectory, c)
     assert torch.equal(plain.valid, compiled.valid)

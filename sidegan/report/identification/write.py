@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from sidegan.base.storage import write_bytes
 from sidegan.report.identification import plots, tables
 from sidegan.report.identification.data import Report
 from sidegan.report.page import figure_html, page
-from sidegan.storage import write_bytes
 
 _NONE_WEAK = (
     "None is so uncertain that it matters for the torques; one near zero may still have a large relative σ."

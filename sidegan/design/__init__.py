@@ -1,0 +1,1 @@
+"""What is optimised: problem, penalties, objectives, information, and the choice of sets."""

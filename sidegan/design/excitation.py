@@ -1,0 +1,96 @@
+"""How exciting a trajectory is, and how diverse a set of them."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Excitation of B trajectories.
+
+    Attributes:
+        spectrum: eigenvalues of YᵀY / T in an orthonormal basis of the identifiable subspace,
+            ascending, (B, p); rounding can leave the smallest slightly below zero.
+        diagonal: diagonal of YᵀY / T over the base columns, (B, p).
+    """
+
+    spectrum: Tensor
+    diagonal: Tensor
+
+    @property
+    def eigenvalue_fitness(self) -> Tensor:
+        """Condition number of YᵀY, (B,); infinite for a trajectory that leaves a direction unexcited."""
+        low, high = self.spectrum[:, 0], self.spectrum[:, -1]
+        return _ratio(high, low, self.spectrum.shape[1])
+
+    @property
+    def diagonal_fitness(self) -> Tensor:
+        """Largest over smallest diagonal element of YᵀY over the base columns, (B,)."""
+        return _ratio(self.diagonal.amax(1), self.diagonal.amin(1), 1)
+
+    @property
+    def trace(self) -> Tensor:
+        """Trace of YᵀY / T in the orthonormal basis, (B,)."""
+        return self.spectrum.sum(1)
+
+
+def _ratio(high: Tensor, low: Tensor, errors: int) -> Tensor:
+    """Ratio of high to low, infinite where low is no more than so many rounding errors of high."""
+    floor = errors * torch.finfo(high.dtype).eps * high
+    return torch.where(low > floor, high / low.clamp_min(torch.finfo(high.dtype).tiny), torch.inf)
+
+
+def excitation_of(body: RigidBody, grams: Tensor) -> Excitation:
+    """Excitation of Gram matrices of the base regressor, (B, p, p)."""
+    c = body.base.subspace.to(grams)
+    return Excitation(torch.linalg.eigvalsh(c.T @ grams @ c), grams.diagonal(dim1=1, dim2=2))
+
+
+def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) -> Excitation:
+    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2).
+
+    Raises:
+        ShapeError: when the coefficients have the wrong shape or are not finite.
+    """
+    trajectory.check(c)
+    return excitation_of(body, gram(body, trajectory, c, samples))
+
+
+def mean_distance(x: Tensor) -> float:
+    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity)."""
+    rows = _rows(x, 2)
+    return float(torch.pdist(rows).mean())
+
+
+def nearest_distance(x: Tensor) -> float:
+    """Mean distance of a row to its nearest other row: zero when samples repeat themselves."""
+    rows = _rows(x, 2)
+    distances = torch.cdist(rows, rows, compute_mode="donot_use_mm_for_euclid_dist")
+    return float(distances.fill_diagonal_(torch.inf).amin(1).mean())
+
+
+def effective_rank(x: Tensor) -> float:
+    """Number of directions that the rows span: exp of the entropy of the covariance's eigenvalues.
+
+    Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
+    """
+    rows = _rows(x, 2)
+    eigenvalues = torch.linalg.eigvalsh(torch.cov(rows.T).reshape(rows.shape[1], rows.shape[1])).clamp_min(0)
+    total = eigenvalues.sum()
+    noise = (torch.finfo(rows.dtype).eps * rows.abs().amax()) ** 2 * rows.shape[1]
+    if total <= noise:  # all rows are one, but for rounding
+        return 0.0
+    share = eigenvalues / total
+    return float(torch.exp(-torch.special.xlogy(share, share).sum()))
+
+
+def _rows(x: Tensor, least: int) -> Tensor:
+    if len(x) < least:
+        raise ShapeError(f"diversity needs at least {least} rows, got {len(x)}")
+    return x.reshape(len(x), -1)

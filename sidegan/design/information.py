@@ -1,0 +1,211 @@
+"""What trajectories tell about the identifiable parameters: their information matrices, packed."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from sidegan.design.criteria import criteria_of
+from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.trajectory import Trajectory
+
+_AT_ONCE = 512  # matrices: 8 MB at 43 parameters
+_STATES_AT_ONCE = 4096  # of the weighted regressor: 10 MB at seven joints
+_ROUNDING = 16  # times p ε of the trace: what a matrix may lack to be symmetric and semidefinite
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Information matrices of N trajectories, symmetric and positive semidefinite, (q, q) each.
+
+    Of each matrix the lower triangle is kept, row by row: 7.6 kB at 43 parameters in float64, half of that
+    in float32. The tensor may be mapped from a file; work on it takes a few hundred matrices at a time.
+
+    Args:
+        packed: lower triangles, (N, q (q + 1) / 2); ``Information.of`` makes them from matrices.
+
+    Raises:
+        ShapeError: when the width is not a triangle's, or a matrix is not finite and semidefinite.
+    """
+
+    packed: Tensor
+
+    def __post_init__(self) -> None:
+        if self.packed.ndim != 2 or not self.packed.is_floating_point() or not _size(self.packed.shape[1]):
+            found = f"{tuple(self.packed.shape)} {self.packed.dtype}"
+            raise ShapeError(f"packed information is {found}, expected numbers (N, q (q + 1) / 2)")
+        for start in range(0, len(self), _AT_ONCE):
+            bad = ~_semidefinite(self.matrices(slice(start, start + _AT_ONCE)), self.packed.dtype)
+            if bad.any():
+                first = start + int(bad.nonzero()[0])
+                raise ShapeError(f"information of trajectory {first} is not finite and positive semidefinite")
+
+    @classmethod
+    def of(cls, matrices: Tensor, dtype: torch.dtype = torch.float64) -> "Information":
+        """Information of matrices (N, q, q), kept in ``dtype``.
+
+        Raises:
+            ShapeError: when they are not (N, q, q), finite, symmetric and positive semidefinite.
+        """
+        if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not matrices.shape[1]:
+            raise ShapeError(f"information is {tuple(matrices.shape)}, expected (N, q, q)")
+        trace = matrices.diagonal(dim1=1, dim2=2).abs().sum(1)
+        noise = _ROUNDING * matrices.shape[1] * torch.finfo(matrices.dtype).eps * trace
+        bad = ~((matrices - matrices.mT).abs().amax((1, 2)) <= noise)
+        if bad.any():
+            raise ShapeError(f"information of trajectory {int(bad.nonzero()[0])} is not finite and symmetric")
+        return cls(pack(matrices).to(dtype))
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+    @cached_property
+    def size(self) -> int:
+        """Number q of parameters."""
+        return _size(self.packed.shape[1])
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest trace of a matrix."""
+        corners = torch.arange(1, self.size + 1, device=self.packed.device).cumsum(0) - 1
+        return float(self.packed[:, corners].double().sum(1).max())
+
+    @cached_property
+    def mean(self) -> Tensor:
+        """Mean of the matrices, (q, q)."""
+        parts = [part.double().sum(0) for part in self.packed.split(_AT_ONCE)]
+        return unpack(torch.stack(parts).sum(0) / len(self), self.size)
+
+    def matrices(self, indices: Tensor | slice) -> Tensor:
+        """The matrices at ``indices``, (K, q, q), in float64."""
+        return unpack(self.packed[indices].double(), self.size)
+
+    def stacked(self, indices: Tensor) -> Tensor:
+        """Information of a set, the sum of its matrices, (q, q).
+
+        Raises:
+            ShapeError: when an index is outside or no integer, or there is none.
+        """
+        whole = indices.ndim == 1 and not indices.is_floating_point() and indices.dtype != torch.bool
+        if not whole or not len(indices) or indices.min() < 0 or indices.max() >= len(self):
+            raise ShapeError(f"indices are {indices.tolist()}, expected some of 0 … {len(self) - 1}")
+        parts = [self.packed[part].double().sum(0) for part in indices.split(_AT_ONCE)]
+        return unpack(torch.stack(parts).sum(0), self.size)
+
+    def products(self, weights: Tensor) -> Tensor:
+        """Traces of symmetric weights (R, q, q) times each matrix, (N, R), in one pass over the matrices."""
+        twice = pack(2 * weights - torch.diag_embed(weights.diagonal(dim1=1, dim2=2))).T
+        if self.packed.dtype == torch.float64:
+            return self.packed @ twice
+        return torch.cat([part.double() @ twice for part in self.packed.split(8 * _AT_ONCE)])
+
+    def prior(self, share: float = 1e-3) -> Tensor:
+        """Knowledge as from ``share`` of an average trajectory, (q, q): in the trajectories' own units.
+
+        Raises:
+            ShapeError: when there are no trajectories, none excites a direction, or the share is not
+                positive.
+        """
+        if not len(self):
+            raise ShapeError("no trajectories: they give no prior")
+        if not (math.isfinite(share) and share > 0):
+            raise ShapeError(f"share is {share}, expected a positive number")
+        if not math.isfinite(criteria_of(self.mean).condition):
+            raise ShapeError("no trajectory excites some direction of the parameters: give a prior")
+        return share * self.mean
+
+
+def information_of(
+    body: RigidBody,
+    trajectory: Trajectory,
+    c: Tensor,
+    samples: int = 80,
+    deviation: Tensor | None = None,
+    dtype: torch.dtype = torch.float64,
+) -> Information:
+    """Information per sample on the identifiable parameters, in their orthonormal basis, of N trajectories.
+
+    Beside its result it works in memory that does not grow with their number.
+
+    Args:
+        body: the arm's dynamics.
+        trajectory: the family of trajectories.
+        c: coefficients [rad/s], (N, J, H, 2).
+        samples: time points per trajectory.
+        deviation: standard deviation of each joint's torque noise [N·m or N], (J,), or (N, J) where noise
+            differs between trajectories, as noise in proportion to torque does; ones when None.
+        dtype: in which the result is kept.
+
+    Raises:
+        ShapeError: when the coefficients do not fit or are not finite, or a deviation is not positive.
+    """
+    trajectory.check(c)
+    weights = None if deviation is None else 1 / _deviations(deviation, len(c), body.joints).to(c)
+    subspace = body.base.subspace.to(c)
+    found = c.new_zeros(len(c), _width(subspace.shape[1]), dtype=dtype)
+    for start in range(0, len(c), _AT_ONCE):
+        few = slice(start, start + _AT_ONCE)
+        if weights is None:
+            grams = gram(body, trajectory, c[few], samples)
+        else:
+            grams = _weighted(body, trajectory, c[few], samples, weights[few])
+        found[few] = pack(subspace.T @ grams @ subspace).to(dtype)
+    return Information(found)
+
+
+def _deviations(deviation: Tensor, count: int, joints: int) -> Tensor:
+    """One for each trajectory and joint, (N, J)."""
+    if deviation.shape not in ((joints,), (count, joints)):
+        raise ShapeError(
+            f"deviations are {tuple(deviation.shape)}, expected ({joints},) or ({count}, {joints})"
+        )
+    if not (deviation.isfinite() & (deviation > 0)).all():
+        raise ShapeError("deviations of torque noise must be finite and positive")
+    return deviation.expand(count, joints)
+
+
+def _weighted(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int, weights: Tensor) -> Tensor:
+    """Gram matrices per sample with each joint's rows times its weight (B, J), (B, p, p)."""
+    found, times, few = [], trajectory.grid(samples), max(1, _STATES_AT_ONCE // samples)
+    for part, w in zip(c.split(few), weights.split(few)):
+        rows = body.base_regressor(*trajectory.roll_out(part, times)[1:]) * w[:, None, :, None]
+        rows = rows.flatten(1, 2)
+        found.append(rows.mT @ rows / samples)
+    return torch.cat(found)
+
+
+def pack(matrices: Tensor) -> Tensor:
+    """Lower triangles, (…, q (q + 1) / 2), of symmetric matrices (…, q, q), row by row."""
+    rows, columns = torch.tril_indices(*matrices.shape[-2:], device=matrices.device)
+    return matrices[..., rows, columns]
+
+
+def unpack(packed: Tensor, size: int) -> Tensor:
+    """Symmetric matrices, (…, q, q), of their lower triangles (…, q (q + 1) / 2)."""
+    index = torch.arange(size, device=packed.device)
+    low, high = torch.minimum(index[:, None], index), torch.maximum(index[:, None], index)
+    return packed[..., high * (high + 1) // 2 + low]
+
+
+def _width(size: int) -> int:
+    return size * (size + 1) // 2
+
+
+def _size(width: int) -> int:
+    """The q of a triangle of ``width`` numbers; zero where there is none."""
+    size = (math.isqrt(8 * width + 1) - 1) // 2
+    return size if _width(size) == width else 0
+
+
+def _semidefinite(matrices: Tensor, kept: torch.dtype) -> Tensor:
+    """Whether matrices (K, q, q) are finite and semidefinite but for rounding of ``kept``, (K,)."""
+    trace = matrices.diagonal(dim1=1, dim2=2).sum(1)
+    nothing = (matrices == 0).all(2).all(1)
+    shift = _ROUNDING * matrices.shape[1] * torch.finfo(kept).eps * trace + nothing.double()
+    shifted = matrices + shift[:, None, None] * torch.eye(matrices.shape[1]).to(matrices)
+    finite = matrices.isfinite().all(2).all(1)
+    shifted = torch.where(finite[:, None, None], shifted, 0.0)
+    return finite & ((trace > 0) | nothing) & (torch.linalg.cholesky_ex(shifted).info == 0)

@@ -1,0 +1,62 @@
+"""Batched gradient steps on trajectories that are good already, such as a generator's."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.design.coordinates import Coordinates, objective
+from sidegan.design.lbfgs import BatchedLbfgs
+from sidegan.design.objective import Penalty
+from sidegan.design.problem import Problem
+from sidegan.errors import ConfigError
+from sidegan.validity import check
+
+_WEIGHT = 300.0  # of the penalty
+_FULL = 0.995  # share of a joint's limits that it may use
+_AT_ONCE = 64  # trajectories: a batch that stays in the processor's cache
+
+
+@dataclass(frozen=True)
+class Polish:
+    """L-BFGS from given trajectories; each is replaced only by a better valid one.
+
+    Args:
+        steps: evaluations per trajectory.
+        reserve: share of each position, velocity and torque limit that is kept free, and twice that share of
+            0.25 m as clearance.
+        memory: correction pairs of the L-BFGS.
+
+    Raises:
+        ConfigError: when there is nothing to do.
+    """
+
+    steps: int
+    reserve: float = 0.02
+    memory: int = 25
+
+    def __post_init__(self) -> None:
+        if self.steps < 1:
+            raise ConfigError(f"polishing takes one step or more, got {self.steps}")
+
+    def improve(self, problem: Problem, c: Tensor) -> Tensor:
+        """Polished coefficients [rad/s], (B, J, H, 2), of coefficients (B, J, H, 2).
+
+        A trajectory that is valid is never made invalid, and its condition number never larger.
+        """
+        problem.trajectory.check(c)
+        parts = [self._descend(problem, part) for part in c.double().split(_AT_ONCE)]
+        found = torch.cat(parts) if parts else c
+        valid = [check(problem.constraints, problem.trajectory, x).valid for x in (c, found)]
+        better = valid[1] & (~valid[0] | (problem.fitness(found) < problem.fitness(c.double())))
+        return torch.where(better[:, None, None, None], found, c.double())
+
+    def _descend(self, problem: Problem, c: Tensor) -> Tensor:
+        coordinates = Coordinates.of(problem)
+        penalty = Penalty(_WEIGHT, limits=self.reserve, torque=self.reserve, distance=2 * self.reserve)
+        search = BatchedLbfgs(objective(problem, penalty, coordinates), coordinates.points(c), self.memory)
+        for _ in range(self.steps):
+            search.iterate()
+        found = coordinates.coefficients(search.x)
+        # What little the search is over a limit, mostly between its time points, is taken back by scaling.
+        return found / (problem.limit_use(found) / _FULL).clamp_min(1.0)[:, :, None, None]

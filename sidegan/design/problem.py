@@ -1,0 +1,84 @@
+"""The seed optimisation problem: make YᵀY well conditioned, inside all constraints."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.design.excitation import excitation_of
+from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.validity import Constraints
+
+HOPELESS = 1e12  # stands for an infinite condition number: optimisers take finite numbers only
+_LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Condition number and constraints of trajectories of one arm.
+
+    Args:
+        constraints: the arm and its workspace.
+        trajectory: the family of trajectories.
+        samples: time points per period at which the objective and the constraints are taken.
+        diagonal: optimise the diagonal fitness instead of the eigenvalue fitness.
+
+    Raises:
+        ShapeError: when the trajectories are not the arm's, or too few samples see the highest harmonic.
+    """
+
+    constraints: Constraints
+    trajectory: Trajectory
+    samples: int = 60
+    diagonal: bool = False
+
+    def __post_init__(self) -> None:
+        joints, harmonics, _ = self.trajectory.shape
+        if joints != self.body.joints:
+            raise ShapeError(
+                f"trajectories of {joints} joints do not fit {self.body.joints} joints of the arm"
+            )
+        if self.samples <= 2 * harmonics:
+            raise ShapeError(
+                f"{self.samples} samples cannot see {harmonics} harmonics, expected more than twice"
+            )
+
+    @property
+    def body(self) -> RigidBody:
+        """Dynamics of the arm."""
+        return self.constraints.body
+
+    def start(self, count: int, generator: torch.Generator, reach: float = 0.7) -> Tensor:
+        """Random coefficients [rad/s], (count, J, H, 2), each joint using ``reach`` of its tightest limit."""
+        c = torch.randn(count, *self.trajectory.shape, generator=generator, dtype=torch.float64)
+        return c * (reach / self.limit_use(c))[:, :, None, None]
+
+    def limit_use(self, c: Tensor) -> Tensor:
+        """Largest share of its position or velocity limit that each joint uses, (B, J)."""
+        arm = self.constraints.arm
+        motion = self.trajectory.roll_out(c, self.trajectory.grid(4 * self.samples))
+        home = c.new_tensor(self.trajectory.home)
+        room = torch.minimum(arm.position_upper - home, home - arm.position_lower)
+        room = torch.maximum(room, _LEAST_ROOM * (arm.position_upper - arm.position_lower))
+        position = (motion.position - home).abs().amax(1) / room
+        velocity = motion.velocity.abs().amax(1) / arm.velocity_limit
+        return torch.maximum(position, velocity).clamp_min(1e-9)
+
+    def motion(self, c: Tensor) -> Motion:
+        """Joint motion at the problem's time points, (B, samples, J)."""
+        return self.trajectory.roll_out(c, self.trajectory.grid(self.samples))
+
+    def gram(self, c: Tensor) -> Tensor:
+        """Gram matrices of the base regressor, (B, p, p); zero where a trajectory makes them non-finite."""
+        grams = gram(self.body, self.trajectory, c, self.samples)
+        finite = torch.isfinite(grams).all(2).all(1)
+        return torch.where(finite[:, None, None], grams, 0.0)
+
+    @torch.no_grad()
+    def fitness(self, c: Tensor) -> Tensor:
+        """The number to minimise, (B,), at most ``HOPELESS``."""
+        excitation = excitation_of(self.body, self.gram(c))
+        value = excitation.diagonal_fitness if self.diagonal else excitation.eigenvalue_fitness
+        return value.nan_to_num(HOPELESS).clamp_max(HOPELESS)

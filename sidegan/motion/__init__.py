@@ -1,0 +1,1 @@
+"""Trajectories and rigid-body dynamics, plain and compiled."""

@@ -1,0 +1,201 @@
+"""Compiled eigenpairs at both ends of the spectra of many small symmetric matrices.
+
+A matrix is made tridiagonal by Householder reflections; Sturm counts at several shifts at a time close in
+on the wanted eigenvalues; an eigenvector is the solution of the two-sided factorisation that is nearest
+to being singular. Together a fraction of what all eigenpairs cost.
+
+Sources: Golub, Van Loan 2013, Matrix Computations, 8.3 and 8.4; Dhillon, Parlett 2004, Orthogonal
+eigenvectors and relative gaps, for the two-sided (twisted) factorisation.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from sidegan.motion.compiled.jit import jit
+
+_POINTS = 8  # shifts per eigenvalue and pass: each narrows its bracket to a ninth
+_PASSES = 19  # from twice the matrix's size to 1e-16 of its largest element
+_TINY = 1e-290  # keeps a division finite
+_NOISE = 1e-16  # a smaller pivot is rounding, for a matrix with elements up to one
+_APART = 1e-9  # larger products of eigenvectors: nearly equal eigenvalues, which are not for this method
+_RESIDUE = 1e-13
+
+_ANY_ORDER: Any = {"contract", "reassoc"}
+_compiled, _sum = jit(), jit(fastmath=_ANY_ORDER)
+
+
+@_sum
+def _dot(x: np.ndarray, y: np.ndarray) -> float:
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i] * y[i]
+    return total
+
+
+@_compiled
+def _add(x: np.ndarray, s: float, y: np.ndarray) -> None:
+    for i in range(len(x)):
+        x[i] += s * y[i]
+
+
+@_compiled
+def _reflect(a: np.ndarray, k: int, e: np.ndarray, tau: np.ndarray, w: np.ndarray) -> None:
+    """Clear row and column k beyond the second diagonal; the reflection I − τ v vᵀ stays in row k."""
+    v, p = a[k, k + 1 :], w[k + 1 :]
+    rest = _dot(v[1:], v[1:])
+    e[k], tau[k] = v[0], 0.0
+    if rest == 0:
+        return
+    e[k] = -math.copysign(math.sqrt(v[0] * v[0] + rest), v[0])
+    tau[k] = (e[k] - v[0]) / e[k]
+    factor = 1 / (v[0] - e[k])
+    for i in range(len(v)):
+        v[i] *= factor
+        p[i] = 0.0
+    v[0] = 1.0
+    for j in range(len(v)):
+        _add(p, v[j], a[k + 1 + j, k + 1 :])
+    half = tau[k] * _dot(p, v) / 2
+    for i in range(len(v)):
+        p[i] = tau[k] * (p[i] - half * v[i])
+    for j in range(len(v)):
+        row, x, y = a[k + 1 + j, k + 1 :], v[j], p[j]
+        for i in range(len(row)):
+            row[i] -= x * p[i] + y * v[i]
+
+
+@_compiled
+def _count(d: np.ndarray, e: np.ndarray, shifts: np.ndarray, pivots: np.ndarray, below: np.ndarray) -> None:
+    """Number of eigenvalues below each shift."""
+    for m in range(len(shifts)):
+        pivots[m], below[m] = 1.0, 0.0
+    for i in range(len(d)):
+        square = e[i - 1] * e[i - 1] if i > 0 else 0.0
+        for m in range(len(shifts)):
+            q = d[i] - shifts[m] - square / pivots[m]
+            q = -_TINY if abs(q) < _TINY else q
+            pivots[m] = q
+            below[m] += 1.0 if q < 0 else 0.0
+
+
+@_compiled
+def _close_in(d: np.ndarray, e: np.ndarray, low: int, values: np.ndarray, work: np.ndarray) -> None:
+    """Write the ``low`` smallest eigenvalues and the largest ones, as many as there are values."""
+    shifts, pivots, below, left, right = work[0], work[1], work[2], work[3], work[4]
+    size, wanted = len(d), len(values)
+    smallest, largest = d[0], d[0]
+    for i in range(size):
+        beside = (abs(e[i - 1]) if i > 0 else 0.0) + (abs(e[i]) if i + 1 < size else 0.0)
+        smallest, largest = min(smallest, d[i] - beside), max(largest, d[i] + beside)
+    for k in range(wanted):
+        left[k], right[k] = smallest - _NOISE, largest + _NOISE
+    for _ in range(_PASSES):
+        for k in range(wanted):
+            for m in range(_POINTS):
+                shifts[k * _POINTS + m] = left[k] + (right[k] - left[k]) * ((m + 1) / (_POINTS + 1))
+        _count(d, e, shifts, pivots, below)
+        for k in range(wanted):
+            rank = k if k < low else size - wanted + k
+            for m in range(_POINTS):
+                shift = shifts[k * _POINTS + m]
+                if below[k * _POINTS + m] <= rank:
+                    left[k] = max(left[k], shift)
+                else:
+                    right[k] = min(right[k], shift)
+    for k in range(wanted):
+        values[k] = (left[k] + right[k]) / 2
+
+
+@_compiled
+def _solid(pivot: float) -> float:
+    return pivot if abs(pivot) > _NOISE else math.copysign(_NOISE, pivot)
+
+
+@_compiled
+def _vector(
+    d: np.ndarray, e: np.ndarray, value: float, z: np.ndarray, down: np.ndarray, up: np.ndarray
+) -> None:
+    """Write the tridiagonal matrix's unit eigenvector of an eigenvalue."""
+    size, best = len(d), 0
+    down[0], up[size - 1] = _solid(d[0] - value), _solid(d[size - 1] - value)
+    for i in range(1, size):
+        k = size - 1 - i
+        down[i] = _solid(d[i] - value - e[i - 1] * e[i - 1] / down[i - 1])
+        up[k] = _solid(d[k] - value - e[k] * e[k] / up[k + 1])
+    least = np.inf
+    for i in range(size):
+        gap = abs(down[i] + up[i] - (d[i] - value))
+        if gap < least:
+            best, least = i, gap
+    z[best] = 1.0
+    for i in range(best - 1, -1, -1):
+        z[i] = -e[i] * z[i + 1] / down[i]
+    for i in range(best + 1, size):
+        z[i] = -e[i - 1] * z[i - 1] / up[i]
+    length = math.sqrt(_dot(z, z))
+    for i in range(size):
+        z[i] /= length
+
+
+@_compiled
+def _sound(d: np.ndarray, e: np.ndarray, values: np.ndarray, z: np.ndarray) -> bool:
+    """Whether these are eigenpairs of the tridiagonal matrix, and the vectors at right angles."""
+    size = len(d)
+    for k in range(len(values)):
+        for i in range(size):
+            found = (d[i] - values[k]) * z[k, i]
+            found += e[i - 1] * z[k, i - 1] if i > 0 else 0.0
+            found += e[i] * z[k, i + 1] if i + 1 < size else 0.0
+            if not abs(found) < _RESIDUE * size:
+                return False
+        for m in range(k):
+            if not abs(_dot(z[k], z[m])) < _APART:
+                return False
+    return True
+
+
+def room(size: int, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+    """Room for the kernel at work; not to be shared among threads."""
+    return np.zeros((5, size)), np.zeros((5, wanted * _POINTS))
+
+
+@_compiled
+def extremes(
+    a: np.ndarray,
+    low: int,
+    values: np.ndarray,
+    vectors: np.ndarray,
+    sound: np.ndarray,
+    rows: np.ndarray,
+    shifts: np.ndarray,
+) -> None:
+    """Write the ``low`` smallest eigenvalues and as many of the largest as there is place for, ascending.
+
+    Args:
+        a: symmetric matrices with elements up to one, (B, p, p); overwritten.
+        low: how many of the eigenvalues are the smallest.
+        values: written, (B, K), K ≤ p.
+        vectors: written, unit eigenvectors row by row, (B, K, p).
+        sound: written, whether a matrix's eigenpairs are to be trusted, (B,) bool.
+        rows: this and what follows is ``room`` to work in.
+        shifts: at which eigenvalues are counted.
+    """
+    d, e, tau, w, up = rows[0], rows[1], rows[2], rows[3], rows[4]
+    size = a.shape[1]
+    for b in range(len(a)):
+        matrix = a[b]
+        for k in range(size):
+            if k + 1 < size:
+                _reflect(matrix, k, e, tau, w)
+            d[k] = matrix[k, k]
+        _close_in(d, e, low, values[b], shifts)
+        for k in range(values.shape[1]):
+            _vector(d, e, values[b, k], vectors[b, k], w, up)
+        sound[b] = _sound(d, e, values[b], vectors[b])
+        for m in range(values.shape[1]):
+            for k in range(size - 2, -1, -1):
+                part, v = vectors[b, m, k + 1 :], matrix[k, k + 1 :]
+                if tau[k] != 0:
+                    _add(part, -tau[k] * _dot(v, part), v)

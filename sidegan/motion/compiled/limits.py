@@ -1,0 +1,54 @@
+"""What motions cost that come near their limits, as kernels take it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from torch import Tensor
+
+
+class Limits(NamedTuple):
+    """Limits of J joints.
+
+    A position, a velocity or a torque costs weight times the square of how far it exceeds the limit less
+    the reserve, as a share of the limit.
+
+    Attributes:
+        weight: of all costs.
+        reserve: share of position and velocity limits that is kept free.
+        torque_reserve: the same of torque limits.
+        middle: of the positions [rad or m], (J,).
+        room: to both sides of it [rad or m], (J,).
+        speed: largest [rad/s or m/s], (J,).
+        torque: largest [N·m or N], (J,); infinite where it does not matter.
+        parameters: that torques follow from, (10 J,).
+    """
+
+    weight: float
+    reserve: float
+    torque_reserve: float
+    middle: np.ndarray
+    room: np.ndarray
+    speed: np.ndarray
+    torque: np.ndarray
+    parameters: np.ndarray
+
+    @classmethod
+    def none(cls, joints: int) -> "Limits":
+        """Limits that cost nothing."""
+        ones = np.ones(joints)
+        return cls(0.0, 0.0, 0.0, ones, ones, ones, ones, np.ones(10 * joints))
+
+
+class Near(NamedTuple):
+    """Capsules that are kept apart: weight times the square of what a distance lacks.
+
+    Attributes:
+        weight: of the squares [1/m²].
+        reach: smallest distance that costs nothing [m].
+        shapes: the fields of ``sidegan.motion.compiled.closeness.Shapes``.
+    """
+
+    weight: float
+    reach: float
+    shapes: Sequence[Tensor]

@@ -1,0 +1,1 @@
+"""The graph of artifacts and what runs it: settings, store, tracking, command."""

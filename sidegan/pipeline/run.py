@@ -1,0 +1,221 @@
+"""The command ``python -m sidegan.run``: compose the configuration, check it, run its stages in order."""
+
+import dataclasses
+import errno
+import logging
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import hydra
+from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig
+
+from sidegan.base.parallel import engine
+from sidegan.base.progress import duration
+from sidegan.base.storage import write_json
+from sidegan.base.typed import suggest
+from sidegan.errors import ConfigError, SideganError, StorageError
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.callbacks import PARENT, STATUS, end_sweep
+from sidegan.pipeline.config import Config, validate
+from sidegan.pipeline.tracking import Tracker
+
+log = logging.getLogger(__name__)
+
+Stage = Callable[[Config, Store, Tracker], None]
+
+_HERE = Path(__file__).resolve().parents[1]
+CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is_dir()), _HERE / "conf")
+
+FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
+
+_PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
+
+_STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
+
+
+def run_stages(config: Config, run_folder: Path, name: str, stages: Mapping[str, Stage]) -> None:
+    """Run the chosen stages in order, tracked as one run.
+
+    Args:
+        config: everything that can be set.
+        run_folder: where logs and tables of this run go.
+        name: of the run, for people.
+        stages: every stage there is.
+
+    Raises:
+        SideganError: whatever a stage refuses; ConfigError before any work.
+    """
+    _check(config, stages)
+    store = Store(Path(config.outputs), config.named, run_folder)
+    tracking = config.tracking
+    tracker = Tracker(
+        store.root,
+        run_folder,
+        config.experiment,
+        name,
+        tracking.uri,
+        tracking.enabled,
+        os.environ.get(PARENT),
+    )
+    with tracker, engine(config.parallel.backend, config.parallel.scheduler):
+        tracker.log_params(dataclasses.asdict(config))
+        for stage in config.stages:
+            log.info("%s …", stage)
+            began = time.monotonic()
+            stages[stage](config, store, tracker)
+            seconds = time.monotonic() - began
+            log.info("%s: done in %s", stage, duration(seconds))
+            tracker.log_metrics({f"seconds/{stage}": seconds})
+
+
+def run_job(cfg: DictConfig, run_folder: Path, name: str, stages: Callable[[], Mapping[str, Stage]]) -> int:
+    """Exit code of one job; its outcome is logged and left in its folder.
+
+    Args:
+        cfg: the composed configuration.
+        run_folder: where logs and tables of this job go.
+        name: of the job, for people.
+        stages: gives every stage there is; importing them is slow, so it is called late.
+    """
+    try:
+        config = validate(cfg)
+        run_stages(config, run_folder, name, stages())
+    except KeyboardInterrupt:
+        _leave(run_folder, INTERRUPTED, "interrupted")
+        raise
+    except Exception as error:
+        code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
+        if isinstance(error, SideganError) or _is_storage(error):
+            log.error("error: %s", error)
+        else:
+            log.exception("error: unexpected %s", type(error).__name__)
+        _leave(run_folder, code, f"{type(error).__name__}: {error}")
+        return code
+    _leave(run_folder, 0, None)
+    return 0
+
+
+def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], seed: Any) -> str:
+    """Name of a run for people, e.g. ``exp1 eigen seed=1``, from what was overridden on the command line.
+
+    Chosen stages come first, since lists of runs show only the beginning.
+    """
+    stages, parts = [], []
+    for override in overrides:
+        key, _, value = override.lstrip("+").partition("=")
+        if key == "stages":
+            stages.append(value.strip("[]"))
+        elif key not in ("experiment", "outputs", "seed", "tracking", "named"):
+            parts.append(value if key in groups else f"{key}={value}")
+    return " ".join([*stages, experiment, *parts, f"seed={seed}"])[:200]
+
+
+def main() -> int:
+    """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
+    # Hydra copies its store of configurations, of which there is one, for every group that --help lists.
+    ConfigStore.__deepcopy__ = lambda store, memo: store  # type: ignore[attr-defined]
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        _hydra_main()
+    except KeyboardInterrupt:
+        end_sweep("KILLED")
+        sys.stderr.write("\nstopped; the same command again goes on where it was\n")
+        return INTERRUPTED
+    except HydraException as error:
+        sys.stderr.write(f"error: {explain(error)}\n")
+        return BAD_CONFIG
+    except RuntimeError as error:
+        if "srun" not in str(error):
+            raise
+        sys.stderr.write(f"error: hydra/launcher=slurm is for a machine that submits to SLURM: {error}\n")
+        return FAILURE
+    except OSError as error:  # from Hydra, which makes the run's folder
+        sys.stderr.write(f"error: the outputs cannot be written: {error}\n")
+        return FAILURE
+    finally:
+        end_sweep("FAILED")
+    return 0
+
+
+def explain(error: HydraException) -> str:
+    """What is wrong with the command line, in our words where Hydra's advice leads astray."""
+    text = str(error)
+    unknown = re.search(r"Could not override '([^']+)'", text)
+    if unknown and "No match in the defaults list" not in text:
+        return f"{unknown[1]}: there is no such setting{suggest(Config, unknown[1])}"
+    plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
+    if plugin and "Could not" in text:
+        return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
+    lines = text.partition("\nConfig search path:")[0].splitlines()
+    return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
+
+
+@hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
+def _hydra_main(cfg: DictConfig) -> None:
+    job = HydraConfig.get()
+    name = run_name(str(cfg.experiment), list(job.overrides.task), job.runtime.choices, cfg.seed)
+    code = run_job(cfg, Path(job.runtime.output_dir), name, _all_stages)
+    # In a sweep the other jobs go on; the callback leaves with the worst code.
+    if code and job.mode == RunMode.RUN:
+        sys.exit(code)
+
+
+def _all_stages() -> Mapping[str, Stage]:
+    from sidegan.pipeline.stages import STAGES
+
+    return STAGES
+
+
+def _check(config: Config, stages: Mapping[str, Stage]) -> None:
+    known = ", ".join(stages)
+    if not config.stages:
+        raise ConfigError(f"there is nothing to run: give +experiment=…, or 'stages=[…]' of {known}")
+    for stage in config.stages:
+        if stage not in stages:
+            raise ConfigError(f"stages: there is no stage {stage!r}, expected some of {known}")
+    if config.parallel.backend == "dask" and find_spec("distributed") is None:
+        raise ConfigError("parallel=dask needs Dask: pip install 'sidegan[dask]'")
+    if config.device != "cpu":
+        _check_device(config.device)
+
+
+def _check_device(device: str) -> None:
+    import torch
+
+    try:
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
+        reason = str(error).split("\n", 1)[0]
+        raise ConfigError(f"device is {device!r}, which is not there: {reason}") from error
+
+
+def _leave(run_folder: Path, code: int, error: str | None) -> None:
+    with suppress(StorageError):  # when the disk is full, that is what is told
+        write_json(run_folder / STATUS, {"code": code, "error": error})
+
+
+def _is_storage(error: Exception) -> bool:
+    return isinstance(error, OSError) and error.errno in _STORAGE
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """End like an interrupt: a scheduler's notice must leave resumable files and a closed run."""
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    sys.exit(main())

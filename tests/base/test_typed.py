@@ -1,0 +1,116 @@
+import dataclasses
+from typing import Annotated, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, build, suggest
+from sidegan.errors import ConfigError
+
+
+@dataclasses.dataclass(frozen=True)
+class Inner:
+    count: Count
+    kind: Literal["small", "large"]
+    optional: float | None = None
+
+    def __post_init__(self):
+        if self.kind == "small" and self.count > 10:
+            raise ConfigError(f"a small one has at most 10, got {self.count}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Outer:
+    seed: Natural
+    rate: Positive
+    weight: NonNegative
+    share: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    name: str
+    on: bool
+    corner: tuple[float, float]
+    sizes: list[Count]
+    inner: Inner
+    many: dict[str, Inner]
+    home: list[float] | None
+
+
+GOOD = {
+    "seed": 0,
+    "rate": 100,
+    "weight": 0.0,
+    "share": 1,
+    "name": "a",
+    "on": True,
+    "corner": [1, 2.5],
+    "sizes": [6, 210],
+    "inner": {"count": 3, "kind": "small"},
+    "many": {"first": {"count": 30, "kind": "large", "optional": 2}},
+    "home": None,
+}
+
+
+def test_every_kind_of_value_is_read():
+    outer = build(Outer, GOOD)
+    assert outer.inner == Inner(3, "small")
+    assert outer.many == {"first": Inner(30, "large", 2.0)}
+    assert outer.corner == (1.0, 2.5) and outer.sizes == [6, 210] and outer.home is None
+    assert isinstance(outer.rate, float), "a whole number is a number"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("seed", 1.0, "seed is 1.0, expected a whole number ≥ 0"),
+        ("seed", True, "seed is True, expected a whole number ≥ 0"),
+        ("seed", "1", "seed is '1', expected a whole number ≥ 0"),
+        ("seed", -1, "seed is -1, expected a whole number ≥ 0"),
+        ("rate", 0, "rate is 0, expected a number > 0"),
+        ("rate", float("nan"), "rate is nan, expected a number > 0"),
+        ("weight", float("inf"), "weight is inf, expected a number ≥ 0"),
+        ("share", 1.5, "share is 1.5, expected a number > 0 and ≤ 1"),
+        ("name", 3, "name is 3, expected text"),
+        ("on", 1, "on is 1, expected true or false"),
+        ("corner", [1], "corner is [1], expected a list of 2, each item a number"),
+        ("sizes", [6, 0], "sizes[1] is 0, expected a whole number ≥ 1"),
+        ("sizes", 6, "sizes is 6, expected a list, each item a whole number ≥ 1"),
+        ("inner", 4, "inner is 4, expected a group of settings"),
+        ("inner", {"count": 1, "kind": "huge"}, "inner.kind is 'huge', expected one of small, large"),
+        ("inner", {"kind": "small"}, "inner.count is missing, expected a whole number ≥ 1"),
+        ("inner", {"count": 11, "kind": "small"}, "inner: a small one has at most 10, got 11"),
+        ("many", {"x": {"count": "y", "kind": "small"}}, "many.x.count is 'y', expected a whole number ≥ 1"),
+        ("many", [], "many is [], expected a group of settings"),
+        ("home", "zero", "home is 'zero', expected a list, each item a number"),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_key_and_what_was_expected(key, value, expected):
+    with pytest.raises(ConfigError) as error:
+        build(Outer, {**GOOD, key: value})
+    assert str(error.value) == expected
+
+
+def test_an_unknown_key_comes_with_what_may_be_meant():
+    with pytest.raises(
+        ConfigError, match=r"inner.cuont: there is no such setting; did you mean inner.count\?"
+    ):
+        build(Outer, {**GOOD, "inner": {**GOOD["inner"], "cuont": 3}})
+
+
+def test_all_problems_are_told_at_once():
+    with pytest.raises(ConfigError) as error:
+        build(Outer, {**GOOD, "seed": "x", "inner": {"count": 0, "kind": "small"}, "extra": 1})
+    assert str(error.value).splitlines()[0] == "3 settings are wrong"
+    assert all(key in str(error.value) for key in ("seed", "inner.count", "extra"))
+
+
+def test_suggestions_look_for_the_same_name_elsewhere_and_stay_silent_otherwise():
+    assert suggest(Outer, "kind") == "; did you mean inner.kind or many.<name>.kind?"
+    assert suggest(Outer, "inber") == "; did you mean inner?"
+    assert suggest(Outer, "zzz") == ""
+
+
+@given(st.integers(0, 10**6), st.floats(min_value=1e-9, allow_infinity=False), st.text(max_size=5))
+def test_what_was_read_reads_back_the_same(seed, rate, name):
+    outer = build(Outer, {**GOOD, "seed": seed, "rate": rate, "name": name})
+    again = {**dataclasses.asdict(outer), "corner": list(outer.corner)}
+    assert build(Outer, again) == outer

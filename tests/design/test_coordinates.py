@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+import torch
+
+from sidegan.design.coordinates import Coordinates
+from sidegan.design.problem import Problem
+from sidegan.motion.trajectory import Trajectory
+from sidegan.seeds import Gradient
+
+
+def test_length_is_the_mean_square_of_the_shares_of_the_limits(planar_problem, random):
+    coordinates = Coordinates.of(planar_problem)
+    x = torch.randn(4, 12, generator=random, dtype=torch.float64)
+    c = coordinates.coefficients(x)
+    arm, trajectory = planar_problem.constraints.arm, planar_problem.trajectory
+    motion = trajectory.roll_out(c, trajectory.grid(4000))
+    room = (arm.position_upper - arm.position_lower) / 2
+    position = ((motion.position / room) ** 2).mean(1)
+    velocity = ((motion.velocity / arm.velocity_limit) ** 2).mean(1)
+    size = ((c / arm.velocity_limit[:, None, None]) ** 2).sum((2, 3))
+    torch.testing.assert_close((x**2).sum(1), (position + velocity + size).sum(1), rtol=1e-3, atol=0)
+
+
+def test_the_gradient_is_pulled_back(planar_problem, random):
+    coordinates = Coordinates.of(planar_problem)
+    y = torch.randn(3, 12, generator=random, dtype=torch.float64)
+    slope = torch.randn(3, *planar_problem.trajectory.shape, generator=random, dtype=torch.float64)
+    along = (coordinates.coefficients(y) * slope).sum((1, 2, 3))
+    torch.testing.assert_close((coordinates.pull_back(slope) * y).sum(1), along)
+
+
+@pytest.mark.parametrize("reach", [0.2, 0.6])
+def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach):
+    coordinates = Coordinates.of(planar_problem)
+    c = coordinates.coefficients(coordinates.start(planar_problem, 5, random, reach))
+    torch.testing.assert_close(planar_problem.limit_use(c), torch.full((5, 2), reach, dtype=torch.float64))
+
+
+def test_a_long_trajectory_of_many_harmonics_becomes_well_conditioned(lwr_problem):
+    problem = Problem(lwr_problem.constraints, Trajectory(7, 60, 160.0), 240)
+    batch = Gradient(steps=60, reserve=0.05).optimise(problem, 1, np.random.SeedSequence(0))
+    assert float(batch.fitness[0]) < 400  # in plain coefficients: 10⁶

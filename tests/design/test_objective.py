@@ -1,0 +1,96 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.design.excitation import excite
+from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.problem import Problem
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane
+from tests.chains import random_chain
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+@pytest.mark.parametrize("reach", [0.5, 1.4])
+def test_the_gradient_agrees_with_finite_differences(planar_problem, random, diagonal, reach):
+    problem = replace(planar_problem, diagonal=diagonal)
+    c = problem.start(4, random, reach)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    step = 1e-6
+    penalty = Penalty(30.0)
+    up, _ = value_and_gradient(problem, c + step * direction, penalty)
+    down, _ = value_and_gradient(problem, c - step * direction, penalty)
+    _, gradient = value_and_gradient(problem, c, penalty)
+    slope = (gradient * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / (2 * step), slope, rtol=1e-4, atol=1e-5)
+
+
+def test_the_gradient_of_the_lwr_agrees_with_finite_differences(lwr_problem, random):
+    c = lwr_problem.start(2, random, 0.9)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    penalty = Penalty(300.0)
+    up, _ = value_and_gradient(lwr_problem, c + 1e-6 * direction, penalty)
+    down, _ = value_and_gradient(lwr_problem, c - 1e-6 * direction, penalty)
+    slope = (value_and_gradient(lwr_problem, c, penalty)[1] * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=2e-3, atol=1e-3)
+
+
+def test_without_violation_the_value_is_a_smooth_log_condition_number(planar_problem, random):
+    c = planar_problem.start(5, random, 0.3)
+    value, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
+    exact = excite(planar_problem.body, planar_problem.trajectory, c, planar_problem.samples)
+    log_condition = exact.eigenvalue_fitness.log()
+    # The smooth extremes lie outside the true ones, by at most log(number) / sharpness each.
+    assert (value >= log_condition - 1e-9).all()
+    assert (value <= log_condition + 1.0).all()
+
+
+def test_a_violation_costs(planar_problem, random):
+    c = planar_problem.start(3, random, 2.0)
+    free, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
+    penalised, _ = value_and_gradient(planar_problem, c, Penalty(100.0))
+    assert (penalised > free).all()
+
+
+def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
+    c = planar_problem.start(3, random)
+    values, gradients = value_and_gradient(planar_problem, c, Penalty(30.0))
+    for k in range(3):
+        value, gradient = value_and_gradient(planar_problem, c[k : k + 1], Penalty(30.0))
+        torch.testing.assert_close(value[0], values[k])
+        torch.testing.assert_close(gradient[0], gradients[k])
+
+
+@pytest.mark.parametrize("regions", [[Plane((0, 0, 1), 0.1)], [Plane((0, 0.6, 0.8), -0.2)], []])
+def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch, regions):
+    pytest.importorskip("numba")
+    problem = Problem(Constraints(arm, regions), Trajectory(7), 40)
+    c = problem.start(6, random, 1.3)
+    found = value_and_gradient(problem, c, Penalty(300.0, distance=1.0))
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
+    expected = value_and_gradient(problem, c, Penalty(300.0, distance=1.0))
+    torch.testing.assert_close(found[0], expected[0], rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(found[1], expected[1], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("joints", [3, 6])
+def test_the_compiled_penalty_knows_sliding_joints(joints, random, monkeypatch):
+    pytest.importorskip("numba")
+    constraints = Constraints(random_chain(joints, 0)[0], [Plane((0, 0, 1), -0.3)])
+    problem = Problem(constraints, Trajectory(joints, 2, 8.0, [0.0] * joints), 20)
+    c = problem.start(4, random, 1.0)
+    found = value_and_gradient(problem, c, Penalty(10.0, distance=2.0))
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
+    expected = value_and_gradient(problem, c, Penalty(10.0, distance=2.0))
+    torch.testing.assert_close(found[0], expected[0], rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(found[1], expected[1], rtol=1e-6, atol=1e-6)
+
+
+def test_boxes_take_the_plain_code_for_distances(planar, random):
+    problem = Problem(Constraints(planar, [Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0), 24)
+    c = problem.start(3, random, 1.0)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    up, down = (value_and_gradient(problem, c + s * direction, Penalty(30.0))[0] for s in (1e-6, -1e-6))
+    slope = (value_and_gradient(problem, c, Penalty(30.0))[1] * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=1e-4, atol=1e-4)

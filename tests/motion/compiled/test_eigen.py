@@ -1,0 +1,86 @@
+"""Compiled eigenpairs at both ends of a spectrum against LAPACK."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.motion.compiled import tensors
+
+pytest.importorskip("numba")
+
+
+def symmetric(spectrum, seed):
+    size = len(spectrum)
+    generator = torch.Generator().manual_seed(seed)
+    turn = torch.linalg.qr(torch.randn(size, size, generator=generator, dtype=torch.float64))[0]
+    x = (turn * torch.tensor(spectrum, dtype=torch.float64)) @ turn.T
+    return (x + x.T)[None] / 2
+
+
+def check(x, low=3, high=2):
+    """Values are LAPACK's; the vectors are eigenvectors, of length one and at right angles."""
+    values, vectors = tensors.extremes(x, low, high)
+    expected = torch.linalg.eigvalsh(x)
+    size = x.shape[1]
+    if size > low + high:
+        expected = expected[:, [*range(low), *range(size - high, size)]]
+    scale = max(float(x.abs().max()), 1e-300)
+    torch.testing.assert_close(values / scale, expected / scale, rtol=0, atol=1e-14 * size)
+    residue = (x / scale) @ vectors - vectors * (values / scale)[:, None]
+    assert residue.abs().max() < 1e-13 * size
+    eye = torch.eye(vectors.shape[2], dtype=x.dtype).expand(len(x), -1, -1)
+    torch.testing.assert_close(vectors.mT @ vectors, eye, rtol=0, atol=1e-8)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=6, max_size=45), st.integers(0, 100))
+def test_ends_of_a_spectrum_are_lapacks(spectrum, seed):
+    check(symmetric(spectrum, seed))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 45), st.integers(1, 12), st.integers(0, 100))
+def test_spectra_over_many_orders_of_magnitude(size, orders, seed):
+    check(symmetric([10.0 ** (-orders * k / size) for k in range(size)], seed))
+
+
+@pytest.mark.parametrize("spectrum", [[0.0] * 9, [1.0] * 9, [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0]])
+def test_equal_eigenvalues_get_vectors_at_right_angles(spectrum):
+    check(symmetric(spectrum, 0))
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        torch.diag(torch.arange(9.0, dtype=torch.float64))[None],
+        torch.zeros(2, 8, 8, dtype=torch.float64),
+        1e150 * symmetric(range(1, 10), 1),
+        1e-150 * symmetric(range(1, 10), 1),
+        torch.zeros(0, 8, 8, dtype=torch.float64),
+    ],
+)
+def test_special_matrices(x):
+    if len(x):
+        check(x)
+    else:
+        assert tensors.extremes(x, 3, 2)[1].shape == (0, 8, 5)
+
+
+def test_threads_change_nothing():
+    x = torch.cat([symmetric([*range(20)], seed) for seed in range(120)])
+    one = tensors.extremes(x, 3, 2)
+    torch.set_num_threads(2)
+    try:
+        two = tensors.extremes(x, 3, 2)
+    finally:
+        torch.set_num_threads(1)
+    for a, b in zip(one, two):
+        torch.testing.assert_close(a, b, rtol=0, atol=0)
+
+
+def test_the_plain_code_gives_all_pairs(engine):
+    x = symmetric(range(1, 9), 3)
+    values = tensors.extremes(x, 3, 2)[0]
+    assert values.shape == ((1, 5) if engine == "numba" else (1, 8))
+    torch.testing.assert_close(values[:, [0, -1]], torch.tensor([[1.0, 8.0]], dtype=torch.float64))

@@ -1,0 +1,223 @@
+"""Compiled kernels against the plain torch code, Pinocchio and finite differences."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.motion import compiled as kernels
+from sidegan.motion.compiled import tensors
+from sidegan.motion.dynamics import RigidBody, _plain_gram, gram, joint_placement
+from sidegan.motion.trajectory import Trajectory
+from tests.chains import random_chain, random_states
+
+pytest.importorskip("numba")
+
+CHAINS = st.tuples(st.integers(1, 9), st.integers(0, 30))
+SIZES = st.tuples(
+    st.integers(1, 3), st.sampled_from([1, 8, 63, 65, 130])
+)  # around the number of lanes, and more than a span
+
+
+def body_and_states(chain, batch, count):
+    arm, model = random_chain(*chain)
+    states = [x.reshape(batch, count, arm.joints) for x in random_states(arm, batch * count, chain[1])]
+    return RigidBody(arm), model, states
+
+
+def normal(*shape):
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+
+
+@settings(deadline=None, max_examples=25)
+@given(CHAINS, SIZES)
+def test_grams_are_those_of_the_plain_code(chain, size):
+    body, _, states = body_and_states(chain, *size)
+    found = tensors.gram(body.chain, body.base.columns, tuple(states), None)
+    expected = _plain_gram(body, *states)
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-13 * float(expected.abs().max()))
+
+
+@settings(deadline=None, max_examples=25)
+@given(CHAINS, SIZES, st.integers(1, 4))
+def test_torques_and_their_slopes_are_those_of_the_plain_code(chain, size, sets):
+    body, _, states = body_and_states(chain, *size)
+    v, cotangent = normal(size[0], sets, 10 * body.joints), normal(size[0], sets, size[1], body.joints)
+    x = [part.requires_grad_(True) for part in states]
+    found, expected = body.torques_of(*x, v), body._torques_of(*x, v)
+    scale = float(expected.detach().abs().max())
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-13 * scale)
+    ours, plain = (torch.autograd.grad(torque, x, cotangent) for torque in (found, expected))
+    scale = max(float(slope.abs().max()) for slope in plain)
+    for one, other in zip(ours, plain):
+        torch.testing.assert_close(one, other, rtol=0, atol=1e-12 * scale)
+
+
+@settings(deadline=None, max_examples=15)
+@given(CHAINS)
+def test_torques_are_pinocchios(chain):
+    body, model, states = body_and_states(chain, 2, 9)
+    data = model.createData()
+    flat = zip(*(x.flatten(0, 1).numpy() for x in states))
+    expected = np.stack([pin.rnea(model, data, *state).copy() for state in flat])
+    found = body.torque(*states).flatten(0, 1)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@settings(deadline=None, max_examples=15)
+@given(CHAINS)
+def test_energy_slopes_are_those_of_the_plain_code(chain):
+    body, _, states = body_and_states(chain, 2, 5)
+    v, weights = normal(2, 3, 10 * body.joints), normal(2, 3)
+    found = body.energy_slopes(*states, v, weights)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(kernels.VARIABLE, "torch")
+        expected = body.energy_slopes(*states, v, weights)
+    scale = max(float(slope.abs().max()) for slope in expected)
+    for one, other in zip(found, expected):
+        torch.testing.assert_close(one, other, rtol=0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("chain", [(3, 0), (4, 1), (5, 2)])
+def test_slopes_agree_with_finite_differences(chain, engine):
+    body, _, states = body_and_states(chain, 2, 3)
+    x = tuple(part.requires_grad_(True) for part in states)
+    v = normal(2, 2, 10 * body.joints)
+    assert torch.autograd.gradcheck(lambda *s: body.torques_of(*s, v), x)
+    assert torch.autograd.gradcheck(body.torque, x)
+
+
+@pytest.mark.parametrize("joints", [2, 3])
+def test_gradients_of_any_function_of_the_gram_agree_with_finite_differences(joints, engine):
+    arm, _ = random_chain(joints, 3)
+    body, trajectory = RigidBody(arm), Trajectory(joints, 1, 8.0)
+    c = (0.3 * normal(2, *trajectory.shape)).requires_grad_(True)
+
+    def several(x):
+        found = gram(body, trajectory, x, 12)
+        return found, found.diagonal(dim1=1, dim2=2).square(), (found * found).sum()
+
+    assert torch.autograd.gradcheck(several, c, rtol=1e-3, atol=1e-4)
+
+
+def test_the_gradient_of_the_condition_number_agrees_with_the_plain_code(arm):
+    body, trajectory = RigidBody(arm), Trajectory(7)
+    c = 0.2 * normal(3, *trajectory.shape)
+    gradients = {}
+    for name in ("torch", "numba"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(kernels.VARIABLE, name)
+            x = c.clone().requires_grad_(True)
+            spectrum = torch.linalg.eigvalsh(gram(body, trajectory, x))
+            (spectrum[:, -1] / spectrum[:, 0]).log().sum().backward()
+            gradients[name] = x.grad
+    scale = float(gradients["torch"].abs().max())
+    torch.testing.assert_close(gradients["numba"], gradients["torch"], rtol=0, atol=1e-8 * scale)
+
+
+def test_a_derivative_can_be_derived_again(planar, engine):
+    body = RigidBody(planar)
+    x = tuple(part.requires_grad_(True) for part in random_states(planar, 3))
+    assert torch.autograd.gradgradcheck(body.torque, x)
+    trajectory = Trajectory(2, 2, 8.0)
+    c = (0.3 * normal(1, *trajectory.shape)).requires_grad_(True)
+    assert torch.autograd.gradgradcheck(lambda x: gram(body, trajectory, x, 12), c, rtol=1e-3, atol=1e-4)
+
+
+def test_columns_may_come_in_any_order(arm):
+    body, _, states = body_and_states((4, 0), 2, 9)
+    order = torch.randperm(body.parameters_count, generator=torch.Generator().manual_seed(0))
+    columns = body.base.columns[order]
+    found = tensors.gram(body.chain, columns, tuple(states), None)
+    whole = tensors.gram(body.chain, body.base.columns, tuple(states), None)
+    torch.testing.assert_close(found, whole[:, order][:, :, order], rtol=0, atol=0)
+
+
+def test_results_do_not_depend_on_threads_or_batches(arm):
+    body, trajectory = RigidBody(arm), Trajectory(7)
+    c = 0.2 * normal(60, *trajectory.shape)
+    one = gram(body, trajectory, c)
+    torch.set_num_threads(2)
+    try:
+        two = gram(body, trajectory, c)
+    finally:
+        torch.set_num_threads(1)
+    torch.testing.assert_close(one, two, rtol=1e-13, atol=1e-12)
+    torch.testing.assert_close(gram(body, trajectory, c[7:8]), one[7:8], rtol=1e-13, atol=1e-12)
+
+
+def test_other_types_take_the_plain_code(arm):
+    body = RigidBody(arm)
+    q = torch.zeros(2, 3, 7)
+    assert not tensors.usable(q)
+    assert body.torque(q, q, q).dtype == torch.float32
+    assert body.torques_of(q, q, q, torch.zeros(2, 1, 70)).shape == (2, 1, 3, 7)
+
+
+def test_no_state_is_no_work(arm):
+    body = RigidBody(arm)
+    for shape in ((0, 5, 7), (2, 0, 7)):
+        q = torch.zeros(shape, dtype=torch.float64, requires_grad=True)
+        body.torque(q, q, q).sum().backward()
+        assert q.grad is not None and q.grad.shape == shape
+
+
+def test_states_that_do_not_fit_are_refused(arm):
+    q, v = torch.zeros(2, 3, 6, dtype=torch.float64), torch.zeros(2, 1, 70, dtype=torch.float64)
+    for use in (RigidBody(arm).torques_of, lambda *x: RigidBody(arm).energy_slopes(*x, v[:, :, 0])):
+        with pytest.raises(ShapeError, match="expected"):
+            use(q, q, q, v)
+
+
+def test_the_environment_chooses(monkeypatch):
+    monkeypatch.delenv(kernels.VARIABLE, raising=False)
+    assert kernels.compiled()
+    monkeypatch.setenv(kernels.VARIABLE, "torch")
+    assert not kernels.compiled()
+    monkeypatch.setenv(kernels.VARIABLE, "fortran")
+    with pytest.raises(ConfigError, match="'fortran', expected torch or numba"):
+        kernels.compiled()
+
+
+def test_without_numba_the_plain_code_runs(monkeypatch):
+    monkeypatch.setattr(kernels, "_installed", lambda: False)
+    monkeypatch.delenv(kernels.VARIABLE, raising=False)
+    assert not kernels.compiled()
+    monkeypatch.setenv(kernels.VARIABLE, "numba")
+    with pytest.raises(ConfigError, match="not installed"):
+        kernels.compiled()
+
+
+def test_numba_is_not_imported_before_it_is_needed():
+    code = "import sys, sidegan.seeds, sidegan.motion.dynamics; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], env={**os.environ}, check=False).returncode == 0
+
+
+def test_an_install_that_cannot_be_written_to_still_compiles():
+    """Where numba finds no folder for its cache."""
+    code = (
+        "import numba.core.caching as c; c.CacheImpl._locator_classes = []\n"
+        "from sidegan.motion.compiled import dynamics; import numpy as np\n"
+        "dynamics._new_screw((1.0, 0.0, 0.0), False, np.zeros(6 * dynamics.LANES), 8)"
+    )
+    subprocess.run([sys.executable, "-c", code], env={**os.environ}, check=True, timeout=60)
+
+
+def test_chain_places_joints_as_the_arm_does(arm):
+    q = random_states(arm, 1)[0][0]
+    chain = RigidBody(replace(arm)).chain
+    for i in range(7):
+        turn, shift, _ = joint_placement(arm, i, q[i : i + 1])
+        mixed = chain.fixed[i] + chain.sine[i] * np.sin(q[i].item()) + chain.cosine[i] * np.cos(q[i].item())
+        np.testing.assert_allclose(mixed, turn.flatten(), atol=1e-15)
+        np.testing.assert_allclose(
+            chain.origin[i] + chain.slide[i] * q[i].item(), shift.flatten(), atol=1e-15
+        )

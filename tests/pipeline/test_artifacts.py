@@ -1,0 +1,285 @@
+import dataclasses
+import errno
+import logging
+import multiprocessing
+import os
+import shutil
+import signal
+
+import pytest
+
+from sidegan.errors import ArtifactError, StorageError
+from sidegan.pipeline import artifacts
+from sidegan.pipeline.artifacts import Store
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "outputs")
+
+
+def numbers(store, count=3, seed=0, **more):
+    return store.stamp("numbers", "kuka", {"count": count}, code=["errors"], seed=seed, **more)
+
+
+def write(folder, work):
+    (folder / "numbers.txt").write_text("1 2 3")
+
+
+def refuse(folder, work):
+    raise AssertionError("must not be made again")
+
+
+def visible(store):
+    return sorted(
+        p.relative_to(store.root).as_posix() for p in store.root.glob("*/*") if p.parent.name[0] != "."
+    )
+
+
+def test_an_artifact_is_made_once_and_found_again(store):
+    stamp = numbers(store)
+    assert store.find(stamp) is None
+    folder = store.produce(stamp, write)
+    assert (folder / "numbers.txt").read_text() == "1 2 3"
+    assert Store(store.root).find(numbers(store)) == folder
+    assert store.produce(stamp, refuse) == folder == store.require(stamp)
+
+
+def test_artifacts_of_other_settings_lie_side_by_side(store):
+    folders = {store.produce(numbers(store, count, seed), write) for count in (3, 4) for seed in (0, 1)}
+    assert len(folders) == 4
+    assert all(folder.name.startswith("kuka-") for folder in folders)
+
+
+def test_a_dataclass_of_settings_is_as_good_as_a_mapping(store):
+    @dataclasses.dataclass
+    class Settings:
+        count: int
+
+    assert store.stamp("numbers", "kuka", Settings(3), code=["errors"], seed=0) == numbers(store)
+
+
+def test_what_is_damaged_is_no_neighbour(store):
+    _lose_stamp(store.produce(numbers(store, 400), write))
+    _lose_file(store.produce(numbers(store, 500), write))
+    with pytest.raises(ArtifactError, match=r"run stage numbers first$"):
+        store.require(numbers(store, 4200))
+
+
+def test_a_changed_input_makes_another_artifact(store):
+    seeds = numbers(store)
+    one, other = (numbers(store, inputs={"seeds": digest}) for digest in (seeds.digest, "another"))
+    assert store.folder(one) != store.folder(other)
+
+
+def test_an_artifact_is_invisible_until_it_is_whole(store):
+    stamp = numbers(store)
+
+    def make(folder, work):
+        write(folder, work)
+        assert store.find(stamp) is None
+        assert not store.folder(stamp).exists()
+
+    store.produce(stamp, make)
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_stopped_build_leaves_its_tasks_and_nothing_else(store, error):
+    stamp = numbers(store)
+
+    def stopped(folder, work):
+        write(folder, work)
+        (work / "task-0.txt").write_text("done")
+        raise error
+
+    with pytest.raises(error):
+        store.produce(stamp, stopped)
+    assert store.find(stamp) is None
+    assert visible(store) == [f"numbers/{store.folder(stamp).name}.work"]
+
+    def goes_on(folder, work):
+        assert (work / "task-0.txt").read_text() == "done"
+        write(folder, work)
+
+    folder = store.produce(stamp, goes_on)
+    assert visible(store) == [f"numbers/{folder.name}"], "task files go when the artifact is there"
+
+
+def test_what_a_killed_build_left_is_cleared_away(store):
+    stamp = numbers(store)
+    left = store.folder(stamp).with_name(f".{store.folder(stamp).name}.dead.tmp")
+    left.mkdir(parents=True)
+    store.produce(stamp, write)
+    assert not left.exists()
+
+
+def _damage_stamp(folder):
+    (folder / "stamp.json").write_text("{")
+
+
+def _empty_stamp(folder):
+    (folder / "stamp.json").write_text("[]")
+
+
+def _lose_stamp(folder):
+    (folder / "stamp.json").unlink()
+
+
+def _truncate(folder):
+    (folder / "numbers.txt").write_text("1")
+
+
+def _lose_file(folder):
+    (folder / "numbers.txt").unlink()
+
+
+@pytest.mark.parametrize("damage", [_damage_stamp, _empty_stamp, _lose_stamp, _truncate, _lose_file])
+@pytest.mark.parametrize("named", [False, True])
+def test_a_damaged_artifact_is_told_when_asked_for_and_made_anew(tmp_path, caplog, damage, named):
+    store = Store(tmp_path, named)
+    stamp = numbers(store)
+    damage(store.produce(stamp, write))
+    with pytest.raises(ArtifactError, match=r"stamp\.json|numbers\.txt"):
+        store.require(stamp)
+    assert store.find(stamp) is None
+    assert "it will be made anew" in caplog.text
+    assert (store.produce(stamp, write) / "numbers.txt").read_text() == "1 2 3"
+
+
+def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest(store):
+    with pytest.raises(
+        ArtifactError, match=r"no numbers/kuka for this configuration, run stage numbers first$"
+    ):
+        store.require(numbers(store))
+    store.produce(numbers(store, 400), write)
+    store.produce(numbers(store, 500, seed=7), write)
+    with pytest.raises(ArtifactError, match=r"of the nearest one config\.count is 400, not 4200$"):
+        store.require(numbers(store, 4200))
+
+
+def test_with_names_a_stale_artifact_is_replaced_and_the_log_says_why(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
+    store = Store(tmp_path, named=True)
+    folder = store.produce(numbers(store, 3), write)
+    assert folder == tmp_path / "numbers" / "kuka"
+
+    def longer(folder, work):
+        (folder / "other.txt").write_text("1 2 3 4")
+
+    assert store.produce(numbers(store, 4), longer) == folder
+    assert "config.count is 3, not 4" in caplog.text
+    assert sorted(path.name for path in folder.iterdir()) == ["other.txt", "stamp.json"]
+    assert visible(store) == ["numbers/kuka"]
+
+
+def test_with_names_a_failed_rebuild_leaves_the_stale_artifact(tmp_path):
+    store = Store(tmp_path, named=True)
+    store.produce(numbers(store, 3), write)
+    with pytest.raises(AssertionError):
+        store.produce(numbers(store, 4), refuse)
+    assert store.find(numbers(store, 3)) is not None
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused_at_once(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match=r"output folder .*file"):
+        Store(tmp_path / "file")
+
+
+def test_a_full_disk_is_refused_at_once(tmp_path, monkeypatch):
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(StorageError, match="No space left"):
+        Store(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_fills_up_later_leaves_no_artifact(store, monkeypatch):
+    def full(path, content):
+        raise StorageError("no space left")
+
+    monkeypatch.setattr(artifacts, "write_json", full)
+    with pytest.raises(StorageError):
+        store.produce(numbers(store), write)
+    assert store.find(numbers(store)) is None
+
+
+def test_a_stage_folder_that_cannot_be_made_is_a_storage_error(store):
+    (store.root / "numbers").write_text("in the way")
+    with pytest.raises(StorageError, match="numbers"):
+        store.produce(numbers(store), write)
+
+
+def test_an_empty_folder_of_files_in_folders_is_stamped_too(store):
+    def nested(folder, work):
+        (folder / "deep").mkdir()
+        write(folder / "deep", work)
+
+    folder = store.produce(numbers(store), nested)
+    shutil.rmtree(folder / "deep")
+    with pytest.raises(ArtifactError, match=r"deep/numbers\.txt has 0 bytes, expected 5"):
+        store.require(numbers(store))
+
+
+def _slow(root, started, go_on, made):
+    def make(folder, work):
+        with made.get_lock():
+            made.value += 1
+        started.set()
+        go_on.wait(20)
+        write(folder, work)
+
+    store = Store(root)
+    store.produce(numbers(store), make)
+
+
+@pytest.fixture
+def processes():
+    """Two processes that want the same artifact; the first holds it until told to go on."""
+    context = multiprocessing.get_context("fork")
+    return context, context.Event(), context.Event(), context.Value("i", 0)
+
+
+def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(tmp_path, caplog, processes):
+    caplog.set_level(logging.INFO)
+    context, started, go_on, made = processes
+    first = context.Process(target=_slow, args=(tmp_path, started, go_on, made))
+    first.start()
+    assert started.wait(20)
+    waiting = _Waiting(go_on)
+    artifacts.log.addHandler(waiting)
+    try:
+        store = Store(tmp_path)
+        folder = store.produce(numbers(store), refuse)
+    finally:
+        artifacts.log.removeHandler(waiting)
+        first.join()
+    assert "another run is making" in caplog.text
+    assert made.value == 1 and (folder / "numbers.txt").read_text() == "1 2 3"
+
+
+class _Waiting(logging.Handler):
+    """Lets the first process go on as soon as the second says that it waits."""
+
+    def __init__(self, go_on):
+        super().__init__()
+        self.go_on = go_on
+
+    def emit(self, record):
+        if "waiting" in record.getMessage():
+            self.go_on.set()
+
+
+def test_a_killed_run_holds_up_nobody(tmp_path, processes):
+    context, started, go_on, made = processes
+    first = context.Process(target=_slow, args=(tmp_path, started, go_on, made))
+    first.start()
+    assert started.wait(20)
+    os.kill(first.pid, signal.SIGKILL)
+    first.join()
+    store = Store(tmp_path)
+    assert store.find(numbers(store)) is None
+    store.produce(numbers(store), write)
+    assert not list(tmp_path.glob("numbers/.*.tmp"))

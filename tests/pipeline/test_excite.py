@@ -1,0 +1,79 @@
+import pandas as pd
+import pytest
+
+from sidegan.errors import ConfigError
+from sidegan.library import Library
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import STAGES
+from sidegan.robot import load_robot
+from sidegan.validity import Constraints, check
+from tests.tiny import tiny
+
+GENERATED = ("gan=exact", "stages=[gan,library,excite]", "excite=[exact]", "gan.exact.exact.samples=20")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Folder of a run that made trajectories to execute."""
+    root = tmp_path_factory.mktemp("excite")
+    run_stages(tiny(f"outputs={root}", experiment="excite"), root / "run", "excite", STAGES)
+    return root / "run"
+
+
+def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
+    arm = load_robot("planar2")
+    chosen = Library.load(folder / "library.parquet", arm)
+    family = Trajectory(2, 3, 8.0)
+    assert len(chosen) == 6 and check(Constraints(arm), family, chosen.coefficients).valid.all()
+    motion = family.roll_out(chosen.coefficients, family.times(20))
+    for k in range(6):
+        frame = pd.read_csv(folder / "trajectories" / f"{k + 1}.csv")
+        assert list(frame.columns[:3]) == ["time", "q_shoulder", "q_elbow"]
+        for kind, x in zip(("q", "dq", "ddq"), motion[1:]):
+            written = frame[[f"{kind}_shoulder", f"{kind}_elbow"]].to_numpy()
+            assert abs(written - x[k].numpy()).max() < 1e-7
+
+
+def test_all_in_a_row_are_one_motion_at_rest_in_between(folder):
+    whole = pd.read_csv(folder / "trajectories" / "all.csv")
+    assert len(whole) == 6 * 160 + 1 and whole.time.iloc[-1] == pytest.approx(48)
+    rest = whole.iloc[::160]
+    assert abs(rest[["q_shoulder", "q_elbow", "dq_shoulder", "dq_elbow"]].to_numpy()).max() < 1e-7
+
+
+def test_the_table_says_what_each_asks_of_the_arm(folder):
+    table = pd.read_csv(folder / "set.csv")
+    assert list(table.trajectory) == [1, 2, 3, 4, 5, 6]
+    assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
+    assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
+
+
+def test_a_generator_may_be_the_pool(tmp_path):
+    options = (*GENERATED, "library.draws=5000", "library.polish=5", "library.count=8")
+    config = tiny(f"outputs={tmp_path}", *options, experiment="excite")
+    run_stages(config, tmp_path / "run", "excite", STAGES)
+    assert Library.load(tmp_path / "run" / "library.parquet").source == ["exact"] * 6
+    with pytest.raises(ConfigError, match=r"selection\.count is 9, but exact hold 8 trajectories"):
+        many = tiny(f"outputs={tmp_path}", *options, "selection.count=9", experiment="excite")
+        run_stages(many, tmp_path / "run", "excite", STAGES)
+
+
+def test_pools_that_are_not_there_are_refused(tmp_path):
+    with pytest.raises(ConfigError, match="excite names 'gold', expected some of seeds, random, vanilla"):
+        config = tiny(f"outputs={tmp_path}", "excite=[gold]", "stages=[excite]", experiment="excite")
+        run_stages(config, tmp_path / "run", "excite", STAGES)
+    with pytest.raises(ConfigError, match="expected one pool or more, each once"):
+        tiny("excite=[seeds,seeds]", experiment="excite")
+
+
+def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
+    config = tiny(f"outputs={tmp_path}", "robot.effort=0.4", experiment="excite")
+    run_stages(config, tmp_path / "run", "excite", STAGES)
+    table = pd.read_csv(tmp_path / "run" / "set.csv")
+    arm = load_robot("planar2")
+    for k in range(1, 7):
+        frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
+        speed = frame[["dq_shoulder", "dq_elbow"]].abs().max().to_numpy()
+        assert (speed <= 0.4 * arm.velocity_limit.numpy() + 1e-6).all()
+    assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()

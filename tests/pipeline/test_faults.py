@@ -1,0 +1,315 @@
+"""What goes wrong on real machines, at a small size: nothing is lost, and what happened is said."""
+
+import itertools
+import json
+import logging
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import torch
+
+from sidegan.base import parallel
+from sidegan.base.engines import Dask
+from sidegan.base.progress import Bar
+from sidegan.design.objective import value_and_gradient
+from sidegan.errors import InfeasibleError, SideganError, StorageError
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.tracking import Tracker
+from sidegan.seeds import Gradient, gradient
+from tests import small_job
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The artifact of a run in which nothing went wrong."""
+    return small_job.run(tmp_path_factory.mktemp("undisturbed"))
+
+
+def job(*arguments):
+    """The small job as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "tests.small_job", *map(str, arguments)],
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@dataclass(frozen=True)
+class Deadly:
+    """An optimiser whose process is killed, once, at the fourth task."""
+
+    marker: Path
+
+    def optimise(self, problem, count, seed):
+        if seed.spawn_key[-1] == 3 and not self.marker.exists():
+            self.marker.touch()
+            os.kill(os.getpid(), 9)
+        return small_job.METHOD.optimise(problem, count, seed)
+
+
+def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, undisturbed):
+    method = Deadly(tmp_path / "died")
+    with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*goes on"):
+        small_job.run(tmp_path, method, workers=2)
+    done = {path: path.stat().st_mtime_ns for path in tmp_path.glob("seeds/*.work/seeds-*.pt")}
+    assert done
+    redone = []
+
+    @dataclass
+    class Counting:
+        def optimise(self, problem, count, seed):
+            redone.append(seed.spawn_key[-1])
+            return small_job.METHOD.optimise(problem, count, seed)
+
+    assert small_job.same(small_job.run(tmp_path, Counting()), undisturbed)
+    assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
+
+
+def nap(report):
+    report(0, 1)
+    time.sleep(0.2)
+
+
+def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monkeypatch):
+    threads, failed = [], []
+
+    class Interrupted:
+        def __init__(self, *arguments):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *arguments):
+            pass
+
+        def __call__(self, done, total):
+            threads.extend(x for x in threading.enumerate() if x.name == "ExecutorManagerThread")
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading, "excepthook", failed.append)
+        patch.setattr(parallel, "bar", Interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            parallel.run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
+        assert threads
+        for thread in threads:
+            thread.join(20)
+        assert not any(thread.is_alive() for thread in threads)
+        assert not failed, failed
+    assert parallel.run_jobs("after", [nap] * 3, 2) == [None] * 3
+
+
+@pytest.mark.slow
+def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
+    pytest.importorskip("distributed")
+    code = (
+        "import sys, time\nfrom functools import partial\nfrom sidegan.base.parallel import engine, run_jobs\n"
+        "def note(number, report):\n"
+        f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(30)\n"
+        "try:\n"
+        "    with engine('dask'):\n        run_jobs('notes', [partial(note, k) for k in range(5)], 2)\n"
+        "except KeyboardInterrupt:\n    sys.exit(130)\n"
+    )
+    command = [sys.executable, "-c", code]
+    main = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    end = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < end:
+        time.sleep(0.1)
+    os.killpg(main.pid, signal.SIGINT)  # as a terminal does
+    _, told = main.communicate(timeout=150)
+    assert (main.returncode, told) == (130, "")
+
+
+def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkeypatch):
+    pytest.importorskip("distributed")
+    cluster = Dask()
+    monkeypatch.setattr(parallel, "_engine", cluster)
+    try:
+        made = small_job.run(tmp_path, Deadly(tmp_path / "died"), workers=2)
+    finally:
+        cluster.close()
+    assert (tmp_path / "died").exists()
+    assert small_job.same(made, undisturbed)
+
+
+def test_a_run_killed_20_times_at_random_points_ends_like_an_undisturbed_one(tmp_path):
+    seed = random.randrange(2**32)
+    out, err = job(tmp_path, 20, seed).communicate(timeout=120)
+    facts = json.loads(out)
+    assert facts["interrupted"] >= 10, "most of the kills must hit a run at work"
+    assert facts["equal"] == facts["completed"] >= 1, f"kill points of seed {seed}: {err}"
+    lock, *files = (Path(name).name for name in facts["files"])
+    assert lock.endswith(".lock")
+    assert files == ["report.json", "seeds.pt", "stamp.json"], "nothing is left of a killed run"
+
+
+@contextmanager
+def small_disk(folder, kilobytes):
+    """A file system of its own, of so many kB."""
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)]
+    if os.getuid() or shutil.which("mount") is None or subprocess.run(mount, check=False).returncode:
+        pytest.skip("a small disk needs root and the right to mount; tests/test_storage.py limits file sizes")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def test_a_disk_that_fills_up_is_told_and_the_rerun_goes_on(tmp_path, undisturbed):
+    with small_disk(tmp_path / "disk", 1200) as disk:
+        store = Store(disk)
+        ballast = disk / "ballast"
+        free = shutil.disk_usage(disk).free
+        filled = []
+
+        class Filling:
+            def optimise(self, problem, count, seed):
+                if len(filled) == 3:  # others use the disk too
+                    ballast.write_bytes(bytes(shutil.disk_usage(disk).free))
+                filled.append(seed.spawn_key[-1])
+                return small_job.METHOD.optimise(problem, count, seed)
+
+        with pytest.raises(StorageError, match=r"cannot write .*seeds-00003\.pt: No space left on device"):
+            small_job.run(disk, Filling())
+        assert sorted(path.name for path in disk.glob("seeds/*.work/*")) == [
+            f"seeds-{number:05d}.pt" for number in range(3)
+        ]
+        with pytest.raises(StorageError, match=r"output folder .* No space left"):
+            small_job.run(disk)
+        ballast.unlink()
+        assert small_job.same(small_job.run(disk, Filling()), undisturbed)
+        assert filled == [0, 1, 2, 3, 3, 4, 5]
+        assert shutil.disk_usage(store.root).free > free - 2**16
+
+
+def not_a_number(every):
+    """The objective, not a number for half of the trajectories in every so many-th evaluation."""
+    calls = itertools.count()
+
+    def objective(problem, c, penalty):
+        value, slope = value_and_gradient(problem, c, penalty)
+        if next(calls) % every == every - 1:
+            value[::2], slope[::2] = torch.nan, torch.nan
+        return value, slope
+
+    return objective
+
+
+@pytest.mark.parametrize("every", [2, 1])
+def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, monkeypatch, every):
+    monkeypatch.setattr(gradient, "value_and_gradient", not_a_number(every))
+    made = small_job.read_torch(small_job.run(tmp_path) / "seeds.pt")
+    assert len(made["c"]) == small_job.COUNT
+    assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()
+
+
+def test_coefficients_that_are_not_numbers_end_with_a_report(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        Gradient, "_descend", lambda self, problem, count, *_: problem_shaped(problem, count) * torch.nan
+    )
+    with pytest.raises(InfeasibleError, match=r"only 0 of 12 seeds .* violate the condition number"):
+        small_job.run(tmp_path)
+
+
+def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path, monkeypatch):
+    rounds = []
+
+    def never(self, problem, count, reach, generator):
+        rounds.append(count)
+        return 100 * problem_shaped(problem, count)
+
+    monkeypatch.setattr(Gradient, "_descend", never)
+    with pytest.raises(InfeasibleError) as told:
+        small_job.run(tmp_path)
+    tasks = small_job.COUNT // small_job.BATCH
+    assert len(rounds) == 3 * tasks * 2, "three rounds of tasks, and each ends after two barren rounds"
+    told.match(
+        r"only 0 of 12 seeds became valid in 72 starts; of those that failed, 72 violate \w+ of shoulder"
+    )
+    assert not list(tmp_path.glob("seeds/planar2-????????"))
+
+
+def problem_shaped(problem, count):
+    return torch.ones(count, *problem.trajectory.shape, dtype=torch.float64)
+
+
+def test_two_processes_on_one_output_folder_make_one_artifact(tmp_path, undisturbed):
+    both = [job(tmp_path), job(tmp_path)]
+    told = [process.communicate(timeout=60)[1] for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert sorted("seeds: reused" in text for text in told) == [False, True]
+    (made,) = tmp_path.glob("seeds/planar2-????????")
+    assert small_job.same(made, undisturbed)
+
+
+def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path):
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom sidegan.pipeline.tracking import Tracker\n"
+        "root, name = Path(sys.argv[1]), sys.argv[2]\n"
+        "with Tracker(root, root, 'exp1', name) as tracker:\n    tracker.log_metrics({'nmse': 0.5})\n"
+        "sys.exit(not tracker.reached)\n"
+    )
+    names = ("first", "second")
+    both = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), name], cwd=ROOT) for name in names]
+    assert [process.wait(120) for process in both] == [0, 0]
+    with closing(sqlite3.connect(tmp_path / "mlflow.db")) as database:
+        runs = database.execute("select name, status from runs order by name").fetchall()
+    assert runs == [(name, "FINISHED") for name in names]
+
+
+def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undisturbed, monkeypatch, caplog):
+    caplog.set_level(logging.INFO)
+    source = random.Random(0)
+    monkeypatch.setattr(time, "time", lambda: source.uniform(0.0, 4e9))
+    monkeypatch.setattr(time, "time_ns", lambda: int(1e9 * time.time()))
+    began = time.monotonic()
+    progress = Bar("steps", 10)
+    progress(5)
+    made = small_job.run(tmp_path)
+    spent = time.monotonic() - began
+    assert small_job.same(made, undisturbed)
+    assert 0.0 <= json.loads((made / "stamp.json").read_text())["seconds"] <= spent + 0.1
+    left = float(progress.describe().rpartition(", ")[2].removesuffix(" s left"))
+    assert left == pytest.approx(time.monotonic() - began, abs=0.5)
+    assert "seeds: made" in caplog.text
+
+
+def test_a_new_tracking_database_waits_for_the_disk_again_once_it_is_made(tmp_path):
+    from sqlalchemy import event
+    from sqlalchemy.engine import Engine
+
+    opened = []
+
+    def note(connection, record):
+        opened.append(connection)
+
+    event.listen(Engine, "connect", note)
+    try:
+        with Tracker(tmp_path, tmp_path, "exp1", "first") as tracker:
+            assert tracker.reached
+    finally:
+        event.remove(Engine, "connect", note)
+    assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
+
+
+def test_only_what_is_shown_to_people_takes_the_time_of_day():
+    users = [path.name for path in (ROOT / "sidegan").rglob("*.py") if "time.time(" in path.read_text()]
+    assert users == ["tracking.py"], "durations and waiting take a monotonic clock"

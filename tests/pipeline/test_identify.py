@@ -1,0 +1,268 @@
+"""The way from recordings to a model, through the command's own stage."""
+
+import json
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from hydra import compose, initialize_config_dir
+
+from sidegan.errors import ConfigError, InfeasibleError, RecordingError, RobotError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.config import validate
+from sidegan.pipeline.plan import Task
+from sidegan.pipeline.run import CONF, main, run_stages
+from sidegan.pipeline.stages import STAGES
+from sidegan.robot import load_robot
+from tests.recording.conftest import real
+from tests.recording.files import frame
+from tests.recording.made import moved
+
+FILES = {
+    "check.json",
+    "links.csv",
+    "parameters.csv",
+    "parameters.json",
+    "planar2.urdf",
+    "report.html",
+    "verdict.json",
+}
+VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
+
+
+def configured(outputs, *overrides):
+    common = ("+experiment=identify", "tracking=off", f"outputs={outputs}")
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return validate(compose("config", overrides=[*common, *overrides]))
+
+
+def identified(outputs, *overrides, run="run"):
+    """Verdict and folder of one run."""
+    folder = outputs / "runs" / run
+    run_stages(configured(outputs, *overrides), folder, run, STAGES)
+    return json.loads((folder / "verdict.json").read_text()), folder
+
+
+def write(folder, name, planar, seed, seconds=30):
+    """A recording of a random motion, with friction and noise."""
+    generator = torch.Generator().manual_seed(seed)
+    time = np.arange(seconds * 200) / 200
+    recording = moved(planar, time, VISCOUS, COULOMB, generator)
+    frame(recording).to_csv(folder / name, index=False)
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, planar):
+    folder = tmp_path_factory.mktemp("recordings")
+    return [write(folder, f"{name}.csv", planar, seed) for seed, name in enumerate("abc")]
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory, files):
+    root = tmp_path_factory.mktemp("outputs")
+    a, b, c = files
+    return identified(root, "robot=planar2", f"recordings=[{a},{b}]", f"validation=[{c}]")
+
+
+def test_a_known_arm_is_found_again(once, planar):
+    verdict, folder = once
+    assert verdict["validation"]["kind"] == "held out"
+    assert verdict["validation"]["nmse_mean"] < 2e-3
+    assert verdict["validation"]["unweighted"]["nmse_mean"] < 2e-3
+    assert verdict["validation"]["consistent"]["nmse_mean"] < 2e-3
+    table = pd.read_csv(folder / "parameters.csv").set_index("name")
+    for name, true in (("fv", VISCOUS), ("fc", COULOMB)):
+        for j in range(2):
+            row = table.loc[f"{name}{j + 1}"]
+            assert row.value == pytest.approx(float(true[j]), abs=max(0.05, 4 * row["std"]))
+    rigid = table[table.urdf.notna()]
+    assert len(rigid) == len(RigidBody(planar).base.values)
+    assert (np.abs(rigid.value - rigid.urdf) < 4 * rigid["std"] + 0.02 * np.abs(rigid.urdf) + 1e-3).all()
+
+
+def test_everything_is_left_in_the_runs_folder(once):
+    verdict, folder = once
+    assert {path.name for path in folder.iterdir()} >= FILES
+    assert {"verdict", "reasons", "condition_number", "validation", "training"} <= verdict.keys()
+    assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
+    assert verdict["condition_number"] > 1
+    checked = json.loads((folder / "check.json").read_text())
+    assert [one["name"] for one in checked] == ["a.csv", "b.csv", "c.csv"]
+    assert not list(folder.parents[1].glob("**/*.tmp")) and not list(folder.parents[1].glob("**/*.work"))
+    text = (folder / "report.html").read_text()
+    assert "planar2" in text and "c.csv" in text
+
+
+def test_the_urdf_is_that_of_the_consistent_links(once, planar):
+    _, folder = once
+    arm = load_robot(folder / "planar2.urdf")
+    model = json.loads((folder / "parameters.json").read_text())
+    links = torch.tensor(model["consistent"]["inertial_parameters"], dtype=torch.float64)
+    generator = torch.Generator().manual_seed(0)
+    states = [torch.randn(50, 2, generator=generator, dtype=torch.float64) for _ in range(3)]
+    torch.testing.assert_close(
+        RigidBody(arm).torque(*states), RigidBody(planar).torque(*states, links), atol=1e-9, rtol=0
+    )
+
+
+def test_a_check_fits_nothing(files, tmp_path, capsys):
+    folder = tmp_path / "runs" / "check"
+    config = configured(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "stages=[check]")
+    run_stages(config, folder, "check", STAGES)
+    (checked,) = json.loads((folder / "check.json").read_text())
+    assert checked["samples"] == 6000 and checked["condition"] > 1
+    assert {path.name for path in folder.iterdir()} == {"check.json"}
+    told = capsys.readouterr().out
+    for word in ("a.csv", "noise floor", "saturated", "elbow", "base parameter"):
+        assert word in told
+
+
+def test_the_same_again_is_reused_and_other_recordings_are_not(once, files, tmp_path):
+    _, first = once
+    root = first.parents[1]
+    made = {path: path.stat().st_mtime_ns for path in root.glob("identify/*/stamp.json")}
+    names = ("robot=planar2", f"recordings=[{files[0]},{files[1]}]", f"validation=[{files[2]}]")
+    _, again = identified(root, *names, run="again")
+    assert {path: path.stat().st_mtime_ns for path in root.glob("identify/*/stamp.json")} == made
+    assert (again / "report.html").read_bytes() == (first / "report.html").read_bytes()
+    copy = tmp_path / files[2].name
+    copy.write_text("".join(files[2].read_text().splitlines(keepends=True)[:-1]))
+    identified(root, *names[:2], f"validation=[{copy}]", run="other")
+    assert len(list(root.glob("identify/*/stamp.json"))) == len(made) + 1
+
+
+def test_without_validation_recordings_take_turns(files, tmp_path):
+    verdict, _ = identified(tmp_path, "robot=planar2", f"recordings=[{','.join(map(str, files))}]")
+    assert "3 recordings" in verdict["validation"]["kind"]
+    assert verdict["validation"]["nmse_mean"] < 2e-3
+
+
+def test_one_recording_is_tested_on_itself_and_that_is_said(files, tmp_path):
+    verdict, _ = identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]")
+    assert verdict["validation"]["kind"].startswith("in sample")
+    assert verdict["validation"]["nmse"] == verdict["training"]["nmse"]
+    assert any("held out" in reason for reason in verdict["reasons"])
+
+
+@pytest.mark.parametrize("method", ["ols", "huber", "tls", "rls", "ridge", "essential"])
+def test_every_method_identifies(files, tmp_path, method):
+    verdict, _ = identified(
+        tmp_path,
+        "robot=planar2",
+        f"recordings=[{files[0]}]",
+        f"validation=[{files[1]}]",
+        f"identify.method={method}",
+    )
+    assert verdict["method"] == method
+    assert verdict["validation"]["nmse_mean"] < 5e-3
+
+
+def test_the_stribeck_term_is_found(files, tmp_path):
+    verdict, folder = identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "model.stribeck=true")
+    assert verdict["validation"]["nmse_mean"] < 2e-3
+    assert "fs1" in pd.read_csv(folder / "parameters.csv").name.tolist()
+
+
+def test_a_library_gives_what_to_run_next(files, tmp_path, planar):
+    from sidegan.motion.trajectory import Trajectory
+    from sidegan.pipeline.stages.common import measured
+    from sidegan.validity import Constraints
+
+    trajectory = Trajectory(2, 3, 8.0)
+    c = 0.3 * torch.randn(6, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    measured(Constraints(planar, []), trajectory, c, "made").save(tmp_path / "library.parquet")
+    settings = (f"identify.library={tmp_path / 'library.parquet'}", "identify.recommend=3")
+    verdict, folder = identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", *settings)
+    assert len(verdict["next_trajectories"]) == 3 and set(verdict["next_trajectories"]) <= set(range(6))
+    assert "run trajectory" in (folder / "report.html").read_text()
+
+
+def test_a_bad_recording_leaves_nothing(files, tmp_path, planar):
+    broken = tmp_path / "broken.csv"
+    table = pd.read_csv(files[1])
+    table.assign(tau1=0.0, tau2=0.0).to_csv(broken, index=False)
+    with pytest.raises(RecordingError, match="every torque is zero"):
+        identified(tmp_path, "robot=planar2", f"recordings=[{files[0]},{broken}]")
+    assert not list((tmp_path / "identify").glob("*/*.json"))
+    assert not {path.name for path in (tmp_path / "runs" / "run").glob("*")} & FILES
+    with pytest.raises(RecordingError, match=r"there is no file none\.csv"):
+        identified(tmp_path, "robot=planar2", "recordings=[none.csv]")
+    with pytest.raises(RecordingError, match="no column 'q3'"):
+        identified(tmp_path, "robot=kuka_lwr4", f"recordings=[{files[0]}]")
+
+
+def test_conditions_that_cannot_be_met_leave_nothing(files, tmp_path):
+    with pytest.raises(InfeasibleError, match="infeasible"):
+        identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "identify.total_mass=1e-9")
+    assert not list((tmp_path / "identify").glob("*/*.json"))
+
+
+def test_a_description_that_cannot_exist_is_refused_by_link(files, tmp_path, planar):
+    import re
+
+    text = planar.urdf.read_text()
+    impossible = re.sub(r'ixx="[^"]*"', 'ixx="9"', text)
+    (tmp_path / "bad.urdf").write_text(impossible)
+    with pytest.raises(RobotError, match="upper_arm"):
+        identified(tmp_path, f"robot.name={tmp_path / 'bad.urdf'}", f"recordings=[{files[0]}]")
+
+
+def test_settings_that_make_no_sense_are_refused(files, tmp_path):
+    with pytest.raises(ConfigError, match="recordings is empty"):
+        identified(tmp_path, "robot=planar2")
+    with pytest.raises(ConfigError, match="magic"):
+        identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "+identify.settings.magic=1")
+    with pytest.raises(ConfigError, match="would not be held out"):
+        configured(tmp_path, "recordings=[a.csv]", "validation=[a.csv]")
+    with pytest.raises(ConfigError, match=r"recordings has a\.csv twice"):
+        configured(tmp_path, "recordings=[a.csv,a.csv]")
+    with pytest.raises(ConfigError, match=r"recording\.units\.angle is 'turn'"):
+        configured(tmp_path, "recording.units.angle=turn")
+    with pytest.raises(ConfigError, match=r"identify\.method is 'magic'"):
+        configured(tmp_path, "identify.method=magic")
+
+
+def test_no_other_artifact_depends_on_these_settings(tmp_path):
+    one = Task(configured(tmp_path, "robot=planar2", "workspace=free"), Store(tmp_path))
+    changes = ("recordings=[x.csv]", "recording.cutoff=3", "model.offset=false", "robot.gains=[1,1]")
+    other = Task(configured(tmp_path, "robot=planar2", "workspace=free", *changes), Store(tmp_path))
+    assert one.seeds.digest == other.seeds.digest
+    assert one.identification("seeds", 0).digest == other.identification("seeds", 0).digest
+
+
+def test_the_command_works_as_it_is_told(files, tmp_path, monkeypatch):
+    a, b, c = files
+    words = ["+experiment=identify", "robot=planar2", f"recordings=[{a},{b}]", f"validation=[{c}]"]
+    monkeypatch.setattr(sys, "argv", ["run", *words, "tracking=off", f"outputs={tmp_path}"])
+    assert main() == 0
+    (verdict,) = tmp_path.glob("runs/identify/*/verdict.json")
+    assert json.loads(verdict.read_text())["validation"]["nmse_mean"] < 2e-3
+
+
+@pytest.mark.parametrize(("train", "test"), [("20s8h", "20s10h"), ("20s10h", "20s8h")])
+def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path, train, test):
+    train, test = (real(f"ur10e/recorded_{name}.csv") for name in (train, test))
+    urdf = f"robot.name={real('ur10e/reference.urdf')}"
+    verdict, _ = identified(tmp_path, "robot=ur10e", urdf, f"recordings=[{train}]", f"validation=[{test}]")
+    assert verdict["validation"]["nmse_mean"] <= 0.008
+    assert verdict["validation"]["unweighted"]["nmse_mean"] <= 0.018
+    assert verdict["validation"]["consistent"]["nmse_mean"] <= 0.008
+    assert verdict["verdict"] == "good"
+
+
+def test_the_lwr_recording_is_told_apart_from_a_good_one(tmp_path):
+    path = real("kuka_lwr4/recorded_hw1_50hz.csv")
+    for choice in ("csv", "lwr4"):
+        verdict, folder = identified(tmp_path, f"recording={choice}", f"recordings=[{path}]", run=choice)
+        assert max(verdict["validation"]["nmse"][:4]) <= 0.02
+        assert max(verdict["validation"]["unweighted"]["nmse"][:4]) <= 0.02
+        reasons = "\n".join(verdict["reasons"])
+        assert "poorly excited" in reasons and "not identifiable" in reasons
+        assert len(verdict["weak_parameters"]) > 10
+        report = (folder / "report.html").read_text()
+        assert "poorly excited" in report and verdict["weak_parameters"][0] in report

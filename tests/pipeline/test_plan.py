@@ -1,0 +1,154 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.plan import Task, regions, variant
+from sidegan.validity import Box, Plane
+from tests.tiny import tiny
+
+
+@pytest.fixture(scope="module")
+def stamps(tmp_path_factory):
+    """Digest of every artifact of a configuration."""
+    store = Store(tmp_path_factory.mktemp("store"))
+
+    @cache
+    def made(*overrides):
+        task = Task(tiny(*overrides), store)
+        found = {"seeds": task.seeds, "surrogates": task.surrogates("broad"), "random": task.random_set}
+        for name, settings in task.cfg.gan.items():
+            for k in task.cfg.trainings:
+                found[f"gan {name} {k}"] = task.gan(name, settings, k)
+                found[f"library {name} {k}"] = task.library(name, k)
+        found |= {f"selection {name} {k}": task.selection(name, k) for name, k in task.short_sets()}
+        found |= {f"identification {name} {k}": task.identification(name, k) for name, k in task.sets()}
+        found |= {f"long {h}": task.long(h) for h in task.cfg.long.harmonics}
+        return {key: stamp.digest for key, stamp in found.items()}
+
+    return made
+
+
+def changed(before, after):
+    return {key for key in before if before[key] != after.get(key)}
+
+
+def of(variant):
+    return {f"{stage} {variant} 0" for stage in ("gan", "library", "selection", "identification")}
+
+
+IDENTIFICATIONS = {
+    f"identification {name} 0"
+    for name in ("long-3", "long-12", "random", "seeds", "vanilla", "eigen", "diagonal")
+}
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("gan.eigen.weights.fitness=7", of("eigen")),
+        ("gan.diagonal.width=32", of("diagonal")),
+        ("gan.vanilla.epochs=3", of("vanilla")),
+        ("surrogates.epochs=3", {"surrogates"} | of("eigen") | of("diagonal")),
+        ("long.steps=6", {"long 3", "long 12", "identification long-3 0", "identification long-12 0"}),
+        ("identification.noise.level=0.2", IDENTIFICATIONS),
+        ("identification.repeats=3", IDENTIFICATIONS),
+        ("subset=20", {"surrogates"} | of("vanilla") | of("eigen") | of("diagonal")),
+    ],
+)
+def test_a_setting_changes_what_depends_on_it_and_nothing_else(stamps, override, expected):
+    assert changed(stamps(), stamps(override)) == expected
+
+
+@pytest.mark.parametrize("override", ["seeds.steps=21", "seeds.count=41"])
+def test_the_seeds_change_everything_but_the_baseline(stamps, override):
+    baseline = {"random", "selection random 0", "identification random 0"}
+    assert changed(stamps(), stamps(override)) == set(stamps()) - baseline
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "seed=1",
+        "robot=kuka_lwr4",
+        "workspace.torque=false",
+        "workspace.regions=[{plane: {normal: [0, 0, 1], offset: 0.1}}]",
+        "trajectory.period=9",
+        "trajectory.home=[0.1, 0]",
+    ],
+)
+def test_the_arm_and_its_workspace_change_everything(stamps, override):
+    before = stamps()
+    assert changed(before, stamps(override)) == set(before)
+
+
+def test_where_and_how_it_is_made_changes_nothing(stamps):
+    elsewhere = ("parallel.workers=2", "parallel.threads=2", "tracking=local", "outputs=elsewhere")
+    assert stamps(*elsewhere) == stamps()
+
+
+def test_every_artifact_has_a_stamp_of_its_own(stamps):
+    made = stamps()
+    assert len(set(made.values())) == len(made)
+
+
+def test_leaving_a_variant_out_keeps_the_others(stamps):
+    both, one = stamps(), stamps("gan=eigen")
+    assert {key for key in one if one[key] != both[key]} == set()
+
+
+def test_another_training_shares_seeds_and_surrogates(stamps):
+    one, three = stamps(), stamps("trainings=[0,1,2]")
+    assert one.items() <= three.items()
+    assert len({three[f"gan eigen {k}"] for k in range(3)}) == 3
+
+
+def test_random_numbers_differ_by_purpose_and_seed(tmp_path):
+    tasks = [Task(tiny(f"seed={seed}"), Store(tmp_path)) for seed in (0, 0, 1)]
+    drawn = [task.random("seeds").generate_state(4).tolist() for task in tasks]
+    assert drawn[0] == drawn[1] != drawn[2]
+    assert tasks[0].number("gan eigen") == tasks[1].number("gan eigen") != tasks[2].number("gan eigen")
+    purposes = ["seeds", "gan eigen", "gan diagonal", "tests", "labels 0", "labels 1"]
+    assert len({tasks[0].number(purpose) for purpose in purposes}) == len(purposes)
+    assert isinstance(tasks[0].random("x"), np.random.SeedSequence)
+
+
+def test_regions_are_planes_and_boxes():
+    workspace = tiny(
+        "workspace.regions=[{plane: {normal: [0, 0, 1], offset: 0.1}}, "
+        "{box: {lower: [0, 0, 0], upper: [1, 1, 1]}}]"
+    ).workspace
+    plane, box = regions(workspace)
+    assert isinstance(plane, Plane) and plane.offset == 0.1
+    assert isinstance(box, Box) and tuple(box.upper) == (1, 1, 1)
+
+
+def test_a_variant_is_what_the_configuration_says():
+    cfg = tiny()
+    made = variant("eigen", cfg.gan["eigen"])
+    assert (made.name, made.features, made.epochs) == ("eigen", "spectrum", cfg.scale.gan_epochs)
+    assert made.weights.fitness == cfg.gan["eigen"].weights.fitness
+    assert made.surrogates and not variant("vanilla", cfg.gan["vanilla"]).surrogates
+
+
+def test_an_impossible_home_is_refused_before_any_work(tmp_path):
+    task = Task(tiny("trajectory.home=[0, 9]"), Store(tmp_path))
+    with pytest.raises(InfeasibleError, match="position of elbow"):
+        task.constraints  # noqa: B018
+
+
+def test_the_trajectories_are_the_arms(tmp_path):
+    task = Task(tiny("trajectory.home=[0.1, 0.2]"), Store(tmp_path))
+    assert task.trajectory.shape == (2, 3, 2) and task.trajectory.home == (0.1, 0.2)
+    long = task.long_trajectory(12)
+    assert long.shape == (2, 12, 2) and long.period == 32 and long.home == (0.1, 0.2)
+    assert task.body is task.constraints.body
+
+
+def test_what_only_the_variant_refuses_names_its_key():
+    cfg = tiny().gan["vanilla"]
+    object.__setattr__(cfg, "features", "colour")
+    with pytest.raises(ConfigError, match=r"gan\.vanilla: features 'colour'"):
+        variant("vanilla", cfg)

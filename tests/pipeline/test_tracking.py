@@ -1,0 +1,144 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from sidegan.pipeline.tracking import UNTRACKED, Tracker
+
+NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """One database for all tests, since making one takes seconds."""
+    return tmp_path_factory.mktemp("outputs")
+
+
+@pytest.fixture
+def start(root, tmp_path):
+    def started(**more):
+        return Tracker(root, tmp_path, "exp1", more.pop("name", "exp1 eigen seed=1"), **more)
+
+    return started
+
+
+def client_of(root):
+    from mlflow import MlflowClient
+
+    return MlflowClient(f"sqlite:///{root / 'mlflow.db'}")
+
+
+def untracked(folder):
+    path = folder / UNTRACKED
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, tmp_path):
+    (tmp_path / "table.csv").write_text("a,b")
+    (tmp_path / "plots").mkdir()
+    (tmp_path / "plots" / "loss.svg").write_text("<svg/>")
+    table = pd.DataFrame({"nmse": [0.1, 0.2]}, index=pd.Index(["seeds", "both"], name="set"))
+    with start() as tracker:
+        tracker.log_params({"seed": 1, "gan": {"eigen": {"weights": {"fitness": 0.1}}}, "stages": ["seeds"]})
+        tracker.log_history({"loss": [3.0, 2.0, 1.0], "valid share": [0.1, 0.5, 0.9]})
+        tracker.log_history({"late": [1.0, 2.0]}, steps=[10, 20])
+        tracker.log_metrics({"R² of λ_1, spectrum": 0.9}, step=4)
+        tracker.log_artifact(tmp_path / "table.csv")
+        tracker.log_artifact(tmp_path / "plots", "figures")
+        tracker.log_table(table, "table1")
+    client = client_of(root)
+    run = client.get_run(tracker.run_id)
+    assert run.info.status == "FINISHED"
+    assert run.info.run_name == "exp1 eigen seed=1"
+    assert client.get_experiment(run.info.experiment_id).name == "exp1"
+    assert run.info.artifact_uri.startswith(root.as_uri())
+    assert run.data.params == {"seed": "1", "gan.eigen.weights.fitness": "0.1", "stages": "['seeds']"}
+    assert run.data.metrics["R² of λ_1_ spectrum"] == 0.9
+    steps = {
+        name: [(m.step, m.value) for m in client.get_metric_history(tracker.run_id, name)]
+        for name in ("loss", "late")
+    }
+    assert steps == {"loss": [(0, 3.0), (1, 2.0), (2, 1.0)], "late": [(10, 1.0), (20, 2.0)]}
+    files = [
+        file.path for folder in (None, "figures") for file in client.list_artifacts(tracker.run_id, folder)
+    ]
+    assert {"table.csv", "figures/loss.svg", "table1.json"} <= set(files)
+    shown = json.loads(Path(client.download_artifacts(tracker.run_id, "table1.json")).read_text())
+    assert shown == {"columns": ["set", "nmse"], "data": [["seeds", 0.1], ["both", 0.2]]}
+    assert untracked(tmp_path) == []
+
+
+def test_more_numbers_and_settings_than_mlflow_takes_at_once(root, start):
+    with start() as tracker:
+        tracker.log_history({"loss": [float(i) for i in range(2500)]})
+        tracker.log_params({f"setting{i}": i for i in range(250)})
+        tracker.log_params({"long": "x" * 10_000})
+    client = client_of(root)
+    assert len(client.get_metric_history(tracker.run_id, "loss")) == 2500
+    assert len(client.get_run(tracker.run_id).data.params) == 251
+
+
+@pytest.mark.parametrize(("error", "status"), [(ValueError, "FAILED"), (KeyboardInterrupt, "KILLED")])
+def test_a_run_ends_as_its_block_does(root, start, error, status):
+    with pytest.raises(error), start() as tracker:
+        raise error
+    assert client_of(root).get_run(tracker.run_id).info.status == status
+
+
+def test_a_run_may_be_part_of_another(root, start):
+    with start(name="sweep") as parent, start(parent=parent.run_id) as child:
+        pass
+    tags = client_of(root).get_run(child.run_id).data.tags
+    assert tags["mlflow.parentRunId"] == parent.run_id
+
+
+def test_a_server_that_is_gone_stops_nothing_and_nothing_is_lost(start, tmp_path, caplog):
+    with start(uri=NOWHERE) as tracker:
+        tracker.log_params({"seed": 1})
+        tracker.log_metrics({"nmse": 0.5})
+        tracker.log_artifact(tmp_path / "table.csv")
+        tracker.log_table(pd.DataFrame({"a": [1]}), "table1")
+    warnings = [record.message for record in caplog.records if record.name == "sidegan.pipeline.tracking"]
+    assert len(warnings) == 1 and "tracking stops" in warnings[0] and UNTRACKED in warnings[0]
+    kept = untracked(tmp_path)
+    assert [line["kind"] for line in kept] == ["run", "params", "metrics", "artifact", "table", "status"]
+    assert kept[0]["content"]["name"] == "exp1 eigen seed=1"
+    assert kept[2]["content"][0][:2] == ["nmse", 0.5]
+    assert kept[4]["content"]["table"] == {"columns": ["a"], "data": [[1]]}
+
+
+def test_a_server_that_goes_away_in_the_middle_stops_nothing(start, tmp_path, caplog, monkeypatch):
+    with start() as tracker:
+        client, _ = tracker._run
+
+        def gone(*arguments, **more):
+            raise ConnectionError("the server is gone")
+
+        tracker.log_metrics({"nmse": 0.5})
+        monkeypatch.setattr(client, "log_batch", gone)
+        tracker.log_metrics({"nmse": 0.4})
+        tracker.log_metrics({"nmse": 0.3})
+    assert caplog.text.count("the server is gone") == 1
+    kept = untracked(tmp_path)
+    assert [line["kind"] for line in kept] == ["metrics", "metrics", "status"]
+    assert {line["run"] for line in kept} == {tracker.run_id}
+
+
+def test_a_run_folder_that_cannot_be_written_stops_nothing_either(root, tmp_path):
+    with Tracker(root, tmp_path / "missing", "exp1", "name", NOWHERE) as tracker:
+        tracker.log_metrics({"nmse": 0.5})
+
+
+def test_without_tracking_mlflow_is_not_even_imported(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from sidegan.pipeline.tracking import Tracker\n"
+        f"here = Path({str(tmp_path)!r})\n"
+        "with Tracker(here, here, 'experiment', 'name', enabled=False) as tracker:\n"
+        "    tracker.log_params({'a': 1}); tracker.log_metrics({'b': 2})\n"
+        "assert 'mlflow' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    assert list(tmp_path.iterdir()) == []
