@@ -1,8 +1,9 @@
-"""The points of the growth curves: what one costs, as plain numbers; each runs in a process of its own."""
+"""The points of the growth curves: what one costs, as plain numbers; a function for each curve."""
 
 import resource
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,21 +13,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from benchmarks.networks import untrained
-from benchmarks.setting import Setting
-from benchmarks.timing import Timing, medians, timed
-from sidegan.design.excitation import Excitation, excite
+from benchmarks.data import noiseless
+from benchmarks.setting import DESK, Setting
+from benchmarks.timing import medians, timed
+from sidegan.design.excitation import excite
 from sidegan.design.greedy import greedy_in_parts
 from sidegan.design.objective import Penalty, value_and_gradient
 from sidegan.design.problem import Problem
-from sidegan.identification import Measurements, identify
+from sidegan.identification import identify
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.seeds.gradient import Gradient
-from sidegan.validity import Constraints, Plane, Validity, check
+from sidegan.validity import Constraints, check
 
 Point = dict[str, float]
 
@@ -36,7 +37,6 @@ _PART = 2_000  # trajectories of a library in memory at a time
 _PICKS = 35
 _STEPS = 200  # of every optimisation
 _SAMPLES = 1600  # per trajectory that is identified from
-_DESK = Plane((0.0, 0.0, 1.0), 0.10)
 
 
 def warm_up() -> None:
@@ -48,7 +48,7 @@ def warm_up() -> None:
 
 def joints(count: int) -> Point:
     """CPU time per trajectory [ms] of YᵀY, its gradient with the penalty, and the check of validity."""
-    return _costs(Problem(Constraints(_repeated(Setting().arm, count), [_DESK]), Trajectory(count)))
+    return _costs(Problem(Constraints(chain(Setting().arm, count), [DESK]), Trajectory(count)))
 
 
 def samples(count: int) -> Point:
@@ -65,21 +65,19 @@ def harmonics(count: int) -> Point:
 
 def seeds(count: int) -> Point:
     """CPU time per valid seed [s] of a batch, and the median condition number."""
-    made = Gradient(steps=_STEPS).optimise(Setting().problem, count, np.random.SeedSequence(0))
-    return {
-        "cpu_s_per_seed": made.cpu_seconds / max(1, len(made)),
-        "condition": float(made.fitness.median()) if len(made) else float("nan"),
-    }
+    cost, condition, valid = _optimised(Setting().problem, count)
+    return {"cpu_s_per_seed": cost / max(1, valid), "condition": condition}
 
 
 def library(count: int) -> Point:
     """CPU time per trajectory [µs] of every step from noise to the selection, and the peak of memory [MB]."""
     setting = Setting()
     _library(setting, _PICKS)  # what is loaded at first use
-    spent, whole, size = _library(setting, count)
+    began = time.perf_counter()
+    spent, size = _library(setting, count)
     return {
         **{f"{name}_us": 1e6 * seconds / count for name, seconds in spent.items()},
-        "wall_s": whole,
+        "wall_s": time.perf_counter() - began,
         "file_mb": size,
         "peak_mb": _peak(),
     }
@@ -88,12 +86,9 @@ def library(count: int) -> Point:
 def rls(count: int) -> Point:
     """CPU time per sample [µs] to identify from so many trajectories of 1600 samples, and peak memory."""
     setting = Setting()
-    c, times = setting.start(10), setting.trajectory.grid(_SAMPLES)
-    motion = setting.trajectory.roll_out(c, times)
-    torque = setting.body.torque(*motion[1:])
-    known = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
-    identify(setting.body, known[0])
-    run = timed(lambda: identify(setting.body, (known[k % len(known)] for k in range(count))))
+    recordings = noiseless(setting, 10, _SAMPLES)
+    identify(setting.body, recordings[0])
+    run = timed(lambda: identify(setting.body, (recordings[k % len(recordings)] for k in range(count))))
     each = 1e6 / (count * _SAMPLES)
     return {"cpu_us_per_sample": each * run.cpu, "cpu_s": run.cpu, "wall_s": run.wall, "peak_mb": _peak()}
 
@@ -107,16 +102,16 @@ def long(periods: int) -> Point:
     short = Setting().problem
     family = Trajectory(7, 6 * periods, 16.0 * periods)
     problem = replace(short, trajectory=family, samples=short.samples * periods)
-    c = problem.start(1, torch.Generator().manual_seed(0), 0.3)
+    c, c_short = (one.start(1, torch.Generator().manual_seed(0), 0.3) for one in (problem, short))
     works = (
         lambda: problem.fitness(c),
         lambda: value_and_gradient(problem, c, Penalty(30.0)),
-        _evaluation(problem),
-        _evaluation(short),
+        lambda: _evaluate(problem, c),
+        lambda: _evaluate(short, c_short),
     )
     fitness, slope, evaluation, evaluation_short = (run.cpu for run in medians(_REPEATS, *works))
-    method, seed = Gradient(steps=_STEPS, attempts=1), np.random.SeedSequence(0)
-    found, many = method.optimise(problem, 1, seed), method.optimise(short, periods, seed)
+    one, one_condition, one_valid = _optimised(problem, 1, attempts=1)
+    many, many_condition, many_valid = _optimised(short, periods, attempts=1)
     return {
         "coefficients": c.numel(),
         "fitness_s": fitness,
@@ -124,98 +119,63 @@ def long(periods: int) -> Point:
         "evaluation_s": evaluation,
         "sweep_long_s": 2 * c.numel() * evaluation,
         "sweep_short_s": 2 * c.numel() * evaluation_short,
-        "one_long_s": found.cpu_seconds,
-        "many_short_s": many.cpu_seconds,
-        "one_long_valid": len(found),
-        "many_short_valid": len(many),
-        "one_long_condition": float(found.fitness.min()) if len(found) else float("nan"),
-        "many_short_condition": float(many.fitness.median()) if len(many) else float("nan"),
+        "one_long_s": one,
+        "many_short_s": many,
+        "one_long_valid": one_valid,
+        "many_short_valid": many_valid,
+        "one_long_condition": one_condition,
+        "many_short_condition": many_condition,
     }
 
 
-def _evaluation(problem: Problem) -> Callable[[], object]:
+def _evaluate(problem: Problem, c: Tensor) -> None:
     """One evaluation: the condition number, and every constraint at every sample."""
-    c = problem.start(1, torch.Generator().manual_seed(0), 0.3)
-
-    def work() -> None:
-        problem.constraints.margins(*(x.flatten(0, 1) for x in problem.motion(c)[1:]))
-        problem.fitness(c)
-
-    return work
+    problem.constraints.margins(*(x.flatten(0, 1) for x in problem.motion(c)[1:]))
+    problem.fitness(c)
 
 
-def _library(setting: Setting, count: int) -> tuple[dict[str, float], float, float]:
-    """CPU time of each step [s], wall time of all [s], and size of the file [MB]."""
-    generator, noise = untrained(setting), torch.Generator().manual_seed(0)
-    clock = _Clock()
+def _optimised(problem: Problem, count: int, **options: int) -> tuple[float, float, int]:
+    """CPU time of an optimisation [s], the median condition number, and how many became valid."""
+    batch = Gradient(steps=_STEPS, **options).optimise(problem, count, np.random.SeedSequence(0))
+    return batch.cpu_seconds, float(batch.fitness.median()) if len(batch) else float("nan"), len(batch)
+
+
+def _library(setting: Setting, count: int) -> tuple[Counter[str], float]:
+    """CPU time of each step [s], and size of the file [MB]."""
+    generator, noise, spent = setting.untrained(), torch.Generator().manual_seed(0), Counter[str]()
 
     def parts() -> Iterator[Library]:
         for first in range(0, count, _PART):
-            with clock("generation"):
+            with _clock(spent, "generation"):
                 c = generator.sample(min(_PART, count - first), noise)
-            with clock("filter"):
-                verdict = check(setting.constraints, setting.trajectory, c)
-            with clock("excitation"):
-                found = excite(setting.body, setting.trajectory, c)
-            yield library_of(setting, c, verdict, found)
+            yield library_of(setting, c, spent)
 
-    began = time.perf_counter()
     with TemporaryDirectory() as folder:
         path = Path(folder) / "library.parquet"
         whole = timed(lambda: save_parts(path, parts())).cpu
-        clock.spent["write"] = whole - sum(clock.spent.values())
-        with clock("selection"):
+        spent["write"] = whole - spent.total()  # type: ignore[assignment] # seconds
+        with _clock(spent, "selection"):
             picked = greedy_in_parts(Diagonals(path), min(_PICKS, count))
-        with clock("read"):
+        with _clock(spent, "read"):
             take(path, picked)
-        size = path.stat().st_size / 1e6
-    return clock.spent, time.perf_counter() - began, size
+        return spent, path.stat().st_size / 1e6
 
 
-def _costs(problem: Problem) -> Point:
-    c = problem.start(_BATCH, torch.Generator().manual_seed(0), 0.3)
-    body, family = problem.body, problem.trajectory
-    works: dict[str, Callable[[], object]] = {
-        "gram": lambda: gram(body, family, c, problem.samples),
-        "gradient": lambda: value_and_gradient(problem, c, Penalty(30.0)),
-        "validity": lambda: check(problem.constraints, family, c),
-    }
-    runs: list[Timing] = medians(_REPEATS, *works.values())
-    return {f"{name}_ms": 1e3 * run.cpu / len(c) for name, run in zip(works, runs)}
-
-
-def _repeated(arm: Arm, count: int) -> Arm:
-    """A chain of so many joints: the arm's own, from the base outwards, over and over."""
-    own = torch.arange(count) % arm.joints
-    names = tuple(f"{arm.joint_names[k]}_{i}" for i, k in enumerate(own.tolist()))
-    numbers = ("prismatic", "rotation", "translation", "axis", "inertial_parameters", "position_lower")
-    more = ("position_upper", "velocity_limit", "torque_limit")
-    capsules = arm.capsules
-    which = [int((capsules.link == k).nonzero()[0]) for k in own.tolist()]
-    links = replace(
-        capsules,
-        link=torch.arange(count),
-        **{name: getattr(capsules, name)[which] for name in ("a", "b", "radius")},
-        names=names,
-    )
-    return replace(
-        arm,
-        joint_names=names,
-        capsules=links,
-        **{name: getattr(arm, name)[own] for name in (*numbers, *more)},
-    )
-
-
-def library_of(setting: Setting, c: Tensor, verdict: Validity, found: Excitation) -> Library:
-    """A library of coefficients (N, J, H, 2) with all that was measured about them."""
+def library_of(setting: Setting, c: Tensor, spent: Counter[str] | None = None) -> Library:
+    """A library of coefficients (N, J, H, 2) with all that was measured about them; adds the time it took."""
+    spent = Counter() if spent is None else spent
+    with _clock(spent, "filter"):
+        verdict = check(setting.constraints, setting.trajectory, c)
+    with _clock(spent, "excitation"):
+        excitation = excite(setting.body, setting.trajectory, c)
     return Library(
         coefficients=c,
         valid=verdict.valid,
         margins=verdict.margins,
-        fitness=found.eigenvalue_fitness,
-        diagonal_fitness=found.diagonal_fitness,
-        spectrum=found.spectrum,
-        diagonal=found.diagonal,
+        fitness=excitation.eigenvalue_fitness,
+        diagonal_fitness=excitation.diagonal_fitness,
+        spectrum=excitation.spectrum,
+        diagonal=excitation.diagonal,
         source=["untrained"] * len(c),
         robot=setting.arm.name,
         digest=setting.arm.digest,
@@ -224,17 +184,39 @@ def library_of(setting: Setting, c: Tensor, verdict: Validity, found: Excitation
     )
 
 
-class _Clock:
-    """CPU time by the name of what was done [s]."""
+def _costs(problem: Problem) -> Point:
+    c = problem.start(_BATCH, torch.Generator().manual_seed(0), 0.3)
+    body, family = problem.body, problem.trajectory
+    works = {
+        "gram_ms": lambda: gram(body, family, c, problem.samples),
+        "gradient_ms": lambda: value_and_gradient(problem, c, Penalty(30.0)),
+        "validity_ms": lambda: check(problem.constraints, family, c),
+    }
+    runs = medians(_REPEATS, *works.values())
+    return {name: 1e3 * run.cpu / len(c) for name, run in zip(works, runs)}
 
-    def __init__(self) -> None:
-        self.spent: dict[str, float] = {}
 
-    @contextmanager
-    def __call__(self, name: str) -> Iterator[None]:
-        began = time.process_time()
-        yield
-        self.spent[name] = self.spent.get(name, 0.0) + time.process_time() - began
+def chain(arm: Arm, count: int) -> Arm:
+    """A chain of so many joints: the arm's own, from the base outwards, over and over."""
+    own = torch.arange(count) % arm.joints
+    names = tuple(f"{arm.joint_names[k]}_{i}" for i, k in enumerate(own.tolist()))
+    of_joints = """
+        prismatic rotation translation axis inertial_parameters position_lower position_upper velocity_limit
+        torque_limit
+    """
+    first = [int((arm.capsules.link == k).nonzero()[0]) for k in own.tolist()]
+    ends = {name: getattr(arm.capsules, name)[first] for name in ("a", "b", "radius")}
+    capsules = replace(arm.capsules, link=torch.arange(count), names=names, **ends)
+    numbers = {name: getattr(arm, name)[own] for name in of_joints.split()}
+    return replace(arm, joint_names=names, capsules=capsules, **numbers)
+
+
+@contextmanager
+def _clock(spent: Counter[str], name: str) -> Iterator[None]:
+    """Add the CPU time of the block [s]."""
+    began = time.process_time()
+    yield
+    spent[name] += time.process_time() - began  # type: ignore[assignment] # seconds
 
 
 def _peak() -> float:

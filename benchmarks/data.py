@@ -1,11 +1,11 @@
-"""Benchmarks of selection and identification: greedy, rls."""
+"""Benchmarks of the paper's selection and of the identification: greedy, rls."""
 
 import numpy as np
 import torch
 
-from benchmarks.limits import bandwidth, peak
+from benchmarks.machine import bandwidth, peak
 from benchmarks.setting import Setting
-from benchmarks.timing import Row, cost, medians, threads
+from benchmarks.timing import Result, medians
 from sidegan.design.greedy import greedy
 from sidegan.identification import Measurements, identify
 
@@ -14,64 +14,40 @@ _TRAJECTORIES, _SAMPLES = 6000, 1600  # of the largest identification
 _MEASURED = 60  # of those trajectories
 
 
-def rls(setting: Setting) -> Row:
+def rls(setting: Setting) -> Result:
     """Seconds to identify from 6000 trajectories on two threads, from a share of them.
 
     Regressors included, torques given; the stream is read once, in chunks.
     """
     count, samples = (5, 400) if setting.quick else (_MEASURED, _SAMPLES)
-    whole = _TRAJECTORIES * _SAMPLES / (count * samples)
-    recordings = _recordings(setting, count, samples)
+    recordings = noiseless(setting, count, samples)
     few = recordings[0][: setting.size(400)]
     y, tau = setting.body.base_regressor(*few.states).numpy(), few.torque.numpy()
-    with threads(2):
-        ours, theirs = medians(
-            min(setting.repeats, 3),
-            lambda: identify(setting.body, iter(recordings)),
-            lambda: _recursion(y, tau),
-        )
-    joints, parameters = y.shape[1:]
-    products = 2 * joints * parameters**2 * _TRAJECTORIES * _SAMPLES
-    return cost(
-        "rls",
-        "s",
-        whole,
-        ours,
-        theirs.wall * _TRAJECTORIES * _SAMPLES / len(few),
-        products / peak(2),
-        45.0,
-        against="the recursion in NumPy, sample by sample, with the regressors given",
-        limit_is=f"{products / 1e9:,.0f} G operations of YᵀY at the measured peak of a matrix product",
-        threads=2,
+    run, theirs = medians(
+        min(setting.repeats, 3),
+        lambda: identify(setting.body, iter(recordings)),
+        lambda: _recursion(y, tau),
     )
+    whole = _TRAJECTORIES * _SAMPLES
+    joints, parameters = y.shape[1:]
+    products = 2 * joints * parameters**2 * whole
+    return Result(run, whole / (count * samples), theirs.wall * whole / len(few), products / peak(2))
 
 
-def selection(setting: Setting) -> Row:
+def selection(setting: Setting) -> Result:
     """Seconds for the greedy pick of 350 of 100,000, on one thread, beside NumPy on what is left."""
     count, picks = setting.size(_LIBRARY), setting.size(_PICKS)
     generator = torch.Generator().manual_seed(0)
     diagonals = torch.rand(count, setting.body.parameters_count, generator=generator, dtype=torch.float64)
     few = max(1, picks // 10)
-    with threads(1):
-        ours, theirs = medians(
-            min(setting.repeats, 3), lambda: greedy(diagonals, picks), lambda: _pick(diagonals.numpy(), few)
-        )
-    return cost(
-        "greedy",
-        "s",
-        1.0,
-        ours,
-        theirs.wall * picks / few,
-        picks * diagonals.nbytes / bandwidth(1),
-        2.0,
-        against="NumPy, a tenth of it timed",
-        limit_is="every diagonal read once per pick, at the measured bandwidth of a copy",
-        threads=1,
+    run, theirs = medians(
+        min(setting.repeats, 3), lambda: greedy(diagonals, picks), lambda: _pick(diagonals.numpy(), few)
     )
+    return Result(run, 1.0, theirs.wall * picks / few, picks * diagonals.nbytes / bandwidth(1))
 
 
-def _recordings(setting: Setting, count: int, samples: int) -> list[Measurements]:
-    """What would be measured on ``count`` trajectories."""
+def noiseless(setting: Setting, count: int, samples: int) -> list[Measurements]:
+    """What would be measured without noise on ``count`` trajectories."""
     motion = setting.trajectory.roll_out(setting.start(count), setting.trajectory.grid(samples))
     torque = setting.body.torque(*motion[1:])
     return [Measurements(*parts) for parts in zip(*motion[1:], torque)]

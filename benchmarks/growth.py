@@ -11,14 +11,18 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+import yaml
 
-from benchmarks.growth_curves import CURVES, Curve
 from benchmarks.growth_page import draw, write_page
 from sidegan.base.storage import write_bytes
 
+Curve = dict[str, Any]  # an entry of growth.yaml
+
 FOLDER = Path(__file__).parent.parent / "docs" / "growth"
+CURVES: dict[str, Curve] = yaml.safe_load(Path(__file__).with_name("growth.yaml").read_text("utf-8"))
 
 _CONTEXT = get_context("forkserver")
 _CONTEXT.set_forkserver_preload(["benchmarks.curves"])  # imported once, and not for each point
@@ -34,42 +38,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--small", action="store_true", help="two small points of each: does everything run?")
     parser.add_argument("--fresh", action="store_true", help="measure again what is there")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where tables and pictures go")
-    chosen = parser.parse_args(arguments)
-    for name in chosen.curves:
-        path = chosen.folder / f"{name}.csv"
-        if chosen.fresh:
+    options = parser.parse_args(arguments)
+    for name in options.curves:
+        path = options.folder / f"{name}.csv"
+        if options.fresh:
             path.unlink(missing_ok=True)
-        with _process(CURVES[name]) as pool:
-            for at, repeat in _wanted(CURVES[name], chosen.small, chosen.repeats):
+        each = 1 if CURVES[name].get("memory") else None
+        with ProcessPoolExecutor(1, _CONTEXT, _prepare, max_tasks_per_child=each) as pool:
+            for at, repeat in turns(CURVES[name], options.small, options.repeats):
                 _measure(pool, name, at, repeat, path)
         draw(CURVES[name], pd.read_csv(path), path.with_suffix(".png"))
-    write_page(chosen.folder)
+    write_page(CURVES, options.folder)
     return 0
 
 
-def _wanted(curve: Curve, small: bool, repeats: int) -> list[tuple[int, int]]:
+def turns(curve: Curve, small: bool, repeats: int) -> list[tuple[int, int]]:
     """Points and the numbers of their repeats, in the order to measure them: they take turns."""
-    points = curve.small if small else curve.points
-    return [(at, k) for k in range(repeats) for at in points if k == 0 or at not in curve.once]
-
-
-def _process(curve: Curve) -> ProcessPoolExecutor:
-    each = 1 if curve.memory else None
-    return ProcessPoolExecutor(1, mp_context=_CONTEXT, initializer=_get_ready, max_tasks_per_child=each)
+    points = curve["small" if small else "points"]
+    return [(at, k) for k in range(repeats) for at in points if k == 0 or at not in curve.get("once", [])]
 
 
 def _measure(pool: ProcessPoolExecutor, name: str, at: int, repeat: int, path: Path) -> None:
     """Leave a measurement's row in the table, unless it is there."""
-    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["at", "repeat"])
-    if ((known["at"] == at) & (known["repeat"] == repeat)).any():
+    rows = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["at", "repeat"])
+    if ((rows["at"] == at) & (rows["repeat"] == repeat)).any():
         return
     sys.stderr.write(f"{name} at {at}, {repeat + 1} …\n")
-    found = {"at": at, "repeat": repeat, **pool.submit(_point, name, at).result()}
-    rows = pd.DataFrame([*known.to_dict("records"), found]).sort_values(["at", "repeat"])
+    row = {"at": at, "repeat": repeat, **pool.submit(_point, name, at).result()}
+    rows = pd.DataFrame([*rows.to_dict("records"), row]).sort_values(["at", "repeat"])
     write_bytes(path, rows.to_csv(index=False, float_format="%.5g").encode())
 
 
-def _get_ready() -> None:
+def _prepare() -> None:
     import torch
 
     from benchmarks import curves
@@ -81,8 +81,8 @@ def _get_ready() -> None:
 def _point(name: str, at: int) -> dict[str, float]:
     from benchmarks import curves
 
-    found: dict[str, float] = getattr(curves, name)(at)
-    return found
+    point: dict[str, float] = getattr(curves, name)(at)
+    return point
 
 
 if __name__ == "__main__":

@@ -1,142 +1,96 @@
-"""What the growth curves tell: medians, exponents, pictures, and the page docs/growth/README.md."""
+"""Medians, exponents and pictures of the growth curves, and the page docs/growth/README.md."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
+import jinja2
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
+from scipy.stats import linregress
 
-from benchmarks.growth_curves import CURVES, Curve
-from benchmarks.pictures import logarithmic, picture
-from sidegan.report.canvas import band
-from sidegan.report.document import Block, Document, Picture, Section, Table, Text
-from sidegan.report.markdown import write_markdown
-from sidegan.report.style import colours
-from sidegan.report.summary import Line
+from benchmarks.soak import outcome
+from sidegan.base.storage import replacing, write_bytes
 
 _FITTED = 4  # largest points that an exponent is fitted to
-_LEAD = """How costs grow, as measured by
-
-```sh
-python -m benchmarks.growth
-```
-
-on one thread of a machine whose two cores had other work at the same time. So the costs are CPU time, and
-medians of repeats that took turns with the other points (lines; bands are their range; the CSV files
-beside this page hold every single one). Even so a busy neighbour takes caches and clock: read exponents and
-ratios here, and take absolute times from `python -m benchmarks.run`. An exponent k says that the cost grows
-as nᵏ over the four largest points, with the standard error of the fit."""
+_PANEL, _RESOLUTION = (5.5, 3.7), 130  # [inch], [1/inch]
 
 
-class Exponent(NamedTuple):
-    """Power with which a cost grows, and its standard error."""
-
-    value: float
-    error: float
-
-    def __str__(self) -> str:
-        return f"{self.value:.2f} ± {self.error:.2f}"
+def exponent(curve: Mapping[str, Any], rows: pd.DataFrame, column: str) -> tuple[float, float]:
+    """Power with which the total cost grows at the largest points, and its standard error."""
+    medians = rows.groupby("at")[column].median().tail(_FITTED)
+    fit = linregress(np.log(medians.index.to_numpy(float)), np.log(medians.to_numpy()))
+    return float(fit.slope) + curve.get("share", False), float(np.nan_to_num(fit.stderr))
 
 
-def exponent(curve: Curve, rows: pd.DataFrame, column: str) -> Exponent:
-    """Power with which the total cost grows at the largest points."""
-    from scipy import stats
-
-    found = rows.groupby("at")[column].median().tail(_FITTED)
-    fit = stats.linregress(np.log(found.index.to_numpy(float)), np.log(found.to_numpy()))
-    return Exponent(float(fit.slope) + curve.share, float(np.nan_to_num(fit.stderr)))
-
-
-def draw(curve: Curve, rows: pd.DataFrame, path: Path) -> None:
+def draw(curve: Mapping[str, Any], rows: pd.DataFrame, path: Path) -> None:
     """A picture of the medians with their ranges, logarithmic both ways; memory beside it where it counts."""
-    labels = [curve.unit, *(["peak memory of the process [MB]"] if curve.memory else [])]
-    with picture(path, curve.varied, *labels) as panels:
-        for (column, name), shade in zip(curve.shown.items(), colours(curve.shown).values()):
-            band(panels[0], _line(rows, column), name, shade, marker="o")
-        if curve.memory:
-            band(panels[1], _line(rows, "peak_mb"), "memory", "#7f7f7f", marker="o")
-        for axes in panels:
-            logarithmic(axes, rows["at"].unique().tolist())
-        if curve.memory:
-            panels[1].set_yscale("linear")
-            panels[1].set_ylim(0, 1.2 * rows["peak_mb"].max())
+    panels = [(curve["shown"], curve["unit"])]
+    if curve.get("memory"):
+        panels.append(({"peak_mb": "memory"}, "peak memory of the process [MB]"))
+    figure = Figure((_PANEL[0] * len(panels), _PANEL[1]), layout="constrained")
+    groups = rows.groupby("at")
+    for axes, (shown, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels):
+        for column, name in shown.items():
+            low, middle, high = groups[column].min(), groups[column].median(), groups[column].max()
+            (line,) = axes.plot(middle.index, middle, "o-", markersize=4, label=name)
+            axes.fill_between(middle.index, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+        axes.set(xlabel=curve["varied"], ylabel=label, xscale="log")
+        axes.set_xticks(middle.index, [f"{at:,}" for at in middle.index])
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.grid(alpha=0.25)
+        if "peak_mb" in shown:
+            axes.set_ylim(0, 1.2 * rows["peak_mb"].max())
+        else:
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.yaxis.set_minor_formatter(NullFormatter())
+            axes.legend(fontsize=8, frameon=False)
+    with replacing(path) as draft:
+        figure.savefig(draft, format="png", dpi=_RESOLUTION, metadata={"Software": None})
 
 
-def write_page(folder: Path) -> None:
+def write_page(curves: Mapping[str, Mapping[str, Any]], folder: Path) -> None:
     """Write ``README.md`` of a folder: a section for each curve whose table is there."""
-    there = {name: curve for name, curve in CURVES.items() if (folder / f"{name}.csv").exists()}
-    sections = [Section(curve.title, list(_blocks(name, curve, folder))) for name, curve in there.items()]
-    if (folder / "soak.csv").exists():
-        sections.append(_soak(folder))
-    write_markdown(Document("Growth", _LEAD, sections), folder / "README.md")
+    sections = {
+        name: _section(name, one, folder) for name, one in curves.items() if (folder / f"{name}.csv").exists()
+    }
+    soak = outcome(pd.read_csv(folder / "soak.csv")) if (folder / "soak.csv").exists() else ""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )
+    page = environment.get_template("growth.md.j2").render(curves=sections, soak=soak)
+    write_bytes(folder / "README.md", page.encode())
 
 
-def _blocks(name: str, curve: Curve, folder: Path) -> Iterator[Block]:
+def _section(name: str, curve: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """What the template fills in for one curve."""
     rows = pd.read_csv(folder / f"{name}.csv")
-    yield Text(curve.about)
-    yield Picture(folder / f"{name}.png", f"{curve.unit} over {curve.varied}")
-    yield _table(curve, rows)
-    powers = {words: exponent(curve, rows, column) for column, words in curve.shown.items()}
-    yield Text(f"Exponents of {'the total' if curve.share else 'the cost'}: {_listed(powers)}.")
-    if name == "long":
-        yield Text(_about_the_paper(rows, curve))
+    groups = rows.groupby("at")
+    columns = curve["shown"] | ({"peak_mb": "peak memory [MB]"} if curve.get("memory") else {})
+    table = groups[list(columns)].median().rename(columns=columns).map(_number)
+    table.insert(0, curve["varied"], [f"{at:,}" for at in table.index])
+    fitted = set(rows.columns) & {"fitness_s"} | set(curve["shown"])
+    powers = {column: "{:.2f} ± {:.2f}".format(*exponent(curve, rows, column)) for column in fitted}
+    return {
+        "share": False,
+        **curve,
+        "table": _markdown(table.assign(repeats=groups.size().astype(str))),
+        "exponents": ", ".join(f"{words} {powers[column]}" for column, words in curve["shown"].items()),
+        "power": powers,
+        "largest": rows["at"].max(),
+        "last": groups.median().iloc[-1],
+    }
 
 
-def _table(curve: Curve, rows: pd.DataFrame) -> Table:
-    columns = {**curve.shown, **({"peak_mb": "peak memory [MB]"} if curve.memory else {})}
-    middle = rows.groupby("at")[list(columns)].median().rename(columns=columns).map(_number)
-    counts = rows.groupby("at").size().rename("repeats")
-    middle.index = pd.Index([f"{at:,}" for at in middle.index], name=curve.varied)
-    return Table(middle.assign(repeats=counts.to_numpy()), f"{curve.unit}, medians")
-
-
-def _about_the_paper(rows: pd.DataFrame, curve: Curve) -> str:
-    """What was measured of the paper's argument for short trajectories."""
-    power = {column: exponent(curve, rows, column) for column in ("fitness_s", *curve.shown)}
-    last = rows.groupby("at").median().iloc[-1]
-    n, times = int(rows["at"].max()), last["one_long_s"] / last["many_short_s"]
-    sweeps = last["sweep_long_s"] / last["sweep_short_s"]
-    return (
-        "The paper argues for short trajectories with “the O(n³) complexity computing YᵀY”, n the length. "
-        "That is not what was measured: YᵀY is a sum over samples of matrices whose size does not depend on "
-        f"n. With the roll-out and the spectrum it grows with the power {power['fitness_s']}, and an "
-        f"evaluation with {power['evaluation_s']}; only the roll-out, samples times coefficients, tends to "
-        "n². The argument holds for what is done with evaluations. A long trajectory has n times as many "
-        f"coefficients, so a sweep grows with the power {power['sweep_long_s']}, and at {n} periods costs "
-        f"{sweeps:.0f} times as much as sweeps of {n} short ones. A cube follows where the number of sweeps "
-        "grows with n as well, which was not measured. With gradients, 200 evaluations grow with the power "
-        f"{power['one_long_s']}, and at {n} periods the long trajectory took {times:.1f} times as long as "
-        "the short ones together. These went as one batch, which spreads what each call costs, and they "
-        "could go to as many workers as there are; the long one could not. The long one ended with a "
-        f"condition number of {last['one_long_condition']:.0f}, a short one with "
-        f"{last['many_short_condition']:.0f} in the median: what {n} of them do together is another "
-        "question, to which Table I is the answer."
-    )
-
-
-def _soak(folder: Path) -> Section:
-    """The soak run, which has a command of its own."""
-    from benchmarks.soak import read, slope_of, told
-
-    samples = read(folder / "soak.csv")
-    about = (
-        "`python -m benchmarks.soak` repeats the library's work at a small size in one process: seeds, a "
-        "generator trained on them, its library filtered, written part by part and read again, the "
-        "selection, the identification. Its exit code is 1 when memory grows."
-    )
-    picture_ = Picture(folder / "soak.png", "resident memory between two rounds of the same work")
-    return Section("Memory over time", [Text(about), picture_, Text(f"{told(samples, slope_of(samples))}.")])
-
-
-def _listed(powers: dict[str, Exponent]) -> str:
-    return ", ".join(f"{words} {power}" for words, power in powers.items())
-
-
-def _line(rows: pd.DataFrame, column: str) -> Line:
-    groups = rows.groupby("at")[column]
-    found = (groups.median(), groups.min(), groups.max())
-    return Line(found[0].index.to_numpy(), *(x.to_numpy() for x in found))
+def _markdown(table: pd.DataFrame) -> str:
+    lines: list[list[str]] = [list(map(str, table)), ["---"] * table.shape[1], *table.to_numpy().tolist()]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def _number(value: float) -> str:

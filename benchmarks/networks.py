@@ -1,18 +1,17 @@
 """Benchmarks of the networks: generation, generation with validity, training."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import torch
 
-from benchmarks.limits import bandwidth, peak
+from benchmarks.machine import bandwidth, peak
 from benchmarks.setting import Setting
-from benchmarks.timing import Row, Timing, cost, medians, rate, threads, timed
+from benchmarks.timing import Result, Timing, medians, timed
 from sidegan.design.excitation import excite
 from sidegan.gan import TrajectoryGenerator
-from sidegan.gan.networks import Generator
-from sidegan.gan.scaling import Scaling
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.training import train_variant
 from sidegan.gan.variants import Variant
@@ -22,54 +21,25 @@ _BATCH = 1000
 _PAPER_MICROSECONDS = 1400.0  # per generated trajectory and thread
 _PAPER_VALIDATED = 32.0  # generated and checked trajectories per second
 _PAPER_TRAINING = 2400.0  # [s]
-_PAPER = "the paper"
 _WIDTH, _MARGIN_STEPS, _FEATURE_STEPS = 128, 48, 32  # of the surrogates, as configured by default
 
 
-def generation(setting: Setting) -> Row:
+def generation(setting: Setting) -> Result:
     """Cost of a generated trajectory in batches of 1000 on one thread, of an untrained generator."""
-    generator = untrained(setting)
-    with threads(1):
-        (ours,) = medians(5 * setting.repeats, lambda: generator.sample(_BATCH))
-        least = _least_seconds(generator, 1)
-    return cost(
-        "generation",
-        "µs/trajectory",
-        1e6 / _BATCH,
-        ours,
-        _PAPER_MICROSECONDS,
-        least * 1e6,
-        20.0,
-        against=_PAPER,
-        limit_is="the weights' products, or their traffic per batch, whichever takes longer",
-        threads=1,
-    )
+    generator = setting.untrained()
+    (run,) = medians(5 * setting.repeats, lambda: generator.sample(_BATCH))
+    return Result(run, 1e6 / _BATCH, _PAPER_MICROSECONDS, 1e6 * _least_seconds(generator, 1))
 
 
-def generate_validate(setting: Setting) -> Row:
+def generate_validate(setting: Setting) -> Result:
     """Generated trajectories, each with its validity proven or refuted, per second on two threads."""
-    generator, count = untrained(setting), setting.size(2000)
-
-    def work() -> None:
-        check(setting.constraints, setting.trajectory, generator.sample(count))
-
-    with threads(2):
-        (ours,) = medians(setting.repeats, work)
-    return rate(
-        "generate_validate",
-        "trajectories/s",
-        count,
-        ours,
-        _PAPER_VALIDATED,
-        1 / _least_seconds(generator, 2),
-        2500.0,
-        against=_PAPER,
-        limit_is="the generator alone, at the limit of the row above",
-        threads=2,
-    )
+    generator, count = setting.untrained(), setting.size(2000)
+    proof = partial(check, setting.constraints, setting.trajectory)
+    (run,) = medians(setting.repeats, lambda: proof(generator.sample(count)))
+    return Result(run, count, _PAPER_VALIDATED, 1 / _least_seconds(generator, 2))
 
 
-def training(setting: Setting) -> Row:
+def training(setting: Setting) -> Result:
     """Seconds of the slowest variant's training on two threads, from a few of its epochs.
 
     With untrained surrogates, which cost the same, and the true physics of a thousand trajectories
@@ -77,34 +47,26 @@ def training(setting: Setting) -> Row:
     """
     epochs, seeds = (1, 200) if setting.quick else (5, 1800)
     runs: dict[str, Timing] = {}
-    for name, variant in setting.variants().items():
-        few = replace(variant, epochs=epochs, fitness_start=0)
-        with threads(2):
-            run = timed(lambda few=few: _train(setting, few, seeds))  # type: ignore[misc]
-        runs[name] = Timing(*(part * variant.epochs / epochs for part in run))
-    return cost(
-        "training",
-        "s",
-        1.0,
-        max(runs.values()),
-        _PAPER_TRAINING,
-        None,
-        90.0,
-        against=_PAPER,
-        limit_is="",
-        threads=2,
-        also={f"{name}, scaled from {epochs} epochs": run.wall for name, run in runs.items()},
+    for name, variant in _variants().items():
+        run = timed(partial(train, setting, replace(variant, epochs=epochs, fitness_start=0), seeds))
+        runs[f"{name}, scaled from {epochs} epochs"] = Timing(*(x * variant.epochs / epochs for x in run))
+    return Result(
+        max(runs.values()), 1.0, _PAPER_TRAINING, also={name: run.wall for name, run in runs.items()}
     )
 
 
-def untrained(setting: Setting) -> TrajectoryGenerator:
-    """A generator of the default size that yields the Gaussian of random trajectories."""
-    seeds = setting.start(200)
-    scaling = Scaling.fit(seeds)
-    network = Generator(*setting.trajectory.shape[:2], shortcut=True)
-    network.start_from(scaling.image(seeds))
-    arm = setting.arm
-    return TrajectoryGenerator(network.eval(), scaling, setting.trajectory, arm.name, arm.digest, "untrained")
+def _variants() -> dict[str, Variant]:
+    """The SIDE-GAN variants of the paper's first experiment, with its schedule."""
+    from hydra import compose, initialize_config_dir
+
+    from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
+    from sidegan.pipeline.config import validate
+    from sidegan.pipeline.plan import variant
+    from sidegan.pipeline.run import CONF
+
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = validate(compose("config", overrides=["+experiment=exp1", "scale=paper"]))
+    return {name: variant(name, settings) for name, settings in cfg.gan.items()}
 
 
 def _least_seconds(generator: TrajectoryGenerator, count: int) -> float:
@@ -114,7 +76,8 @@ def _least_seconds(generator: TrajectoryGenerator, count: int) -> float:
     return max(products, sum(x.nbytes for x in weights) / bandwidth(count) / _BATCH)
 
 
-def _train(setting: Setting, variant: Variant, count: int) -> None:
+def train(setting: Setting, variant: Variant, count: int) -> None:
+    """Train a variant on so many random trajectories, with untrained surrogates where it needs some."""
     seeds = setting.start(count)
     predictor = converter = None
     if variant.surrogates:

@@ -1,18 +1,21 @@
 """What the benchmarks run on: the LWR on its desk, at the paper's trajectories."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.gan.variants import Variant
+from sidegan.gan import TrajectoryGenerator
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane
 
+DESK = Plane((0.0, 0.0, 1.0), 0.10)
 _QUICK = 10  # times smaller
 
 
@@ -23,13 +26,10 @@ class Setting:
     Attributes:
         quick: a tenth of the work: whether everything runs, not how fast it is.
         repeats: timed runs of each benchmark.
-        seeds: how many seeds are optimised.
     """
 
     quick: bool = False
     repeats: int = 5
-    seeds: int = 50
-    trajectory: Trajectory = field(default_factory=lambda: Trajectory(7))
 
     def size(self, full: int) -> int:
         """The number itself, or a tenth of it in quick mode."""
@@ -41,22 +41,14 @@ class Setting:
         return load_robot("kuka_lwr4")
 
     @cached_property
+    def trajectory(self) -> Trajectory:
+        """The paper's short trajectories."""
+        return Trajectory(self.arm.joints)
+
+    @cached_property
     def constraints(self) -> Constraints:
         """The arm 10 cm above its desk."""
-        return Constraints(self.arm, [Plane((0.0, 0.0, 1.0), 0.10)])
-
-    def variants(self) -> dict[str, Variant]:
-        """The SIDE-GAN variants of the paper's first experiment, with its schedule."""
-        from hydra import compose, initialize_config_dir
-
-        from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-        from sidegan.pipeline.config import validate
-        from sidegan.pipeline.plan import variant
-        from sidegan.pipeline.run import CONF
-
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            cfg = validate(compose("config", overrides=["+experiment=exp1", "scale=paper"]))
-        return {name: variant(name, settings) for name, settings in cfg.gan.items()}
+        return Constraints(self.arm, [DESK])
 
     @property
     def body(self) -> RigidBody:
@@ -71,3 +63,14 @@ class Setting:
     def start(self, count: int) -> Tensor:
         """Random trajectories, (count, 7, 6, 2) [rad/s]; the same each time."""
         return self.problem.start(count, torch.Generator().manual_seed(0))
+
+    def untrained(self) -> TrajectoryGenerator:
+        """A generator of the default size that yields the Gaussian of random trajectories."""
+        seeds = self.start(200)
+        scaling = Scaling.fit(seeds)
+        network = Generator(*self.trajectory.shape[:2], shortcut=True)
+        network.start_from(scaling.image(seeds))
+        arm = self.arm
+        return TrajectoryGenerator(
+            network.eval(), scaling, self.trajectory, arm.name, arm.digest, "untrained"
+        )

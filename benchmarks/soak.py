@@ -5,23 +5,25 @@ the exit code is 1 when it does. Samples and picture go to docs/growth.
 """
 
 import argparse
-import csv
 import gc
 import math
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+import psutil
 import torch
+from matplotlib.figure import Figure
+from scipy import stats
 
-from benchmarks.pictures import picture
+from benchmarks import curves
+from benchmarks.networks import train
 from benchmarks.setting import Setting
-from benchmarks.soak_work import Work
+from sidegan.base.storage import replacing, write_bytes
+from sidegan.gan.variants import Variant
 
 FOLDER = Path(__file__).parent.parent / "docs" / "growth"
 
@@ -30,116 +32,102 @@ _WARM_UP = 0.2  # share of the run in which caches may fill
 _MEANS = 16  # consecutive means that the slope is fitted to
 _ALLOWED = 5.0  # [MB/h] that nobody would notice in a day
 _MB = 2**20
+_SEEDS, _DRAWN, _RECORDINGS = 10, 1000, 4  # of one round
+_TRAINED = Variant("soak", epochs=2, steps=5, batch=50, width=64)
 
 
-class Sample(NamedTuple):
-    """The process at one moment: time [s], memory [MB], rounds, Python objects, open files, threads."""
-
-    seconds: float
-    resident_mb: float
-    rounds: int
-    objects: int
-    files: int
-    threads: int
+def one_round() -> None:
+    """Seeds, the training of a generator, a library from noise to the selection, an identification."""
+    curves.seeds(_SEEDS)
+    train(Setting(quick=True), _TRAINED, 2 * _SEEDS)
+    curves.library(_DRAWN)
+    curves.rls(_RECORDINGS)
 
 
-class Slope(NamedTuple):
-    """Growth of memory [MB/h], and half the width of its 95 % interval."""
+def soak(work: Callable[[], object], seconds: float, every: float = _EVERY) -> pd.DataFrame:
+    """Samples of this process [every so many s] while it does its work for so long.
 
-    value: float
-    margin: float
+    Columns: seconds, resident_mb, and the numbers of rounds, objects, files and threads.
+    """
+    process, began = psutil.Process(), time.monotonic()
+    samples: list[dict[str, float]] = []
 
-    @property
-    def grows(self) -> bool:
-        """Whether memory surely grows by more than is allowed."""
-        return self.value - self.margin > _ALLOWED
+    def look(rounds: int) -> None:
+        gc.collect()  # else garbage that waits for its collector would look like growth
+        samples.append(
+            {
+                "seconds": time.monotonic() - began,
+                "resident_mb": process.memory_info().rss / _MB,
+                "rounds": rounds,
+                "objects": len(gc.get_objects()),
+                "files": process.num_fds(),
+                "threads": process.num_threads(),
+            }
+        )
 
-
-def soak(work: Callable[[int], None], seconds: float, every: float = _EVERY) -> list[Sample]:
-    """Samples of this process [every so many s] while it does its work for so long."""
-    began = time.monotonic()
-    samples: list[Sample] = []
     rounds = 0
-    while (now := time.monotonic() - began) < seconds or len(samples) < 2:
-        if not samples or now - samples[-1].seconds >= every:
-            samples.append(_look(now, rounds))
-        work(rounds)
+    while time.monotonic() - began < seconds or len(samples) < 2:
+        if not samples or time.monotonic() - began - samples[-1]["seconds"] >= every:
+            look(rounds)
+        work()
         rounds += 1
-    return [*samples, _look(time.monotonic() - began, rounds)]
+    look(rounds)
+    return pd.DataFrame(samples)
 
 
-def _look(seconds: float, rounds: int) -> Sample:
-    gc.collect()  # else garbage that waits for its collector would look like growth
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    resident = pages * os.sysconf("SC_PAGE_SIZE") / _MB
-    files, threads = (len(list(Path("/proc/self", name).iterdir())) for name in ("fd", "task"))
-    return Sample(seconds, resident, rounds, len(gc.get_objects()), files, threads)
-
-
-def slope_of(samples: Sequence[Sample]) -> Slope:
-    """Growth of memory after the warm-up.
+def slope_of(samples: pd.DataFrame) -> tuple[float, float]:
+    """Growth of memory after the warm-up [MB/h], and half the width of its 95 % interval.
 
     Neighbouring samples are alike, which would make a fit to all of them too sure of itself: it is taken over
     means of consecutive samples instead.
     """
-    from scipy import stats
-
-    late = warm(samples)
-    means = np.array([np.mean(part, axis=0) for part in np.array_split(late, min(_MEANS, len(late)))])
+    late = _warm(samples)[["seconds", "resident_mb"]].to_numpy()
+    means = np.array([part.mean(0) for part in np.array_split(late, min(_MEANS, len(late)))])
     if len(means) < 3:  # a line through two points has no error
-        return Slope(0.0, math.inf)
+        return 0.0, math.inf
     fit = stats.linregress(means[:, 0] / 3600, means[:, 1])
-    return Slope(float(fit.slope), float(stats.t.ppf(0.975, len(means) - 2) * fit.stderr))
+    return float(fit.slope), float(stats.t.ppf(0.975, len(means) - 2) * fit.stderr)
 
 
-def warm(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples after the warm-up."""
-    return [one for one in samples if one.seconds >= _WARM_UP * samples[-1].seconds]
+def grows(slope: float, margin: float) -> bool:
+    """Whether memory surely grows by more than is allowed [MB/h]."""
+    return slope - margin > _ALLOWED
 
 
-def told(samples: Sequence[Sample], slope: Slope) -> str:
+def outcome(samples: pd.DataFrame) -> str:
     """The outcome in a sentence or two."""
-    first, last = warm(samples)[0], samples[-1]
-    words = "GROWS" if slope.grows else "does not grow"
+    slope, margin = slope_of(samples)
+    first, last = _warm(samples).iloc[0], samples.iloc[-1]
+    words = "GROWS" if grows(slope, margin) else "does not grow"
+    units = {"resident_mb": "MB", "objects": "objects", "files": "open files", "threads": "threads"}
+    changes = [f"{first[key]:.0f} → {last[key]:.0f} {unit}" for key, unit in units.items()]
     return (
-        f"{last.rounds} rounds in {last.seconds / 60:.1f} min, {len(samples)} samples: memory {words}. After "
-        f"a warm-up of {first.seconds / 60:.1f} min: {slope.value:+.1f} ± {slope.margin:.1f} MB/h (95 %), "
-        f"{first.resident_mb:.0f} → {last.resident_mb:.0f} MB, {first.objects} → {last.objects} objects, "
-        f"{first.files} → {last.files} open files, {first.threads} → {last.threads} threads"
+        f"{last.rounds:.0f} rounds in {last.seconds / 60:.1f} min, {len(samples)} samples: memory {words}. "
+        f"After a warm-up of {first.seconds / 60:.1f} min: {slope:+.1f} ± {margin:.1f} MB/h (95 %), "
+        + ", ".join(changes)
     )
 
 
-def draw(samples: Sequence[Sample], slope: Slope, path: Path) -> None:
+def draw(samples: pd.DataFrame, path: Path) -> None:
     """A picture of the memory over time, with the line whose slope is told."""
-    minutes = np.array([one.seconds / 60 for one in samples])
-    memory = np.array([one.resident_mb for one in samples])
-    late = minutes >= _WARM_UP * minutes[-1]
-    line = memory[late].mean() + slope.value * (minutes - minutes[late].mean()) / 60
-    with picture(path, "time [min]", "resident memory [MB]") as (axes,):
-        axes.axvspan(0, minutes[late][0], color="#7f7f7f", alpha=0.12, linewidth=0, label="warm-up")
-        axes.plot(minutes, memory, color="#1f77b4", linewidth=1, label="measured")
-        trend = f"{slope.value:+.1f} ± {slope.margin:.1f} MB/h"
-        axes.plot(minutes[late], line[late], color="#d95f02", linewidth=1.5, label=trend)
-        axes.set_xlim(0, minutes[-1])
-        axes.set_ylim(0, 1.15 * memory.max())
+    slope, margin = slope_of(samples)
+    minutes, late = samples.seconds / 60, _warm(samples)
+    line = late.resident_mb.mean() + slope * (late.seconds - late.seconds.mean()) / 3600
+    figure = Figure((5.5, 3.7), layout="constrained")
+    axes = figure.subplots()
+    axes.axvspan(0, late.seconds.iloc[0] / 60, color="#7f7f7f", alpha=0.12, linewidth=0, label="warm-up")
+    axes.plot(minutes, samples.resident_mb, color="#1f77b4", linewidth=1, label="measured")
+    axes.plot(late.seconds / 60, line, color="#d95f02", label=f"{slope:+.1f} ± {margin:.1f} MB/h")
+    axes.set(xlabel="time [min]", ylabel="resident memory [MB]", xlim=(0, minutes.max()))
+    axes.set_ylim(0, 1.15 * samples.resident_mb.max())
+    axes.legend(fontsize=8, frameon=False)
+    with replacing(path) as draft:
+        figure.savefig(draft, format="png", dpi=130, metadata={"Software": None})
 
 
-def read(path: Path) -> list[Sample]:
-    """The samples of a run's table."""
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    kinds = Sample.__annotations__
-    return [Sample(**{name: kinds[name](value) for name, value in row.items()}) for row in rows]
-
-
-def _write(samples: Sequence[Sample], path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(Sample._fields)
-        table.writerows(
-            [f"{value:.1f}" if isinstance(value, float) else value for value in one] for one in samples
-        )
+def _warm(samples: pd.DataFrame) -> pd.DataFrame:
+    """The samples after the warm-up."""
+    return samples[samples.seconds >= _WARM_UP * samples.seconds.iloc[-1]]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -147,15 +135,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description="Does memory stay flat?")
     parser.add_argument("--minutes", type=float, default=30.0, help="how long (default 30)")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where samples and picture go")
-    chosen = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     torch.set_num_threads(1)
-    with TemporaryDirectory() as folder:
-        samples = soak(Work(Setting(), Path(folder)).round, 60 * chosen.minutes)
-    _write(samples, chosen.folder / "soak.csv")
-    slope = slope_of(samples)
-    draw(samples, slope, chosen.folder / "soak.png")
-    print(told(samples, slope))
-    return int(slope.grows)
+    samples = soak(one_round, 60 * options.minutes)
+    write_bytes(options.folder / "soak.csv", samples.to_csv(index=False, float_format="%.1f").encode())
+    draw(samples, options.folder / "soak.png")
+    print(outcome(samples))
+    return int(grows(*slope_of(samples)))
 
 
 if __name__ == "__main__":

@@ -9,9 +9,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
+import yaml
+
+# Unit, goal, threads and opponent of every benchmark by its name.
+ROWS: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rows.yaml").read_text("utf-8"))
 
 
 class Timing(NamedTuple):
@@ -22,94 +27,49 @@ class Timing(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Row:
-    """One measured quantity.
+class Result:
+    """What one benchmark measured; opponent and limit are in the row's unit.
 
     Attributes:
-        name: of the benchmark.
-        ours: what sidegan reaches, in wall time unless the unit says CPU.
-        unit: of all numbers.
-        opponent: what the opponent reaches; None where none could be measured.
-        against: who the opponent is.
-        ratio: how many times better ours is, whichever direction is better.
+        run: of sidegan.
+        amount: things done in that run where more is better, else what a second of it costs.
+        opponent: what the opponent reaches.
         limit: what the hardware would allow; None where nothing was counted.
-        limit_is: what was measured or counted for it.
-        share: how far from it: 1 is at the limit.
-        goal: what it must reach.
-        reached: whether it does.
-        threads: that ours ran on.
-        by_cpu: ours in CPU time: a rate per CPU second, or a cost in it.
-        also: further opponents in the same unit, or why they were skipped.
+        also: further numbers in the same unit, or why there are none.
     """
 
-    name: str
-    ours: float
-    unit: str
-    opponent: float | None
-    against: str
-    ratio: float | None
-    limit: float | None
-    limit_is: str
-    share: float | None
-    goal: float
-    reached: bool
-    threads: int
-    by_cpu: float
+    run: Timing
+    amount: float
+    opponent: float
+    limit: float | None = None
     also: dict[str, float | str] = field(default_factory=dict)
 
 
-def rate(
-    name: str,
-    unit: str,
-    count: float,
-    run: Timing,
-    opponent: float | None,
-    limit: float | None,
-    goal: float,
-    **rest: Any,
-) -> Row:
-    """A row in which more is better: so many things in one run of ours."""
-    ours = count / run.wall
-    return Row(
-        name,
-        ours,
-        unit,
-        opponent,
-        ratio=opponent and ours / opponent,
-        limit=limit,
-        share=limit and ours / limit,
-        goal=goal,
-        reached=ours >= goal,
-        by_cpu=count / run.cpu,
-        **rest,
-    )
+def row(name: str, result: Result) -> dict[str, Any]:
+    """A row of the table, as it is written to JSON.
 
+    ``ratio`` says how many times better ours is than the opponent, and ``share`` how near the limit,
+    whichever direction is better; ``by_cpu`` is ours in CPU time.
+    """
+    about = dict(ROWS[name])
+    more = about.pop("more")
+    ours, by_cpu = ((result.amount / x if more else result.amount * x) for x in result.run)
 
-def cost(
-    name: str,
-    unit: str,
-    scale: float,
-    run: Timing,
-    opponent: float | None,
-    limit: float | None,
-    goal: float,
-    **rest: Any,
-) -> Row:
-    """A row in which less is better: ``scale`` times the time of one run of ours."""
-    ours = scale * run.wall
-    return Row(
-        name,
-        ours,
-        unit,
-        opponent,
-        ratio=opponent and opponent / ours,
-        limit=limit,
-        share=limit and limit / ours,
-        goal=goal,
-        reached=ours <= goal,
-        by_cpu=scale * run.cpu,
-        **rest,
-    )
+    def times_better(than: float) -> float:
+        return ours / than if more else than / ours
+
+    return {
+        "name": name,
+        "ours": ours,
+        "opponent": result.opponent,
+        "ratio": times_better(result.opponent),
+        "limit": result.limit,
+        "share": result.limit and times_better(result.limit),
+        "reached": times_better(about["goal"]) >= 1,
+        "by_cpu": by_cpu,
+        "also": result.also,
+        **about,
+    }
 
 
 @contextmanager
@@ -132,10 +92,7 @@ def timed(work: Callable[[], object]) -> Timing:
 
 def medians(repeats: int, *works: Callable[[], object]) -> list[Timing]:
     """Median times of each piece of work, after one warm-up each; they take turns."""
-    runs: list[list[Timing]] = [[] for _ in works]
-    for index in range(repeats + 1):
-        for work, found in zip(works, runs):
-            timing = timed(work)
-            if index:
-                found.append(timing)
-    return [Timing(*(statistics.median(part) for part in zip(*found))) for found in runs]
+    for work in works:
+        work()
+    rounds = [[timed(work) for work in works] for _ in range(repeats)]
+    return [Timing(*map(statistics.median, zip(*runs))) for runs in zip(*rounds)]

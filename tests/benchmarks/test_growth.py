@@ -1,7 +1,5 @@
 """The growth curves: resumable, and each point is what it says."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,9 +13,9 @@ def test_a_curve_goes_on_where_it_was(tmp_path, capsys):
     assert growth.main([*arguments, "1"]) == 0
     assert capsys.readouterr().err.count("samples at") == 2
     table = tmp_path / "samples.csv"
-    known = pd.read_csv(table)
-    assert known[["at", "repeat"]].values.tolist() == [[20, 0], [40, 0]]
-    known.assign(gram_ms=123.0).to_csv(table, index=False)
+    rows = pd.read_csv(table)
+    assert rows[["at", "repeat"]].values.tolist() == [[20, 0], [40, 0]]
+    rows.assign(gram_ms=123.0).to_csv(table, index=False)
     assert growth.main([*arguments, "2"]) == 0
     assert capsys.readouterr().err.splitlines() == ["samples at 20, 2 …", "samples at 40, 2 …"]
     again = pd.read_csv(table)
@@ -29,15 +27,16 @@ def test_a_curve_goes_on_where_it_was(tmp_path, capsys):
 
 
 def test_every_curve_has_its_points():
+    assert len(growth.CURVES) == 7
     for name, curve in growth.CURVES.items():
         assert callable(getattr(curves, name))
-        assert len(curve.points) >= 4 and len(curve.small) == 2 and curve.shown
-        assert set(curve.once) <= set(curve.points)
+        assert len(curve["points"]) >= 4 and len(curve["small"]) == 2 and curve["shown"]
+        assert set(curve.get("once", [])) <= set(curve["points"])
 
 
 def test_long_points_are_measured_once_and_the_others_take_turns():
-    curve = replace(growth.CURVES["rls"], points=(1, 2, 9), once=(9,))
-    assert growth._wanted(curve, small=False, repeats=2) == [(1, 0), (2, 0), (9, 0), (1, 1), (2, 1)]
+    curve = growth.CURVES["rls"] | {"points": [1, 2, 9], "once": [9]}
+    assert growth.turns(curve, small=False, repeats=2) == [(1, 0), (2, 0), (9, 0), (1, 1), (2, 1)]
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.5])
@@ -45,8 +44,8 @@ def test_long_points_are_measured_once_and_the_others_take_turns():
 def test_the_exponent_of_a_power_is_that_power(power, share):
     places = np.array([1, 2, 4, 8, 16, 35] * 2)
     rows = pd.DataFrame({"at": places, "cost": 3e-3 * places**power})
-    found = exponent(replace(growth.CURVES["seeds"], share=share), rows, "cost")
-    assert found.value == pytest.approx(power + share) and found.error == pytest.approx(0.0, abs=1e-6)
+    value, error = exponent({"share": share}, rows, "cost")
+    assert value == pytest.approx(power + share) and error == pytest.approx(0.0, abs=1e-6)
 
 
 def test_long_and_short_trajectories_have_the_same_bandwidth_and_rate():
@@ -57,7 +56,7 @@ def test_long_and_short_trajectories_have_the_same_bandwidth_and_rate():
 
 
 def test_a_chain_repeats_the_arms_joints(arm):
-    long = curves._repeated(arm, 9)
+    long = curves.chain(arm, 9)
     assert long.joints == 9 and len(set(long.joint_names)) == 9
     assert long.axis[7].tolist() == arm.axis[0].tolist()
     assert long.capsules.link.tolist() == list(range(9))
@@ -68,7 +67,7 @@ def test_a_chain_repeats_the_arms_joints(arm):
 def test_a_library_of_any_size_is_measured_step_by_step(count, monkeypatch):
     monkeypatch.setattr(curves, "_PART", 20)
     point = curves.library(count)
-    assert point.keys() >= {*growth.CURVES["library"].shown, "peak_mb", "wall_s"}
+    assert point.keys() >= {*growth.CURVES["library"]["shown"], "peak_mb", "wall_s"}
     assert all(value > 0 for value in point.values())
 
 
