@@ -36,7 +36,7 @@ _CONNECT = 15  # [s] for a Dask scheduler to answer
 _WATCH = 1.0  # [s] between two looks at whether the parent process still lives
 _KILLED = "a worker process was killed, perhaps for want of memory"
 
-Told = tuple[int, float]
+Message = tuple[int, float]  # number of a job, and its share that is done
 
 
 class Pool(NamedTuple):
@@ -44,24 +44,27 @@ class Pool(NamedTuple):
 
     Attributes:
         executor: takes functions.
-        tell: picklable; sends the number of a job and its share from a worker.
-        heard: gives what was told since the last call.
+        send: picklable; sends a message from a worker.
+        messages: those since the last call.
         lost: what waiting for a result raises when workers were lost for good, and what that means.
     """
 
     executor: Executor
-    tell: Callable[[int, float], None]
-    heard: Callable[[], list[Told]]
+    send: Callable[[Message], None]
+    messages: Callable[[], list[Message]]
     lost: dict[type[BaseException], str]
 
 
 class Engine(Protocol):
-    """Somewhere to run jobs."""
+    """Somewhere to run jobs.
 
-    def here(self, workers: int | None, jobs: int) -> bool:
-        """Whether so few jobs, or so few workers, make it better to stay in this process."""
+    Attributes:
+        remote: whether it is elsewhere, so that even a single job goes there.
+    """
 
-    def pool(self, workers: int | None, jobs: int) -> AbstractContextManager[Pool]:
+    remote: bool
+
+    def pool(self, workers: int, jobs: int) -> AbstractContextManager[Pool]:
         """Workers for so many jobs; they are released, and on an error stopped, at the end of the block."""
 
     def close(self) -> None:
@@ -76,12 +79,10 @@ def cores(workers: int | None) -> int:
 class Loky:
     """Worker processes of this machine, kept between calls."""
 
-    def here(self, workers: int | None, jobs: int) -> bool:
-        """Whether one process would do it all."""
-        return min(cores(workers), jobs) <= 1
+    remote = False
 
     @contextmanager
-    def pool(self, workers: int | None, jobs: int) -> Iterator[Pool]:
+    def pool(self, workers: int, jobs: int) -> Iterator[Pool]:
         """As many workers as there are jobs, at most ``workers``."""
         from multiprocessing.managers import SyncManager
 
@@ -95,15 +96,12 @@ class Loky:
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
             messages = manager.Queue()
             executor = get_reusable_executor(
-                min(cores(workers), jobs),
-                timeout=_IDLE,
-                env=ONE_THREAD,
-                initializer=leave_with,
-                initargs=watch,
+                min(workers, jobs), timeout=_IDLE, env=ONE_THREAD, initializer=leave_with, initargs=watch
             )
             try:
-                lost = {TerminatedWorkerError: _KILLED}
-                yield Pool(executor, partial(_put, messages), partial(_drain, messages), lost)
+                yield Pool(
+                    executor, messages.put, partial(_drain, messages), {TerminatedWorkerError: _KILLED}
+                )
             except BaseException:
                 _kill(executor)
                 raise
@@ -120,28 +118,24 @@ class Dask:
     """
 
     def __init__(self, address: str | None = None) -> None:
-        self.address = address
+        self.address, self.remote = address, address is not None
         self._held = ExitStack()
         self._client: Client | None = None
 
-    def here(self, workers: int | None, jobs: int) -> bool:
-        """Whether one process would do it all; a cluster elsewhere takes even a single job."""
-        return not jobs or (self.address is None and min(cores(workers), jobs) <= 1)
-
     @contextmanager
-    def pool(self, workers: int | None, jobs: int) -> Iterator[Pool]:
+    def pool(self, workers: int, jobs: int) -> Iterator[Pool]:
         """Every worker of the cluster; of a cluster on this machine, ``workers``."""
         from distributed import CancelledError, KilledWorker
 
-        client = self._client = self._client or self._connect(cores(workers))
+        client = self._client = self._client or self._connect(workers)
         _refuse_threads(client)
-        told: queue.SimpleQueue[Told] = queue.SimpleQueue()
+        messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         topic = f"sidegan-{uuid.uuid4().hex}"
-        client.subscribe_topic(topic, lambda event: told.put(tuple(event[1])))
+        client.subscribe_topic(topic, lambda event: messages.put(tuple(event[1])))
         executor = client.get_executor(pure=False)
         try:
             lost = {KilledWorker: f"{_KILLED}, time and again", CancelledError: "the Dask cluster went away"}
-            yield Pool(executor, partial(_log_event, topic), partial(_drain, told), lost)
+            yield Pool(executor, partial(_log_event, topic), partial(_drain, messages), lost)
         except BaseException:
             executor.shutdown(wait=False)  # cancels what has not begun
             raise
@@ -215,20 +209,15 @@ def _refuse_threads(client: "Client") -> None:
         )
 
 
-def _put(messages: Any, job: int, share: float) -> None:
-    messages.put((job, share))
-
-
-def _log_event(topic: str, job: int, share: float) -> None:
+def _log_event(topic: str, message: Message) -> None:
     from distributed import get_worker
 
-    get_worker().log_event(topic, [job, share])
+    get_worker().log_event(topic, message)
 
 
-def _drain(messages: Any) -> list[Told]:
-    found: list[Told] = []
-    while True:
-        try:
-            found.append(messages.get_nowait())
-        except queue.Empty:
-            return found
+def _drain(messages: Any) -> list[Message]:
+    drained: list[Message] = []
+    with suppress(queue.Empty):
+        while True:
+            drained.append(messages.get_nowait())
+    return drained

@@ -5,11 +5,10 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from sidegan.base.engines import ENGINES, Engine, Loky, cores
+from sidegan.base.engines import ENGINES, Engine, Loky, Message, cores
 from sidegan.base.progress import bar
 from sidegan.errors import SideganError, StorageError
 
@@ -18,6 +17,7 @@ __all__ = ["Job", "Report", "cores", "engine", "run_jobs"]
 log = logging.getLogger(__name__)
 
 _POLL = 0.2  # [s]
+_LEAST = 0.01  # share between two messages, each of which is a round trip to another process
 
 _engine: Engine = Loky()
 
@@ -62,17 +62,19 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
     Raises:
         SideganError: when workers were lost for good; what jobs wrote to their work folders stays.
     """
-    with bar(description, total) as one:
+    most = cores(workers)
+    with bar(description, total) as progress:
         shares = [0.0] * len(jobs)
 
-        def told(job: int, share: float) -> None:
+        def show(message: Message) -> None:
+            job, share = message
             shares[job] = share
-            one(round(total * sum(shares) / len(shares)), total)
+            progress(round(total * sum(shares) / len(shares)))
 
-        if _engine.here(workers, len(jobs)):
-            with _one_thread():
-                return [job(_reporter(partial(told, i))) for i, job in enumerate(jobs)]
-        return _run_elsewhere(_engine, description, jobs, workers, told)
+        if jobs and (_engine.remote or min(most, len(jobs)) > 1):
+            return _run_elsewhere(description, jobs, most, show)
+        with _one_thread():
+            return [job(_reporter(i, show)) for i, job in enumerate(jobs)]
 
 
 @contextmanager
@@ -90,30 +92,32 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _reporter(tell: Callable[[float], None]) -> Report:
+def _reporter(job: int, send: Callable[[Message], None], least: float = 0.0) -> Report:
+    """Sends how far a job is whenever that is ``least`` more than before."""
+    last = [-1.0]
+
     def report(done: int, total: int) -> None:
-        tell(done / max(total, 1))
+        share = done / max(total, 1)
+        if share - last[0] >= least or share >= 1:
+            last[0] = share
+            send((job, share))
 
     return report
 
 
 def _run_elsewhere(
-    on: Engine,
-    description: str,
-    jobs: Sequence[Job],
-    workers: int | None,
-    told: Callable[[int, float], None],
+    description: str, jobs: Sequence[Job], workers: int, show: Callable[[Message], None]
 ) -> list[Any]:
-    with on.pool(workers, len(jobs)) as pool:
+    with _engine.pool(workers, len(jobs)) as pool:
         here = str(Path.cwd())
         futures: list[Future[Any]] = [
-            pool.executor.submit(_work, job, i, pool.tell, here) for i, job in enumerate(jobs)
+            pool.executor.submit(_work, job, i, pool.send, here) for i, job in enumerate(jobs)
         ]
         waiting = set(futures)
         while waiting:
             waiting = wait(waiting, timeout=_POLL).not_done
-            for job, share in pool.heard():
-                told(job, share)
+            for message in pool.messages():
+                show(message)
         try:
             return [future.result() for future in futures]
         except tuple(pool.lost) as error:
@@ -123,17 +127,10 @@ def _run_elsewhere(
             ) from error
 
 
-def _work(job: Job, index: int, tell: Callable[[int, float], None], folder: str) -> Any:
+def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) -> Any:
     _enter(folder)
-    last = [-1.0]
-
-    def report(share: float) -> None:
-        if share - last[0] >= 0.01 or share >= 1:  # a message is a round trip to another process
-            last[0] = share
-            tell(index, share)
-
     with _one_thread():
-        return job(_reporter(report))
+        return job(_reporter(index, send, _LEAST))
 
 
 def _enter(folder: str) -> None:

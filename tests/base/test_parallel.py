@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -77,20 +78,15 @@ def two_workers(request, monkeypatch):
 
 @pytest.fixture
 def told(monkeypatch):
-    """Every (done, total) that the bar was told."""
+    """Every number of steps that the bar was told."""
     calls = []
 
-    class Bar:
-        def __init__(self, *args):
-            pass
+    @contextmanager
+    def bar(description, total):
+        assert total == 100
+        yield calls.append
 
-        def __enter__(self):
-            return lambda done, total: calls.append((done, total))
-
-        def __exit__(self, *args):
-            pass
-
-    monkeypatch.setattr(parallel, "bar", Bar)
+    monkeypatch.setattr(parallel, "bar", bar)
     return calls
 
 
@@ -99,14 +95,14 @@ def test_results_are_in_order_and_progress_reaches_the_end(workers, told):
     results = run_jobs("squares", [partial(square, x) for x in (5, 3, 4)], workers)
     assert [value for value, _ in results] == [25, 9, 16]
     assert ({pid for _, pid in results} == {os.getpid()}) == (workers == 1)
-    assert told == sorted(told) and told[-1] == (100, 100)
+    assert told == sorted(told) and told[-1] == 100
 
 
 def test_every_engine_gives_the_same_and_tells_how_far_it_is(two_workers, told):
     results = run_jobs("squares", [partial(square, x) for x in (5, 3, 4)], 2)
     assert [value for value, _ in results] == [25, 9, 16]
     assert os.getpid() not in {pid for _, pid in results}
-    assert told == sorted(told) and told[-1] == (100, 100)
+    assert told == sorted(told) and told[-1] == 100
 
 
 def test_results_are_the_same_to_the_last_bit(two_workers):
@@ -143,6 +139,8 @@ def test_dask_finishes_on_another_worker_what_a_killed_one_began(dask, monkeypat
 
 def test_dask_gives_up_a_job_that_kills_every_worker(dask, monkeypatch):
     monkeypatch.setattr(parallel, "_engine", dask)
+    assert run_jobs("before", [partial(slow, 0.0)] * 2, 2) == [0.0, 0.0]  # the cluster is there
+    monkeypatch.setattr(dask._client.cluster.scheduler, "allowed_failures", 1)  # each costs a worker's start
     with pytest.raises(SideganError, match="deadly: a worker process was killed"):
         run_jobs("deadly", [die, partial(slow, 0.0)], 2)
 
@@ -194,7 +192,7 @@ def test_a_scheduler_that_does_not_answer_is_told(monkeypatch):
 
 def test_a_worker_that_does_not_see_the_folder_says_so():
     with pytest.raises(StorageError, match=r"does not see /no/such/folder .* shared file system"):
-        parallel._work(partial(square, 1), 0, lambda job, share: None, "/no/such/folder")
+        parallel._work(partial(square, 1), 0, lambda message: None, "/no/such/folder")
 
 
 def test_the_engine_is_one_for_the_block():

@@ -1,11 +1,12 @@
 import io
 import logging
 import sys
+import time
 
 import pytest
 
 from sidegan.base import progress
-from sidegan.base.progress import ConsoleHandler, bar, duration, speed, track
+from sidegan.base.progress import ConsoleHandler, bar, duration, speed
 
 
 class Terminal(io.StringIO):
@@ -23,62 +24,58 @@ def clock(monkeypatch):
 
 def test_nothing_is_said_about_a_short_loop(capsys, caplog, clock):
     caplog.set_level(logging.INFO)
-    assert list(track([1, 2, 3], "short")) == [1, 2, 3]
+    with bar("short", 3) as one:
+        for done in (1, 2, 3):
+            one(done)
     captured = capsys.readouterr()
     assert captured.out == captured.err == caplog.text == ""
 
 
 def test_without_a_terminal_a_long_loop_logs_now_and_then(caplog, clock):
     caplog.set_level(logging.INFO)
-    for _ in track(range(40), "long"):
-        clock[0] += 1.0
-    messages = [record.message for record in caplog.records]
-    assert messages == [
+    with bar("long", 40) as one:
+        for done in range(1, 41):
+            clock[0] += 1.0
+            one(done)
+    assert [record.message for record in caplog.records] == [
         "long: 15 of 40, 1/s, 25 s left",
         "long: 30 of 40, 1/s, 10 s left",
         "long: 40 of 40, 1/s, 0.0 s left",
     ]
 
 
-def test_a_bar_takes_done_and_total_or_steps_and_a_note(caplog, clock):
+def test_a_loop_that_has_done_nothing_yet_has_no_rate_and_no_time_left(caplog, clock):
     caplog.set_level(logging.INFO)
-    with bar("seeds") as one:
+    with bar("seeds", 10) as one:
         clock[0] = 20.0
-        one(4, 10)
+        one(0)
         clock[0] = 40.0
-        one.advance(2, "median cond 350")
+        one(4)
     assert [record.message for record in caplog.records] == [
-        "seeds: 4 of 10, 12/min, 30 s left",
-        "seeds: 6 of 10, 9/min, 27 s left, median cond 350",
+        "seeds: 0 of 10",
+        "seeds: 4 of 10, 6/min, 1 min 0 s left",
     ]
-
-
-def test_a_loop_without_end_has_a_rate_but_no_time_left(caplog, clock):
-    caplog.set_level(logging.INFO)
-    for _ in track((i for i in range(20)), "draws"):
-        clock[0] += 1.0
-    assert caplog.records[0].message == "draws: 15, 1/s"
 
 
 def test_on_a_terminal_bars_are_live_may_nest_and_go_away(monkeypatch, caplog):
     caplog.set_level(logging.INFO)
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with bar("outer", 2) as outer, bar("inner") as inner:
-        inner(1, 3)
-        outer.advance(note="going well")
-        progress._display.refresh()
-        assert {task.description for task in progress._display.tasks} == {"outer", "inner"}
-    assert progress._display is None
-    assert all(word in terminal.getvalue() for word in ("outer", "inner", "1/2", "going well"))
+    with bar("outer", 2) as outer, bar("inner", 3) as inner:
+        outer(1)
+        inner(2)
+        time.sleep(0.3)  # bars are drawn ten times a second
+    assert all(word in terminal.getvalue() for word in ("outer", "inner", "1/2", "2/3"))
+    assert sys.stderr is terminal
     assert caplog.text == ""
 
 
 def test_a_bar_ends_with_its_block_even_when_that_fails(monkeypatch):
-    monkeypatch.setattr(sys, "stderr", Terminal())
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
     with pytest.raises(KeyboardInterrupt), bar("stopped", 2):
         raise KeyboardInterrupt
-    assert progress._display is None
+    assert sys.stderr is terminal
 
 
 def test_log_lines_go_to_standard_error_as_it_is_now(monkeypatch):

@@ -99,7 +99,7 @@ def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monk
         def __exit__(self, *arguments):
             pass
 
-        def __call__(self, done, total):
+        def __call__(self, done):
             threads.extend(x for x in threading.enumerate() if x.name == "ExecutorManagerThread")
             raise KeyboardInterrupt
 
@@ -120,7 +120,8 @@ def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monk
 def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     pytest.importorskip("distributed")
     code = (
-        "import sys, time\nfrom functools import partial\nfrom sidegan.base.parallel import engine, run_jobs\n"
+        "import sys, time\nfrom functools import partial\n"
+        "from sidegan.base.parallel import engine, run_jobs\n"
         "def note(number, report):\n"
         f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(30)\n"
         "try:\n"
