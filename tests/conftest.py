@@ -1,9 +1,33 @@
+import hypothesis
 import pytest
 import torch
 
 from sidegan.robot import Arm, load_robot
 
 torch.set_num_threads(1)
+hypothesis.settings.register_profile("unhurried", deadline=None)  # a busy machine is no failure
+hypothesis.settings.load_profile("unhurried")
+
+# Files that take longest: a parallel run begins with them, or one process works at its end while others idle.
+LONGEST = (
+    "experiments/test_reproduction.py",
+    "pipeline/test_faults.py",
+    "base/test_parallel.py",
+    "experiments/test_beyond.py",
+    "benchmarks/",
+    "pipeline/",
+    "motion/",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Longest files first."""
+
+    def place(item: pytest.Item) -> int:
+        path = item.path.as_posix()
+        return next((k for k, part in enumerate(LONGEST) if f"tests/{part}" in path), len(LONGEST))
+
+    items.sort(key=place)
 
 
 @pytest.fixture(scope="session")
