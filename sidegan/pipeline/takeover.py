@@ -24,7 +24,7 @@ from sidegan.pipeline.run import CONF
 from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.store import STAMP, Store, write_stamp
-from sidegan.pipeline.task import REPORT, RESULTS, Task
+from sidegan.pipeline.task import HISTORY, REPORT, RESULTS, Task
 from sidegan.report.tables import arrow
 
 log = logging.getLogger(__name__)
@@ -132,6 +132,9 @@ def _convert(store: Store, artifact: Artifact, stamp: dict[str, Any], folder: Pa
         frame = pd.read_parquet(folder / RESULTS)
         costs["each"] = frame.pop("seconds").tolist()
         write_parquet(folder / RESULTS, arrow(frame))
+    if (folder / HISTORY).exists() and "seconds" in (rows := read_json(folder / HISTORY))[0]:
+        costs["epochs"] = [row.pop("seconds") for row in rows]
+        write_json(folder / HISTORY, rows)
     store.keep_costs(artifact, costs)
     (folder / STAMP).unlink()
     write_stamp(folder, artifact.stamp)

@@ -1,6 +1,6 @@
 """What is trained: surrogates from the seeds and a vanilla generator, and generators from seeds and surrogates."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -104,7 +104,16 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
         epoch_end=lambda epoch, _: build.report(epoch + 1, variant.epochs),
     )
     trained.generator.save(build.folder / GENERATOR)
-    write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
+    keep_history(build, trained.history)
+
+
+def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
+    """Write the metrics after every epoch; the time that each took [s] is a cost."""
+    rows = [finite(row) for row in history]
+    seconds = [row.pop("seconds") for row in rows if "seconds" in row]
+    if seconds:
+        build.costs["epochs"] = seconds
+    write_json(build.folder / HISTORY, rows)
 
 
 def _pretrain(task: Task, build: Build, data: str) -> None:

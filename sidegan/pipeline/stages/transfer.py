@@ -15,7 +15,8 @@ from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.settings import Target
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.polish import source
-from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
+from sidegan.pipeline.stages.training import keep_history
+from sidegan.pipeline.task import GENERATOR, REPORT, Task
 from sidegan.robot import Arm, load_robot, write_urdf
 from sidegan.validity import Constraints, Plane
 
@@ -127,7 +128,7 @@ def _make(task: Task, build: Build, target: Target, name: str, way: str) -> None
         start=start,
     )
     trained.generator.save(build.folder / GENERATOR)
-    write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
+    keep_history(build, trained.history)
     write_json(build.folder / REPORT, finite(facts))
 
 
