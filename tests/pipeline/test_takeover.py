@@ -74,7 +74,10 @@ def test_a_chain_is_taken_over_and_what_it_took_goes_beside_it(store):
         ({"code": {"seeds": "ff"}}, "another code: seeds"),
         ({"seed": 1}, "another arm or seed"),
         ({"inputs": {"robot": "other"}}, "another arm or seed"),
-        ({"config": settings("seeds", count=4) | {"trajectory": {"home": [0.0]}}}, "seeds.count was 4, not 3"),
+        (
+            {"config": settings("seeds", count=4) | {"trajectory": {"home": [0.0]}}},
+            "seeds.count was 4, not 3",
+        ),
         ({"config": settings("seeds", count=3) | {"trajectory": {"home": [0.5]}}}, "trajectory.home was"),
         ({"inputs": {"robot": "r", "subset": "2"}}, "another number of seeds"),
     ],
