@@ -1,3 +1,6 @@
+import os
+from pathlib import Path
+
 import hypothesis
 import pytest
 import torch
@@ -40,6 +43,13 @@ def arm() -> Arm:
 def planar() -> Arm:
     """The planar arm of two links."""
     return load_robot("planar2")
+
+
+@pytest.fixture(scope="session")
+def outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of tiny artifacts that all tests of a run share, whichever process they are in: made once each."""
+    own = tmp_path_factory.getbasetemp()
+    return (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "outputs"
 
 
 @pytest.fixture(params=["cpu", "cuda"])

@@ -21,7 +21,8 @@ import torch
 from sidegan.base.storage import read_torch, write_json, write_torch
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.store import Store
 from sidegan.robot import load_robot
 from sidegan.seeds import Gradient, Tasks, make_seeds
 from sidegan.validity import Constraints
@@ -38,15 +39,16 @@ def problem():
 def run(root, method=METHOD, workers=1):
     """Folder of the artifact."""
     store = Store(Path(root))
-    stamp = store.stamp("seeds", "planar2", {"count": COUNT}, seed=4)
 
-    def make(folder, work):
-        tasks = Tasks(COUNT, BATCH, work, workers)
+    def make(build):
+        tasks = Tasks(COUNT, BATCH, build.work, workers)
         batch = make_seeds(problem(), method, tasks, np.random.SeedSequence(4))
-        write_torch(folder / "seeds.pt", {"c": batch.coefficients, "fitness": batch.fitness})
-        write_json(folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
+        write_torch(build.folder / "seeds.pt", {"c": batch.coefficients, "fitness": batch.fitness})
+        write_json(build.folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
 
-    return store.produce(stamp, make)
+    return store.produce(
+        Artifact("seeds", "planar2", "seeds", {"count": COUNT}, {}, 4, make, lambda folder: {})
+    )
 
 
 def same(one, other):

@@ -1,10 +1,13 @@
 """A configuration of planar2 that runs in seconds."""
 
+import re
+from functools import cache
+
 from hydra import compose, initialize_config_dir
 
 from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-from sidegan.pipeline.config import validate
 from sidegan.pipeline.run import CONF
+from sidegan.pipeline.settings import validate
 
 TINY = (
     "scale=tiny",
@@ -29,7 +32,16 @@ TINY = (
 )
 
 
+@cache
+def composed(*overrides):
+    """The composed configuration of a command."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return compose("config", overrides=list(overrides))
+
+
+@cache
 def tiny(*overrides, experiment="exp1"):
     """The tiny configuration of an experiment with changes."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return validate(compose("config", overrides=[f"+experiment={experiment}", *TINY, *overrides]))
+    chosen = f"+experiment={experiment}"
+    own = [one for one in TINY if re.match(r"\w+", one)[0] in composed(chosen)]
+    return validate(composed(chosen, *own, *overrides))

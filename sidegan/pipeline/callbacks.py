@@ -4,6 +4,7 @@ import importlib
 import logging
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from sidegan.base.storage import read_json
 from sidegan.errors import SideganError
-from sidegan.pipeline.stamp import folder_name
+from sidegan.pipeline.graph import folder_name
+from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.tracking import Status, Tracker
 
 if TYPE_CHECKING:
@@ -24,6 +26,7 @@ PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may b
 STATUS = "status.json"
 
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
+OmegaConf.register_new_resolver("stages", lambda: listing(STAGES), replace=True)
 
 _parent: Tracker | None = None
 
@@ -76,6 +79,11 @@ class SweepCallback(Callback):
         end_sweep("FAILED" if worst else "FINISHED")
         if worst:
             raise SystemExit(worst)
+
+
+def listing(lines: Mapping[str, str]) -> str:
+    """Names and what they stand for, a line each."""
+    return "\n".join(f"  {name:<16}{text}" for name, text in lines.items())
 
 
 def end_sweep(status: Status) -> None:

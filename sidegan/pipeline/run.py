@@ -1,6 +1,5 @@
 """The command ``python -m sidegan.run``: compose the configuration, check it, run its stages in order."""
 
-import dataclasses
 import errno
 import logging
 import os
@@ -8,12 +7,12 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import hydra
 from hydra.core.config_store import ConfigStore
@@ -25,16 +24,16 @@ from omegaconf import DictConfig
 from sidegan.base.parallel import engine
 from sidegan.base.progress import duration
 from sidegan.base.storage import write_json
-from sidegan.base.typed import suggest
 from sidegan.errors import ConfigError, SideganError, StorageError
-from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.callbacks import PARENT, STATUS, end_sweep
-from sidegan.pipeline.config import Config, validate
+from sidegan.pipeline.stages import STAGES
+from sidegan.pipeline.store import Store
 from sidegan.pipeline.tracking import Tracker
 
-log = logging.getLogger(__name__)
+if TYPE_CHECKING:
+    from sidegan.pipeline.settings import Config
 
-Stage = Callable[[Config, Store, Tracker], None]
+log = logging.getLogger(__name__)
 
 _HERE = Path(__file__).resolve().parents[1]
 CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is_dir()), _HERE / "conf")
@@ -46,23 +45,26 @@ _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
 
-def run_stages(config: Config, run_folder: Path, name: str, stages: Mapping[str, Stage]) -> None:
-    """Run the chosen stages in order, tracked as one run.
+def run_stages(config: "Config", run_folder: Path, name: str) -> None:
+    """Run the configured stages in order, tracked as one run.
 
     Args:
-        config: everything that can be set.
+        config: the settings of the run.
         run_folder: where logs and tables of this run go.
         name: of the run, for people.
-        stages: every stage there is.
 
     Raises:
         SideganError: whatever a stage refuses; ConfigError before any work.
     """
-    _check(config, stages)
-    store = Store(Path(config.outputs), config.named, run_folder)
+    from sidegan.pipeline.stage import run_stage
+    from sidegan.pipeline.stages import stage
+    from sidegan.pipeline.task import Task
+
+    _check(config)
+    task = Task(config, Store(Path(config.outputs), config.named, run_folder))
     tracking = config.tracking
     tracker = Tracker(
-        store.root,
+        task.store.root,
         run_folder,
         config.experiment,
         name,
@@ -71,28 +73,28 @@ def run_stages(config: Config, run_folder: Path, name: str, stages: Mapping[str,
         os.environ.get(PARENT),
     )
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
-        tracker.log_params(dataclasses.asdict(config))
-        for stage in config.stages:
-            log.info("%s …", stage)
+        tracker.log_params(config.plain())
+        for one in config.stages:
+            log.info("%s …", one)
             began = time.monotonic()
-            stages[stage](config, store, tracker)
+            run_stage(one, stage(one), task, tracker)
             seconds = time.monotonic() - began
-            log.info("%s: done in %s", stage, duration(seconds))
-            tracker.log_metrics({f"seconds/{stage}": seconds})
+            log.info("%s: done in %s", one, duration(seconds))
+            tracker.log_metrics({f"seconds/{one}": seconds})
 
 
-def run_job(cfg: DictConfig, run_folder: Path, name: str, stages: Callable[[], Mapping[str, Stage]]) -> int:
+def run_job(cfg: DictConfig, run_folder: Path, name: str) -> int:
     """Exit code of one job; its outcome is logged and left in its folder.
 
     Args:
         cfg: the composed configuration.
         run_folder: where logs and tables of this job go.
         name: of the job, for people.
-        stages: gives every stage there is; importing them is slow, so it is called late.
     """
+    from sidegan.pipeline.settings import validate
+
     try:
-        config = validate(cfg)
-        run_stages(config, run_folder, name, stages())
+        run_stages(validate(cfg), run_folder, name)
     except KeyboardInterrupt:
         _leave(run_folder, INTERRUPTED, "interrupted")
         raise
@@ -156,7 +158,7 @@ def explain(error: HydraException) -> str:
     text = str(error)
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
-        return f"{unknown[1]}: there is no such setting{suggest(Config, unknown[1])}"
+        return _unknown(unknown[1])
     plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
     if plugin and "Could not" in text:
         return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
@@ -164,29 +166,34 @@ def explain(error: HydraException) -> str:
     return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
 
 
+def _unknown(key: str) -> str:
+    """What is wrong with a setting that this command does not have."""
+    from sidegan.base.typed import suggest
+    from sidegan.pipeline.settings import Config
+
+    suggestion = suggest(Config, key)
+    if suggestion == f"; did you mean {key}?":
+        return f"{key}: this is a setting of other experiments, choose one by +experiment=…"
+    return f"{key}: there is no such setting{suggestion}"
+
+
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _hydra_main(cfg: DictConfig) -> None:
     job = HydraConfig.get()
     name = run_name(str(cfg.experiment), list(job.overrides.task), job.runtime.choices, cfg.seed)
-    code = run_job(cfg, Path(job.runtime.output_dir), name, _all_stages)
+    code = run_job(cfg, Path(job.runtime.output_dir), name)
     # In a sweep the other jobs go on; the callback leaves with the worst code.
     if code and job.mode == RunMode.RUN:
         sys.exit(code)
 
 
-def _all_stages() -> Mapping[str, Stage]:
-    from sidegan.pipeline.stages import STAGES
-
-    return STAGES
-
-
-def _check(config: Config, stages: Mapping[str, Stage]) -> None:
-    known = ", ".join(stages)
+def _check(config: "Config") -> None:
+    choices = ", ".join(STAGES)
     if not config.stages:
-        raise ConfigError(f"there is nothing to run: give +experiment=…, or 'stages=[…]' of {known}")
+        raise ConfigError(f"there is nothing to run: give +experiment=…, or 'stages=[…]' of {choices}")
     for stage in config.stages:
-        if stage not in stages:
-            raise ConfigError(f"stages: there is no stage {stage!r}, expected some of {known}")
+        if stage not in STAGES:
+            raise ConfigError(f"stages: there is no stage {stage!r}, expected some of {choices}")
     if config.parallel.backend == "dask" and find_spec("distributed") is None:
         raise ConfigError("parallel=dask needs Dask: pip install 'sidegan[dask]'")
     if config.device != "cpu":

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
 from filelock import FileLock
 
-from sidegan.pipeline.stamp import flatten
+from sidegan.pipeline.graph import flatten
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,4 +1,4 @@
-"""Send later what could not be sent to MLflow: ``python -m sidegan.pipeline.untracked outputs --uri http://host:5000``."""
+"""Send later what could not be sent to MLflow: ``python -m sidegan.untracked outputs --uri http://host:5000``."""
 
 import argparse
 import json

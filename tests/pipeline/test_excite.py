@@ -5,7 +5,6 @@ from sidegan.errors import ConfigError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import STAGES
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
@@ -17,7 +16,7 @@ GENERATED = ("gan=exact", "stages=[gan,library,excite]", "excite=[exact]", "gan.
 def folder(tmp_path_factory):
     """Folder of a run that made trajectories to execute."""
     root = tmp_path_factory.mktemp("excite")
-    run_stages(tiny(f"outputs={root}", experiment="excite"), root / "run", "excite", STAGES)
+    run_stages(tiny(f"outputs={root}", experiment="excite"), root / "run", "excite")
     return root / "run"
 
 
@@ -52,24 +51,24 @@ def test_the_table_says_what_each_asks_of_the_arm(folder):
 def test_a_generator_may_be_the_pool(tmp_path):
     options = (*GENERATED, "library.draws=5000", "library.polish=5", "library.count=8")
     config = tiny(f"outputs={tmp_path}", *options, experiment="excite")
-    run_stages(config, tmp_path / "run", "excite", STAGES)
+    run_stages(config, tmp_path / "run", "excite")
     assert Library.load(tmp_path / "run" / "library.parquet").source == ["exact"] * 6
     with pytest.raises(ConfigError, match=r"selection\.count is 9, but exact hold 8 trajectories"):
         many = tiny(f"outputs={tmp_path}", *options, "selection.count=9", experiment="excite")
-        run_stages(many, tmp_path / "run", "excite", STAGES)
+        run_stages(many, tmp_path / "run", "excite")
 
 
 def test_pools_that_are_not_there_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="excite names 'gold', expected some of seeds, random, vanilla"):
         config = tiny(f"outputs={tmp_path}", "excite=[gold]", "stages=[excite]", experiment="excite")
-        run_stages(config, tmp_path / "run", "excite", STAGES)
+        run_stages(config, tmp_path / "run", "excite")
     with pytest.raises(ConfigError, match="expected one pool or more, each once"):
         tiny("excite=[seeds,seeds]", experiment="excite")
 
 
 def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
     config = tiny(f"outputs={tmp_path}", "robot.effort=0.4", experiment="excite")
-    run_stages(config, tmp_path / "run", "excite", STAGES)
+    run_stages(config, tmp_path / "run", "excite")
     table = pd.read_csv(tmp_path / "run" / "set.csv")
     arm = load_robot("planar2")
     for k in range(1, 7):

@@ -14,42 +14,53 @@ from sidegan.base import parallel
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline import callbacks, run
 from sidegan.pipeline.callbacks import aggregate, job_codes
+from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.run import main, run_name
+from sidegan.pipeline.stage import Stage
 
 
-def make_seeds(config, store, tracker):
-    stamp = store.stamp("seeds", config.robot.name, {"seeds": config.seeds}, seed=config.seed)
-    folder = store.produce(stamp, lambda folder, work: (folder / "seeds.txt").write_text("seeds"))
-    (store.run_folder / "table.txt").write_text(folder.name)
+def seeds_of(task):
+    """A small artifact in the place of the seed set."""
+    settings = {"count": task.cfg.seeds.count}
+    return Artifact("seeds", task.cfg.robot.name, "seeds", settings, {}, task.cfg.seed, write_seeds, print)
+
+
+def write_seeds(build):
+    (build.folder / "seeds.txt").write_text("seeds")
+
+
+def make_seeds(task, tracker):
+    folder = task.store.produce(seeds_of(task))
+    (task.store.run_folder / "table.txt").write_text(folder.name)
     tracker.log_history({"fitness": [3.0, 2.0]})
 
 
-def use_seeds(config, store, tracker):
-    store.require(store.stamp("seeds", config.robot.name, {"seeds": config.seeds}, seed=config.seed))
+def use_seeds(task, tracker):
+    task.store.require(seeds_of(task))
 
 
-def fail_on_odd_seeds(config, store, tracker):
-    if config.seed % 2:
-        raise InfeasibleError(f"no start became valid with seed {config.seed}")
+def fail_on_odd_seeds(task, tracker):
+    if task.cfg.seed % 2:
+        raise InfeasibleError(f"no start became valid with seed {task.cfg.seed}")
 
 
-def interrupt(config, store, tracker):
+def interrupt(task, tracker):
     raise KeyboardInterrupt
 
 
-def terminate(config, store, tracker):
+def terminate(task, tracker):
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def break_down(config, store, tracker):
+def break_down(task, tracker):
     raise ZeroDivisionError("a bug")
 
 
-def fill_disk(config, store, tracker):
+def fill_disk(task, tracker):
     raise OSError(28, "No space left on device", "table.csv")
 
 
-STAGES = {
+SHOWN = {
     "seeds": make_seeds,
     "use": use_seeds,
     "odd": fail_on_odd_seeds,
@@ -63,16 +74,16 @@ STAGES = {
 @pytest.fixture
 def command(tmp_path, monkeypatch):
     """The command in this process, with small stages and no MLflow: arguments → exit code."""
-    stages = types.ModuleType("sidegan.pipeline.stages")
-    stages.STAGES = STAGES
-    monkeypatch.setitem(sys.modules, "sidegan.pipeline.stages", stages)
+    monkeypatch.setattr(run, "STAGES", SHOWN)
+    monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=SHOWN[name]))
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     monkeypatch.chdir(tmp_path)
     handlers, level = logging.root.handlers[:], logging.root.level
     terminated = signal.getsignal(signal.SIGTERM)
 
     def call(*arguments, tracking="off"):
-        monkeypatch.setattr(sys, "argv", ["sidegan", *arguments, f"tracking={tracking}"])
+        chosen = [] if any("experiment=" in one for one in arguments) else ["+experiment=exp1"]
+        monkeypatch.setattr(sys, "argv", ["sidegan", *chosen, *arguments, f"tracking={tracking}"])
         try:
             return main()
         except SystemExit as leave:
@@ -94,7 +105,7 @@ def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_p
     assert first.index("seeds: made") < first.index("seeds: done in") < first.index("use: done in")
     assert command("stages=[seeds,use]") == 0
     assert "seeds: reused from outputs/seeds/kuka_lwr4-" in capsys.readouterr().err
-    runs = sorted((tmp_path / "outputs" / "runs" / "free").iterdir())
+    runs = sorted((tmp_path / "outputs" / "runs" / "exp1").iterdir())
     assert len(runs) == 2
     for folder in runs:
         assert {"run.log", "status.json", "table.txt", ".hydra"} <= {path.name for path in folder.iterdir()}
@@ -124,6 +135,7 @@ def test_whoever_starts_elsewhere_finds_the_results_there(command, tmp_path):
         (["seeds.count=many"], "error: seeds.count is 'many', expected a whole number ≥ 1"),
         (["gan=eigne"], "Could not find 'gan/eigne'"),
         (["experiment=exp1"], "use +experiment=exp1"),
+        (["recordings=[a.csv]"], "recordings: this is a setting of other experiments"),
         (["+experiment=exp99"], "Could not find 'experiment/exp99'"),
         (["seed=0,1"], "To sweep over it, add --multirun"),
         (["seed=="], "Error parsing override 'seed=='"),
@@ -185,7 +197,7 @@ def test_an_interrupt_says_how_to_go_on(command, capsys, tmp_path, stage, multir
 
 def test_a_sweep_runs_every_job_although_one_fails(command, capsys, tmp_path):
     assert command("-m", "stages=[seeds,odd]", "seed=0,1,2", "gan=vanilla,eigen") == 1
-    sweep = next((tmp_path / "outputs" / "runs" / "free").glob("sweep_*"))
+    sweep = next((tmp_path / "outputs" / "runs" / "exp1").glob("sweep_*"))
     codes = {folder.name: code for folder, code in job_codes(sweep).items()}
     assert codes == {
         "0_gan=vanilla,seed=0": 0,
@@ -257,14 +269,14 @@ def test_mlflow_shows_a_parent_with_its_children(command, tmp_path, monkeypatch)
     from mlflow import MlflowClient
 
     client = MlflowClient(f"sqlite:///{tmp_path / 'outputs' / 'mlflow.db'}")
-    number = client.get_experiment_by_name("free").experiment_id
+    number = client.get_experiment_by_name("exp1").experiment_id
     runs = {run.info.run_name: run for run in client.search_runs([number])}
-    parent = runs.pop("free sweep stages=[seeds,odd] seed=0,1 gan=eigen tracking=local")
+    parent = runs.pop("exp1 sweep stages=[seeds,odd] seed=0,1 gan=eigen tracking=local")
     assert parent.info.status == "FAILED"
     assert [file.path for file in client.list_artifacts(parent.info.run_id)] == ["sweep.json"]
     assert {name: run.info.status for name, run in runs.items()} == {
-        "seeds,odd free eigen seed=0": "FINISHED",
-        "seeds,odd free eigen seed=1": "FAILED",
+        "seeds,odd exp1 eigen seed=0": "FINISHED",
+        "seeds,odd exp1 eigen seed=1": "FAILED",
     }
     for child in runs.values():
         assert child.data.tags["mlflow.parentRunId"] == parent.info.run_id
@@ -283,7 +295,7 @@ def test_threads_are_set_before_numpy_is_imported(command, monkeypatch):
 @pytest.mark.parametrize(("name", "kind"), [("loky", "Loky"), ("dask", "Dask")])
 def test_stages_run_on_the_configured_engine(command, monkeypatch, name, kind):
     seen = []
-    monkeypatch.setitem(STAGES, "engine", lambda *_: seen.append(type(parallel._engine).__name__))
+    monkeypatch.setitem(SHOWN, "engine", lambda *_: seen.append(type(parallel._engine).__name__))
     assert command("stages=[engine]", f"parallel={name}") == 0
     assert seen == [kind]
 
@@ -312,10 +324,10 @@ def test_runs_have_names_for_people(overrides, name):
     [(ConfigError, 2), (StorageError, 1), (PermissionError(13, "denied", "x"), 1), (OSError, 1)],
 )
 def test_every_error_has_its_exit_code(command, monkeypatch, error, code):
-    def stage(config, store, tracker):
+    def stage(task, tracker):
         raise error
 
-    monkeypatch.setitem(STAGES, "error", stage)
+    monkeypatch.setitem(SHOWN, "error", stage)
     assert command("stages=[error]") == code
 
 
@@ -338,13 +350,14 @@ def test_help_shows_what_can_be_run_and_starts_nothing(tmp_path):
     done = python("-m", "sidegan.run", "--help", cwd=tmp_path)
     assert done.returncode == 0
     for words in (
-        "python -m sidegan.pipeline.run +experiment=exp1 ",
+        "python -m sidegan.run +experiment=exp1 ",
         "scale=paper",
         "-m +experiment=exp1 gan=vanilla,eigen,diagonal seed=0,1,2",
         "'stages=[seeds]'",
         "robot.name=/path/to/arm.urdf",
         "outputs/mlflow.db",
         "+experiment=excite",
+        "  long            the single long trajectory in each of its readings",
         "experiment: beyond, conditional, excite, exp1",
         "workspace: desk, free",
     ):

@@ -6,12 +6,16 @@ import pytest
 
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.gan import TrajectoryGenerator
-from sidegan.library import Library
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import Task
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import STAGES
-from sidegan.pipeline.stages.common import finite, numbers, words
+from sidegan.pipeline.stage import finite, words
+from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.pools import pools
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import excitation_sets, selection
+from sidegan.pipeline.stages.training import generator
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
 from sidegan.robot import load_robot
 from sidegan.validity import check
 from tests.tiny import tiny
@@ -22,7 +26,7 @@ def once(tmp_path_factory):
     """Root of a whole tiny experiment."""
     root = tmp_path_factory.mktemp("outputs")
     config = tiny(f"outputs={root}")
-    run_stages(config, root / "runs" / "first", "first", STAGES)
+    run_stages(config, root / "runs" / "first", "first")
     return root
 
 
@@ -74,7 +78,7 @@ def test_the_experiment_leaves_table_1_and_its_figures(once):
 
 def test_a_second_run_makes_nothing_and_prints_the_same(once, capsys):
     before = artifacts(once)
-    run_stages(tiny(f"outputs={once}"), once / "runs" / "second", "second", STAGES)
+    run_stages(tiny(f"outputs={once}"), once / "runs" / "second", "second")
     assert artifacts(once) == before
     tables = [(once / "runs" / run / "table1.csv").read_bytes() for run in ("first", "second")]
     assert tables[0] == tables[1]
@@ -85,28 +89,26 @@ def test_a_second_run_makes_nothing_and_prints_the_same(once, capsys):
 def test_the_libraries_hold_what_is_valid(once):
     made = task(once)
     for name in made.cfg.gan:
-        folder = made.store.require(made.library(name, 0))
-        library = Library.load(folder / "library.parquet", made.arm)
-        assert len(library) == made.cfg.library.count
-        assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
-        report = json.loads((folder / "report.json").read_text())
-        assert 0 < report["valid_share"] <= 1 and report["drawn"] >= len(library)
+        trajectories, report = made.load(library(made, name, 0)), made.report(library(made, name, 0))
+        assert len(trajectories) == made.cfg.library.count
+        assert check(made.constraints, made.trajectory, trajectories.coefficients).valid.all()
+        assert 0 < report["valid_share"] <= 1 and report["drawn"] >= len(trajectories)
 
 
 def test_the_selections_are_of_seeds_and_libraries(once):
     made = task(once)
-    seeds = Library.load(made.store.require(made.seeds) / "library.parquet", made.arm)
-    known = {tuple(row) for row in seeds.coefficients.flatten(1).tolist()}
-    for name in ["seeds", *made.cfg.gan]:
-        chosen = Library.load(made.store.require(made.selection(name, 0)) / "library.parquet", made.arm)
+    seeds = made.load(seed_set(made))
+    rows = {tuple(row) for row in seeds.coefficients.flatten(1).tolist()}
+    for pool in pools(made)[1:]:
+        chosen = made.load(selection(made, pool))
         assert len(chosen) == made.cfg.selection.count
         for source, row in zip(chosen.source, chosen.coefficients.flatten(1).tolist()):
-            assert (tuple(row) in known) == (source != name or name == "seeds")
+            assert (tuple(row) in rows) == (source != pool.name or pool.name == "seeds")
 
 
 def test_the_generators_are_the_arms_own(once):
     made = task(once)
-    path = made.store.require(made.gan("eigen", made.cfg.gan["eigen"], 0))
+    path = made.store.require(generator(made, "eigen", 0))
     generator = TrajectoryGenerator.load(path / "generator.pt", made.arm)
     assert generator.trajectory == made.trajectory and generator.variant == "eigen"
     history = json.loads((path / "history.json").read_text())
@@ -117,8 +119,9 @@ def test_the_generators_are_the_arms_own(once):
 
 def test_the_sets_last_equally_long_in_the_facts(once):
     made = task(once)
-    folders = [made.store.require(made.identification(*one)) for one in made.sets()]
-    facts = pd.concat([pd.read_parquet(folder / "facts.parquet") for folder in folders])
+    facts = pd.concat(
+        [made.frame(identification(made, one), "facts.parquet") for one in excitation_sets(made)]
+    )
     count, period = made.cfg.selection.count, made.cfg.trajectory.period
     short = facts[~facts["set"].str.startswith("long")]
     assert (short.duration == count * period).all()
@@ -131,7 +134,6 @@ def test_the_sets_last_equally_long_in_the_facts(once):
         ("surrogates", "seeds/planar2-gradient-seed0"),
         ("gan", "seeds/planar2-gradient-seed0"),
         ("library", "gan/planar2-vanilla-seed0-training0"),
-        ("long", "seeds/planar2-gradient-seed0"),
         ("selection", "random/planar2-random-seed0"),
         ("identification", "long/planar2-32s-3h-seed0"),
         ("table", "identification/planar2-long-3-seed0"),
@@ -140,48 +142,47 @@ def test_the_sets_last_equally_long_in_the_facts(once):
 def test_a_stage_without_its_inputs_names_what_is_missing(stage, missing, tmp_path):
     config = tiny(f"outputs={tmp_path}", f"stages=[{stage}]")
     with pytest.raises(ArtifactError) as error:
-        run_stages(config, tmp_path / "run", "alone", STAGES)
+        run_stages(config, tmp_path / "run", "alone")
     assert f"there is no {missing}" in str(error.value)
     assert f"run stage {missing.split('/')[0]} first" in str(error.value)
 
 
 def test_a_changed_seed_set_is_named_as_the_difference(once):
     config = tiny(f"outputs={once}", "stages=[selection]", "seeds.steps=21")
-    with pytest.raises(ArtifactError, match=r"config\.seeds\.steps is 20, not 21"):
-        run_stages(config, once / "runs" / "other", "other", STAGES)
+    with pytest.raises(ArtifactError, match=r"settings\.seeds\.steps is 20, not 21"):
+        run_stages(config, once / "runs" / "other", "other")
 
 
 def test_a_change_of_one_variant_makes_that_variant_anew(once):
     before = artifacts(once)
     config = tiny(f"outputs={once}", "stages=[gan]", "gan.diagonal.weights.distance=3")
-    run_stages(config, once / "runs" / "third", "third", STAGES)
+    run_stages(config, once / "runs" / "third", "third")
     made = set(artifacts(once)) - set(before)
     assert [folder.name.startswith("planar2-diagonal") for folder in made] == [True]
 
 
 def test_a_library_that_stays_short_is_told(once, caplog):
     config = tiny(f"outputs={once}", "stages=[library]", "gan=vanilla", "library.batch=5", "library.draws=10")
-    run_stages(config, once / "runs" / "short", "short", STAGES)
+    run_stages(config, once / "runs" / "short", "short")
     assert "in 10 draws, 40 were wanted" in caplog.text
 
 
 def test_a_home_that_is_not_feasible_is_refused_before_any_work(tmp_path):
     config = tiny(f"outputs={tmp_path}", "stages=[seeds]", "trajectory.home=[0, 3.1]")
     with pytest.raises(InfeasibleError, match="home position"):
-        run_stages(config, tmp_path / "run", "home", STAGES)
+        run_stages(config, tmp_path / "run", "home")
     assert not list(tmp_path.glob("seeds/*"))
 
 
 def test_reports_hold_only_what_json_can_say():
     row = finite({"a": math.nan, "b": math.inf, "c": 1.5, "d": 2, "e": "x"})
     assert row == {"a": None, "b": None, "c": 1.5, "d": 2, "e": "x"}
-    assert numbers({"a": None, "b": 2, "c": "x", "d": [1.0]}) == {"b": 2.0}
     assert words({"a": 1.23456, "b": 2}) == "a 1.235, b 2"
 
 
 def test_an_exact_variant_needs_no_surrogates_and_gets_its_rows(tmp_path):
     config = tiny(f"outputs={tmp_path}", "gan=exact", "gan.exact.exact.samples=20", "library.draws=3000")
-    run_stages(config, tmp_path / "run", "exact", STAGES)
+    run_stages(config, tmp_path / "run", "exact")
     assert not stamp_files(tmp_path, "surrogates")
     table = pd.read_csv(tmp_path / "run" / "table1.csv", index_col=0)
     assert any("exact" in column for column in table.columns)
@@ -196,7 +197,7 @@ def test_polished_libraries_are_better(tmp_path):
         config = tiny(
             f"outputs={tmp_path}", "gan=exact", stages, f"library.polish={steps}", "library.count=20"
         )
-        run_stages(config, tmp_path / "run", "polish", STAGES)
-        made = Task(config, Store(tmp_path)).library("exact", 0)
-        median[steps] = Library.load(Store(tmp_path).require(made) / "library.parquet").fitness.median()
+        run_stages(config, tmp_path / "run", "polish")
+        made = Task(config, Store(tmp_path))
+        median[steps] = made.load(library(made, "exact", 0)).fitness.median()
     assert median[15] < 0.7 * median[0]

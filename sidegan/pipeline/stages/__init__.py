@@ -1,55 +1,43 @@
-"""One short module per stage: load artifacts, call the rooms below, save artifacts.
-
-Each stage takes (configuration, store, tracker) and may be run alone: what it needs must be there already.
-A stage's module is imported when it runs, so that starting one does not load what only others need.
-"""
+"""The stages by name, a line each; a stage's module is imported when it runs."""
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.tracking import Tracker
+if TYPE_CHECKING:
+    from sidegan.pipeline.stage import Stage
 
-_NAMES = (
-    "seeds",
-    "surrogates",
-    "gan",
-    "library",
-    "random",
-    "long",
-    "selection",
-    "identification",
-    "plant",
-    "replication",
-    "kinds",
-    "sensitivity",
-    "subsets",
-    "density",
-    "ablation",
-    "timing",
-    "first_set",
-    "polish",
-    "optimised",
-    "best",
-    "objectives",
-    "few_seeds",
-    "transfer",
-    "conditional",
-    "excite",
-    "check",
-    "identify",
-    "table",
-)
-
-
-class _Stage:
-    """A stage that is imported when it is called."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __call__(self, config: Config, store: Store, tracker: Tracker) -> None:
-        import_module(f"sidegan.pipeline.stages.{self.name}").run(config, store, tracker)
+STAGES = {
+    "seeds": "the seed set: optimised trajectories",
+    "surrogates": "success predictor and converters, from exactly labelled samples",
+    "gan": "every variant, trained",
+    "library": "valid trajectories of each generator",
+    "random": "valid trajectories that nobody optimised, the baseline",
+    "long": "the single long trajectory in each of its readings",
+    "selection": "the excitation sets, picked from every pool",
+    "identification": "Table I: identification from each set",
+    "plant": "the same sets executed on the arm in MuJoCo",
+    "replication": "Tables II and III: identification from whole sets",
+    "kinds": "seeds of other kinds",
+    "sensitivity": "Table I with one setting changed at a time",
+    "subsets": "surrogates and variants on fewer seeds",
+    "density": "a kernel density estimate in place of the GAN",
+    "ablation": "variants that differ from the recipe in one part",
+    "timing": "how fast the generators are",
+    "first_set": "how long it takes to a first set",
+    "polish": "what gradient steps on generated trajectories bring",
+    "optimised": "seeds that use as much of the limits as exact variants do",
+    "best": "what the best set of every pool is worth",
+    "objectives": "exact variants with other objectives",
+    "few_seeds": "exact variants on ever fewer seeds",
+    "transfer": "generators for another arm, tool or desk",
+    "conditional": "one generator for many conditions",
+    "excite": "trajectories to execute, as files",
+    "check": "what recordings are worth",
+    "identify": "a model of a real arm from recordings",
+    "table": "the experiment's tables, figures and pages",
+}
 
 
-STAGES = {name: _Stage(name) for name in _NAMES}
+def stage(name: str) -> "Stage":
+    """The stage of a name."""
+    return import_module(f"sidegan.pipeline.stages.{name}").STAGE

@@ -1,6 +1,5 @@
 """Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
-import logging
 from pathlib import Path
 
 import pandas as pd
@@ -13,39 +12,35 @@ from sidegan.design.information import information_of
 from sidegan.errors import ConfigError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Motion, concatenate
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import LIBRARY, RANDOM, SEEDS, Task
-from sidegan.pipeline.stages.common import load
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.stages.pools import Pool, own_pools
 from sidegan.pipeline.stages.selection import pick
-from sidegan.pipeline.stamp import Stamp
+from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
-
-log = logging.getLogger(__name__)
 
 FOLDER, WHOLE = "trajectories", "all.csv"
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
+def _show(task: Task, tracker: Tracker) -> None:
     """Pick from the configured pools, and write each trajectory and all of them in a row.
 
     Raises:
-        ConfigError: when there is no such pool, or more trajectories are wanted than the pools hold.
+        ConfigError: when there is no such pool, or more trajectories are to be picked than the pools hold.
     """
-    task = Task(cfg, store)
+    cfg, folder = task.cfg, task.store.run_folder
     pool = _pool(task)
     if cfg.selection.count > len(pool):
         held = f"{', '.join(cfg.excite)} hold {len(pool)}"
         raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
     chosen = pool.take(pick(task, pool))
-    folder = store.run_folder
     chosen.save(folder / LIBRARY)
     motion = task.trajectory.roll_out(chosen.coefficients, task.trajectory.times(cfg.identification.rate))
     _write(task, motion, folder / FOLDER)
-    criteria = criteria_of(_information(task, chosen.coefficients))
-    facts = {"condition": criteria.condition, "log_det": criteria.log_det}
-    tracker.log_metrics({f"excite/{key}": value for key, value in facts.items()})
+    information = information_of(task.body, task.trajectory, chosen.coefficients)
+    criteria = criteria_of(information.stacked(torch.arange(len(chosen))))
+    tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
     caption = (
         f"{len(chosen)} trajectories of {task.trajectory.period:g} s, condition of the set "
         f"{criteria.condition:.3g}, at {cfg.identification.rate:g} Hz in {folder / FOLDER}"
@@ -55,22 +50,14 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
 
 def _pool(task: Task) -> Library:
     """All trajectories of the configured pools."""
-    stamps: list[Stamp] = []
+    parts: dict[str, list[Artifact]] = {}
+    for pool in own_pools(task):
+        parts.setdefault(pool.name, []).extend(pool.parts)
     for name in task.cfg.excite:
-        if name in task.cfg.gan:
-            stamps += [task.library(name, training) for training in task.cfg.trainings]
-        elif name in (SEEDS, RANDOM):
-            stamps.append(task.seeds if name == SEEDS else task.random_set)
-        else:
-            known = ", ".join((SEEDS, RANDOM, *task.cfg.gan))
-            raise ConfigError(f"excite names {name!r}, expected some of {known}")
-    first, *others = (load(task, stamp) for stamp in stamps)
-    return first.merge(*others)
-
-
-def _information(task: Task, c: Tensor) -> Tensor:
-    information = information_of(task.body, task.trajectory, c)
-    return information.stacked(torch.arange(len(c)))
+        if name not in parts:
+            raise ConfigError(f"excite names {name!r}, expected some of {', '.join(parts)}")
+    together = tuple(part for name in task.cfg.excite for part in parts[name])
+    return Pool("excite", None, "excite", together).load(task)
 
 
 def _write(task: Task, motion: Motion, folder: Path) -> None:
@@ -111,3 +98,6 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
 
 def _percent(share: Tensor) -> list[str]:
     return [f"{x:.0%}" for x in share.tolist()]
+
+
+STAGE = Stage(show=_show)

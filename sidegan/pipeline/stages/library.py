@@ -1,79 +1,71 @@
-"""Stage library: draw from each generator and keep what is valid."""
+"""Stage library: valid trajectories of each generator."""
 
 import logging
 from functools import partial
-from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from sidegan.base.parallel import Report
-from sidegan.base.storage import read_json, write_json
+from sidegan.base.storage import write_json
 from sidegan.design.polish import Polish
-from sidegan.design.problem import Problem
-from sidegan.errors import InfeasibleError
 from sidegan.library import Library
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import GENERATOR, LIBRARY, REPORT, Task, variant
-from sidegan.pipeline.stages.common import load, measured, numbers, produce_all, summary, words
-from sidegan.pipeline.tracking import Tracker
-from sidegan.validity import check
+from sidegan.library.draw import draw_valid
+from sidegan.library.measure import measured, summary
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.training import generator, generators, title
+from sidegan.pipeline.task import GENERATOR, LIBRARY, REPORT, Task
 
 log = logging.getLogger(__name__)
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Fill a library from every generator."""
-    task = Task(cfg, store)
-    wanted = [(name, training) for name in cfg.gan for training in cfg.trainings]
-    stamps = [task.library(*one) for one in wanted]
-    produce_all(task, "libraries (%)", stamps, [partial(_make, task, *one) for one in wanted])
-    for one, stamp in zip(wanted, stamps):
-        report, title = read_json(store.require(stamp) / REPORT), task.named(*one)
-        log.info("library of %s: %s", title, words(report))
-        tracker.log_metrics({f"library/{title}/{key}": value for key, value in numbers(report).items()})
+def library(task: Task, name: str, training: int) -> Artifact:
+    """The valid trajectories of one generator."""
+    inputs = {"gan": generator(task, name, training)}
+    if task.cfg.gan[name].seeded:
+        inputs["seeds"] = seed_set(task)  # for the diversity of both together
+    return task.artifact(
+        "library",
+        name,
+        partial(_make, name=name, training=training),
+        task.cfg.library,
+        inputs,
+        training=training,
+        title=f"library/{title(task, name, training)}",
+    )
 
 
-def _make(task: Task, name: str, training: int, folder: Path, work: Path, report: Report) -> None:
-    """Sample, check and keep until the library is full."""
+def _make(task: Task, build: Build, name: str, training: int) -> None:
     from sidegan.gan import TrajectoryGenerator
 
-    wanted = task.cfg.library
-    path = task.store.require(task.gan(name, task.cfg.gan[name], training)) / GENERATOR
-    generator = TrajectoryGenerator.load(path, task.arm)
+    settings = task.cfg.library
+    path = task.store.require(generator(task, name, training)) / GENERATOR
+    network = TrajectoryGenerator.load(path, task.arm)
     noise = torch.Generator().manual_seed(task.number(f"library {name}", training))
-    polish = Polish(wanted.polish, wanted.reserve) if wanted.polish else None
-    problem = Problem(task.constraints, task.trajectory)
-    kept: list[Tensor] = []
-    drawn = count = 0
-    while count < wanted.count and drawn < wanted.draws:
-        c = generator.sample(wanted.batch, noise)
-        c = c if polish is None else polish.improve(problem, c)
-        verdict = check(task.constraints, task.trajectory, c)
-        kept.append(c[verdict.valid])
-        drawn, count = drawn + len(c), count + len(kept[-1])
-        report(max(min(count, wanted.count), drawn * wanted.count // wanted.draws), wanted.count)
-    if count < wanted.count:
-        log.warning(
-            "%s gave %d valid trajectories in %d draws, %d were wanted", name, count, drawn, wanted.count
-        )
-    if not count:
-        worst = "; ".join(f"{n} violate {fault}" for fault, n in verdict.faults().most_common(3))
-        raise InfeasibleError(
-            f"none of {drawn} trajectories drawn from {name} is valid; of the last {len(c)}, {worst}"
-        )
-    made = measured(task.constraints, task.trajectory, torch.cat(kept)[: wanted.count], name)
-    made.save(folder / LIBRARY)
-    share = {"drawn": drawn, "valid_share": count / drawn}
-    known = {k: v for k, v in summary(made).items() if k != "valid"}
-    if variant(name, task.cfg.gan[name]).seeded:
-        known |= _union(task, made, noise)
-    write_json(folder / REPORT, share | known)
+    polish = Polish(settings.polish, settings.reserve) if settings.polish else None
+
+    def sample(count: int) -> Tensor:
+        c = network.sample(count, noise)
+        return c if polish is None else polish.improve(task.problem, c)
+
+    draws = draw_valid(
+        sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
+    ).require(1, f"drawn from {name}")
+    made = measured(task.constraints, task.trajectory, draws.coefficients, name)
+    made.save(build.folder / LIBRARY)
+    facts = {key: x for key, x in summary(made).items() if key != "valid"}
+    if task.cfg.gan[name].seeded:
+        facts |= _union(task, made, noise)
+    share = {"drawn": draws.drawn, "valid_share": draws.valid / draws.drawn}
+    write_json(build.folder / REPORT, share | facts)
 
 
-def _union(task: Task, made: Library, generator: torch.Generator) -> dict[str, float]:
+def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float]:
     """Diversity of the library and the seeds put together."""
-    both = load(task, task.seeds).merge(made)
-    shuffled = summary(both.take(torch.randperm(len(both), generator=generator)))
+    both = task.load(seed_set(task)).merge(made)
+    shuffled = summary(both.take(torch.randperm(len(both), generator=noise)))
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
+
+
+STAGE = Stage(lambda task: [library(task, *one) for one in generators(task)])

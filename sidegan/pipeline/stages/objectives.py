@@ -1,16 +1,26 @@
 """Stage objectives: exact physics with other objectives, a library and best sets from each."""
 
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import Task
-from sidegan.pipeline.plan_beyond import with_objectives
-from sidegan.pipeline.stages import best, gan, library
-from sidegan.pipeline.tracking import Tracker
+from collections.abc import Iterator
+
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.best import best_sets
+from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.pools import own_pools
+from sidegan.pipeline.stages.training import generator, generators
+from sidegan.pipeline.task import Task
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Train once with each objective, and judge what comes of it."""
-    other = with_objectives(Task(cfg, store))
-    gan.run(other.cfg, store, tracker)
-    library.run(other.cfg, store, tracker)
-    best.judge(other, other.short_sets(), tracker)
+def with_objectives(task: Task) -> Task:
+    """The same task with one training of each objective in place of the variants."""
+    return task.with_settings(gan=task.cfg.beyond.objectives, trainings=task.cfg.trainings[:1])
+
+
+def _artifacts(task: Task) -> Iterator[Artifact]:
+    other = with_objectives(task)
+    yield from (generator(other, *one) for one in generators(other))
+    yield from (library(other, *one) for one in generators(other))
+    yield from (best_sets(other, pool) for pool in own_pools(other))
+
+
+STAGE = Stage(_artifacts)

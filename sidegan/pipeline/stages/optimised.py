@@ -1,39 +1,40 @@
 """Stage optimised: seeds that use as much of the limits as exact variants do, the fair opponent of both."""
 
-import logging
-from functools import partial
-from pathlib import Path
+from dataclasses import replace
 
-from sidegan.base.storage import read_json, write_json
-from sidegan.design.problem import Problem
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import LIBRARY, REPORT, Task
-from sidegan.pipeline.stages.common import measured, numbers, summary, words
-from sidegan.pipeline.tracking import Tracker
-from sidegan.seeds import Gradient, Tasks, make_seeds
+from sidegan.base.storage import write_json
+from sidegan.library.measure import measured, summary
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.settings import Seeds
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.task import LIBRARY, REPORT, Task
+from sidegan.seeds import Tasks, make_seeds
 
-log = logging.getLogger(__name__)
+OPTIMISED = "optimised"
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Make as many as there are seeds, with little reserve."""
-    task = Task(cfg, store)
-    folder = store.produce(plan_beyond.optimised(task), partial(_make, task))
-    facts = numbers(read_json(folder / REPORT))
-    log.info("optimised with little reserve: %s", words(facts))
-    tracker.log_metrics({f"optimised/{key}": value for key, value in facts.items()})
+def optimised(task: Task) -> Artifact:
+    """As many optimised trajectories as there are seeds, with little reserve."""
+    return task.artifact("optimised", "gradient", _make, _settings(task), alone=True)
 
 
-def _make(task: Task, folder: Path, work: Path) -> None:
-    wanted = task.cfg.seeds
-    problem = Problem(task.constraints, task.trajectory, wanted.samples)
-    method = Gradient(steps=task.cfg.scale.seed_steps, reserve=task.cfg.beyond.reserve)
-    tasks = Tasks(wanted.count, wanted.batch, work, task.cfg.parallel.workers)
-    batch = make_seeds(problem, method, tasks, task.random("optimised"))
-    made = measured(task.constraints, task.trajectory, batch.coefficients, plan_beyond.OPTIMISED)
-    made.save(folder / LIBRARY)
-    told = {"attempts": batch.attempts, "failed": batch.failed, "cpu_seconds": batch.cpu_seconds}
-    known = {"valid_share": 1 - batch.failed / batch.attempts, "each": batch.cpu_seconds / len(made)}
-    write_json(folder / REPORT, {**summary(made), **told, **known})
+def _settings(task: Task) -> Seeds:
+    steps, reserve = task.cfg.scale.seed_steps, task.cfg.beyond.reserve
+    changes = {"ants": None, "evaluations": None, "fitness": "eigenvalue"}
+    return replace(task.cfg.seeds, method="gradient", steps=steps, reserve=reserve, **changes)
+
+
+def _make(task: Task, build: Build) -> None:
+    settings = _settings(task)
+    problem = settings.problem(task.constraints, task.trajectory)
+    tasks = Tasks(settings.count, settings.batch, build.work, task.cfg.parallel.workers)
+    batch = make_seeds(problem, settings.optimiser, tasks, task.random("optimised"))
+    library = measured(task.constraints, task.trajectory, batch.coefficients, OPTIMISED)
+    library.save(build.folder / LIBRARY)
+    build.costs |= {"cpu_seconds": batch.cpu_seconds, "each": batch.cpu_seconds / len(library)}
+    share = {"attempts": batch.attempts, "failed": batch.failed}
+    share["valid_share"] = 1 - batch.failed / batch.attempts
+    write_json(build.folder / REPORT, {**summary(library), **share})
+
+
+STAGE = Stage(lambda task: [optimised(task)])

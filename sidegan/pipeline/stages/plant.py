@@ -1,25 +1,24 @@
-"""Stage plant: execute every excitation set on the arm in MuJoCo, and identify from what was recorded."""
+"""Stage plant: every excitation set executed on the arm in MuJoCo, and the arm identified from what was recorded."""
 
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import torch
+from torch import Tensor
 
-from sidegan.base.parallel import Report
 from sidegan.base.storage import write_parquet
 from sidegan.identification import Measurements, Model, estimate, score
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import RESULTS, Task
-from sidegan.pipeline.stages.common import produce_all
-from sidegan.pipeline.stages.identification import excitation_set
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.identification import mean_errors
+from sidegan.pipeline.stages.pools import ExcitationSet
 from sidegan.pipeline.stages.random import random_valid
-from sidegan.pipeline.tracking import Tracker
-from sidegan.plant import Executed, PlantSettings, execute_all
+from sidegan.pipeline.stages.selection import excitation_sets
+from sidegan.pipeline.task import RESULTS, Task
+from sidegan.plant import Executed, execute_all
 from sidegan.recording import Recording, condition
 from sidegan.recording.settings import Settings
 from sidegan.report.tables import arrow
@@ -29,45 +28,44 @@ NAME = "MuJoCo plant"
 _METHODS = {False: "ols", True: "weighted"}
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Execute and identify every set."""
-    task = Task(cfg, store)
-    wanted = task.sets()
-    stamps = [task.plant(*one) for one in wanted]
-    produce_all(task, "plant (%)", stamps, [partial(_make, task, *one) for one in wanted])
-    for one, stamp in zip(wanted, stamps):
-        mean = pd.read_parquet(store.require(stamp) / RESULTS).groupby("weighted").nmse.mean()
-        names = {False: "unweighted", True: "weighted"}
-        title = task.named(*one)
-        tracker.log_metrics({f"plant/{title}/{names[bool(key)]}": value for key, value in mean.items()})
+def plant(task: Task, one: ExcitationSet) -> Artifact:
+    """What identification from one set is worth when the plant executes it."""
+    repeats = {"repeats": task.cfg.replication.repeats, "tests": task.cfg.identification.tests}
+    return task.artifact(
+        "plant",
+        one.name,
+        partial(_make, one=one),
+        asdict(task.cfg.plant) | repeats,
+        {one.source.maker: one.source},
+        training=one.training,
+        title=f"plant/{one.title}",
+        metrics=mean_errors,
+    )
 
 
-def _make(task: Task, name: str, training: int, folder: Path, work: Path, report: Report) -> None:
-    family, coefficients = excitation_set(task, name, training)
-    tests = random_valid(task, task.cfg.identification.tests, "tests")[0]
-    model = Model(task.body)
-    rows = []
-    repeats = task.cfg.replication.repeats
+def _make(task: Task, build: Build, one: ExcitationSet) -> None:
+    coefficients = task.load(one.source).coefficients
+    tests = random_valid(task, task.cfg.identification.tests, "tests").coefficients
+    model, rows, repeats = Model(task.body), [], task.cfg.replication.repeats
     for repeat in range(repeats):
-        training_data = _recorded(task, family, coefficients, f"plant {repeat}")
-        test_data = _recorded(task, task.trajectory, tests, f"plant tests {repeat}")
+        training = _recorded(task, one.family, coefficients, f"plant {repeat}")
+        test = _recorded(task, task.trajectory, tests, f"plant tests {repeat}")
         for weighted, method in _METHODS.items():
-            found = estimate(method, model, training_data)
-            errors = score(model, found.parameters, test_data).nmse.tolist()
-            joints = task.arm.joint_names
-            rows += [(name, training, repeat, weighted, joint, e) for joint, e in zip(joints, errors)]
-        report(repeat + 1, repeats)
+            parameters = estimate(method, model, training).parameters
+            errors = score(model, parameters, test).nmse.tolist()
+            key = (one.name, one.training or 0, repeat, weighted)
+            rows += [(*key, joint, error) for joint, error in zip(task.arm.joint_names, errors)]
+        build.report(repeat + 1, repeats)
     columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
-    write_parquet(folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
+    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
 
 
-def _recorded(task: Task, family: Trajectory, c: torch.Tensor, purpose: str) -> list[Measurements]:
-    """What the plant's sensors saw along every trajectory, conditioned as a real recording is."""
+def _recorded(task: Task, family: Trajectory, c: Tensor, purpose: str) -> list[Measurements]:
+    """What the plant's sensors saw along every trajectory, preprocessed as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
     settings = Settings(bandwidth=family.harmonics / family.period)
-    plant = PlantSettings(**asdict(task.cfg.plant))
     read = partial(measurements_of, arm=task.arm, settings=settings)
-    return execute_all(task.arm, plant, family, c, random, read, workers=1)
+    return execute_all(task.arm, task.cfg.plant, family, c, random, read, workers=1)
 
 
 def measurements_of(executed: Executed, arm: Arm, settings: Settings) -> Measurements:
@@ -76,3 +74,6 @@ def measurements_of(executed: Executed, arm: Arm, settings: Settings) -> Measure
     recording = Recording(NAME, arm.joint_names, *signals, torque=executed.torque)
     parts = list(zip(*condition(recording, settings)))[1:]
     return Measurements(*(torch.cat(part) for part in parts))
+
+
+STAGE = Stage(lambda task: [plant(task, one) for one in excitation_sets(task)])

@@ -1,119 +1,132 @@
 """Stage polish: what gradient steps on generated trajectories bring, and what they cost."""
 
-import logging
 import time
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import torch
-from torch import Tensor
+from torch import Generator, Tensor
 
 from sidegan.base.parallel import Job, Report, run_jobs
-from sidegan.base.storage import read_json, write_json, write_parquet
+from sidegan.base.storage import write_json, write_parquet
 from sidegan.design.polish import Polish
-from sidegan.design.problem import Problem
-from sidegan.errors import InfeasibleError
-from sidegan.gan import TrajectoryGenerator
+from sidegan.errors import ConfigError
 from sidegan.gan.metrics import measure
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import GENERATOR, LIBRARY, RANDOM, REPORT, RESULTS, Task
-from sidegan.pipeline.stages.common import measured, produce_all, summary, words
-from sidegan.pipeline.tracking import Tracker
+from sidegan.library.draw import draw_valid
+from sidegan.library.measure import measured, summary
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.pools import RANDOM
+from sidegan.pipeline.stages.training import generator, title
+from sidegan.pipeline.task import GENERATOR, LIBRARY, REPORT, RESULTS, Task
 from sidegan.report.tables import arrow
 from sidegan.seeds import Gradient
-from sidegan.validity import check
 
-log = logging.getLogger(__name__)
-
+POLISHED = "polished"
 _SPARE = 8  # drawn beyond what is missing: a few stay invalid
 _MOST = 20  # draws per trajectory wanted
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Measure the curve, and polish a library from every training."""
-    task = Task(cfg, store)
-    stamps = [plan_beyond.polished(task, training) for training in cfg.trainings]
-    makes = [partial(_library, task, training) for training in cfg.trainings]
-    produce_all(task, "polished libraries (%)", stamps, makes)
-    for training, stamp in zip(cfg.trainings, stamps):
-        log.info("polished library %d: %s", training, words(read_json(store.require(stamp) / REPORT)))
-    folder = store.produce(plan_beyond.polish(task), partial(_make, task))
-    for row in pd.read_parquet(folder / RESULTS).to_dict("records"):
-        log.info(
-            "%s, %d steps: cond %.4g, %.1f %% valid, %.3g CPU s each",
-            row["start"],
-            row["steps"],
-            row["condition"],
-            100 * row["success"],
-            row["seconds"],
-        )
+def source(task: Task, training: int | None = None) -> Artifact:
+    """The generator that is polished and transferred; its first training when None.
+
+    Raises:
+        ConfigError: when it is not trained.
+    """
+    name = task.cfg.beyond.source
+    if name not in task.cfg.gan:
+        raise ConfigError(f"beyond.source is {name!r}, expected one of gan: {', '.join(task.cfg.gan)}")
+    return generator(task, name, task.cfg.trainings[0] if training is None else training)
 
 
-def _make(task: Task, folder: Path, work: Path) -> None:
-    wanted, path = task.cfg.beyond, task.store.require(plan_beyond.source_stamp(task))
-    jobs: list[Job] = [partial(_polished, task, path / GENERATOR, steps) for steps in [0, *wanted.steps]]
-    jobs += [partial(_optimised, task, steps) for steps in wanted.steps]
-    rows = run_jobs("polish (%)", jobs, task.cfg.parallel.workers)
-    write_parquet(folder / RESULTS, arrow(pd.DataFrame(rows)))
-
-
-def _library(task: Task, training: int, folder: Path, work: Path, report: Report) -> None:
-    """As many polished valid trajectories as there are seeds, and what they cost."""
-    count, problem = task.cfg.seeds.count, _problem(task)
-    path = task.store.require(plan_beyond.source_stamp(task, training)) / GENERATOR
-    generator = TrajectoryGenerator.load(path, task.arm)
-    noise = torch.Generator().manual_seed(task.number("polished", training))
-    began = time.process_time()
-    kept: list[Tensor] = []
-    drawn = found = 0
-    while found < count and drawn < _MOST * count:
-        few = min(task.cfg.library.batch, _SPARE + count - found)
-        c = Polish(task.cfg.beyond.finish).improve(problem, generator.sample(few, noise))
-        kept.append(c[check(task.constraints, task.trajectory, c).valid])
-        drawn, found = drawn + len(c), found + len(kept[-1])
-        report(min(found, count), count)
-    if found < task.cfg.selection.count:
-        raise InfeasibleError(
-            f"of {drawn} polished trajectories of {plan_beyond.source(task)} {found} are valid"
-        )
-    spent = time.process_time() - began
-    made = measured(task.constraints, task.trajectory, torch.cat(kept)[:count], plan_beyond.POLISHED)
-    made.save(folder / LIBRARY)
-    share = {"drawn": drawn, "valid_share": found / drawn, "each": spent / found}
-    write_json(folder / REPORT, share | summary(made))
-
-
-def _polished(task: Task, path: Path, steps: int, report: Report) -> dict[str, Any]:
-    """Quality and cost of generated trajectories after so many steps."""
-    count, problem, generator = (
-        task.cfg.beyond.polished,
-        _problem(task),
-        TrajectoryGenerator.load(path, task.arm),
+def polish_curve(task: Task) -> Artifact:
+    """Quality against gradient steps; what they took is a cost."""
+    settings = {"steps": task.cfg.beyond.steps, "count": task.cfg.beyond.polished}
+    inputs = {"gan": source(task)}
+    return task.artifact(
+        "polish", task.cfg.beyond.source, _curve, settings, inputs, metrics=_metrics, alone=True
     )
-    Polish(1).improve(problem, generator.sample(2))  # what is made once does not count
+
+
+def polished(task: Task, training: int) -> Artifact:
+    """A library of polished trajectories."""
+    settings = {"steps": task.cfg.beyond.finish, "count": task.cfg.seeds.count}
+    settings |= {"batch": task.cfg.library.batch, "least": task.cfg.selection.count}
+    inputs = {"gan": source(task, training)}
+    return task.artifact(
+        "polished",
+        task.cfg.beyond.source,
+        partial(_library, training=training),
+        settings,
+        inputs,
+        training=training,
+        title=title(task, POLISHED, training),
+    )
+
+
+def _metrics(folder: Path) -> dict[str, float]:
+    rows = pd.read_parquet(folder / RESULTS)
+    return {f"{row.start}/{row.steps} steps": row.condition for row in rows.itertuples()}
+
+
+def _library(task: Task, build: Build, training: int) -> None:
+    """As many polished valid trajectories as there are seeds."""
+    from sidegan.gan import TrajectoryGenerator
+
+    count, problem = task.cfg.seeds.count, task.problem
+    network = TrajectoryGenerator.load(task.store.require(source(task, training)) / GENERATOR, task.arm)
+    noise, finish = Generator().manual_seed(task.number("polished", training)), Polish(task.cfg.beyond.finish)
     began = time.process_time()
-    c = generator.sample(count, task.number("polish"))
+    draws = draw_valid(
+        lambda number: finish.improve(problem, network.sample(number, noise)),
+        task.check,
+        count,
+        task.cfg.library.batch,
+        _MOST * count,
+        _SPARE,
+        build.report,
+    ).require(task.cfg.selection.count, f"polished from {task.cfg.beyond.source}")
+    build.costs["each"] = (time.process_time() - began) / draws.valid
+    library = measured(task.constraints, task.trajectory, draws.coefficients, POLISHED)
+    library.save(build.folder / LIBRARY)
+    share = {"drawn": draws.drawn, "valid_share": draws.valid / draws.drawn}
+    write_json(build.folder / REPORT, share | summary(library))
+
+
+def _curve(task: Task, build: Build) -> None:
+    steps = task.cfg.beyond.steps
+    jobs: list[Job] = [partial(_polished, task, number) for number in [0, *steps]]
+    jobs += [partial(_optimised, task, number) for number in steps]
+    rows = run_jobs("polish (%)", jobs, task.cfg.parallel.workers)
+    build.costs["each"] = [row.pop("seconds") for row in rows]
+    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
+
+
+def _polished(task: Task, steps: int, report: Report) -> dict[str, Any]:
+    """Quality and cost of generated trajectories after so many steps."""
+    from sidegan.gan import TrajectoryGenerator
+
+    problem = task.problem
+    network = TrajectoryGenerator.load(task.store.require(source(task)) / GENERATOR, task.arm)
+    Polish(1).improve(problem, network.sample(2))  # what is made once does not count
+    began = time.process_time()
+    c = network.sample(task.cfg.beyond.polished, task.number("polish"))
     if steps:
         c = Polish(steps).improve(problem, c)
-    spent = time.process_time() - began
-    return _row(task, plan_beyond.source(task), steps, c, spent)
+    return _row(task, task.cfg.beyond.source, steps, c, time.process_time() - began)
 
 
 def _optimised(task: Task, steps: int, report: Report) -> dict[str, Any]:
     """The same of the seeds' optimiser from random starts, with the same reserve."""
-    count = task.cfg.beyond.polished
-    problem, random = _problem(task), task.random("polish from random")
-    Gradient(steps=1, attempts=1).optimise(problem, 2, random)
+    count, problem, random = task.cfg.beyond.polished, task.problem, task.random("polish from random")
+    reserve = Polish(1).reserve
+    Gradient(steps=1, attempts=1, reserve=reserve).optimise(problem, 2, random)
     began = time.process_time()
-    method = Gradient(steps=steps, attempts=1, reserve=Polish(1).reserve)
-    found = method.optimise(problem, count, random)
-    spent = time.process_time() - began
-    row = _row(task, RANDOM, steps, found.coefficients, spent * len(found) / count)
-    return row | {"success": len(found) / count}
+    batch = Gradient(steps=steps, attempts=1, reserve=reserve).optimise(problem, count, random)
+    share = len(batch) / count
+    row = _row(task, RANDOM, steps, batch.coefficients, (time.process_time() - began) * share)
+    return row | {"success": share}
 
 
 def _row(task: Task, start: str, steps: int, c: Tensor, spent: float) -> dict[str, Any]:
@@ -124,5 +137,4 @@ def _row(task: Task, start: str, steps: int, c: Tensor, spent: float) -> dict[st
     return {"start": start, "steps": steps, "seconds": spent / len(c), **facts}
 
 
-def _problem(task: Task) -> Problem:
-    return Problem(task.constraints, task.trajectory)
+STAGE = Stage(lambda task: [*(polished(task, k) for k in task.cfg.trainings), polish_curve(task)])

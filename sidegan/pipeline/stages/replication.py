@@ -1,89 +1,105 @@
-"""Stage replication: identify from whole sets with noise on everything, and from the seeds measured again."""
+"""Stage replication: identification from whole sets with noise on everything, and from the seeds measured again."""
 
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch, write_parquet, write_torch
-from sidegan.errors import ArtifactError
+from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
 from sidegan.identification.replication import combined, measured_sums
 from sidegan.identification.sums import Sums
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import FACTS, RESULTS, SEEDS, SUMS, Task, study_settings
-from sidegan.pipeline.stages.common import load, produce_all
+from sidegan.pipeline.graph import Artifact, Build, Metrics
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.pools import SEEDS, Pool, own_pools
 from sidegan.pipeline.stages.random import random_valid
-from sidegan.pipeline.tracking import Tracker
+from sidegan.pipeline.stages.training import title
+from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
+SUMS = "sums.pt"
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Measure the seeds and every library, then identify from each combination."""
-    task = Task(cfg, store)
-    wanted = task.measured_sets()
-    stamps = [task.sums(*one) for one in wanted]
-    produce_all(task, "measurements (%)", stamps, [partial(_measure, task, *one) for one in wanted])
-    folder = store.produce(task.replication, partial(_combine, task))
-    frame = pd.read_parquet(folder / RESULTS)
-    mean = frame[~frame.weighted].groupby(["set", "training"], as_index=False).nmse.mean()
-    tracker.log_metrics(
-        {f"nmse/whole {task.named(n, k)}": value for n, k, value in mean.itertuples(index=False)}
+
+def whole_sets(task: Task) -> list[Pool]:
+    """Every whole set that is measured: the seeds and each library."""
+    return own_pools(task)[1:]
+
+
+def sums(task: Task, pool: Pool) -> Artifact:
+    """The sums of the noisy measurements of a whole set."""
+    settings = asdict(task.cfg.replication) | {"rate": task.cfg.identification.rate}
+    settings["replicas"] = _replicas(task, pool)
+    make = partial(_measure, pool=pool)
+    return task.artifact("sums", pool.name, make, settings, pool.inputs, training=pool.training)
+
+
+def replication(task: Task) -> Artifact:
+    """What identification from each combination of whole sets is worth."""
+    inputs = {f"{one.name} {one.training or 0}": sums(task, one) for one in whole_sets(task)}
+    settings = asdict(task.cfg.identification) | asdict(task.cfg.replication)
+    metrics = partial(_mean_errors, task)
+    return task.artifact(
+        "replication", "-".join(task.cfg.gan), _combine, settings, inputs, title="nmse", metrics=metrics
     )
 
 
-def _measure(task: Task, name: str, training: int, folder: Path, work: Path, report: Report) -> None:
+def _replicas(task: Task, pool: Pool) -> int:
+    """How often a set is measured; the seeds as often as they are replicated."""
+    return max(task.cfg.replication.replicas) if pool.name == SEEDS else 1
+
+
+def _mean_errors(task: Task, folder: Path) -> Metrics:
+    frame = pd.read_parquet(folder / RESULTS)
+    mean = frame[~frame.weighted].groupby(["set", "training"], as_index=False).nmse.mean()
+    return {
+        f"whole {title(task, n, k if n in task.cfg.gan else None)}": x
+        for n, k, x in mean.itertuples(index=False)
+    }
+
+
+def _measure(task: Task, build: Build, pool: Pool) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
-    wanted = task.cfg.replication
-    library = load(task, task.seeds if name == SEEDS else task.library(name, training))
-    replicas = max(wanted.replicas) if name == SEEDS else 1
-    settings = study_settings(task.cfg.identification, wanted.noise)
-    total = wanted.repeats * replicas
-    for repeat in range(wanted.repeats):
-        for replica in range(replicas):
-            path, done = work / f"{repeat}-{replica}.pt", repeat * replicas + replica
-            if not _readable(path):
-                random = task.random(f"measured {name} {repeat} {replica}", training)
-                physics = (task.body, task.trajectory, library.coefficients)
-                sums = measured_sums(*physics, settings, random, partial(_told, report, done, total))
-                write_torch(path, sums._asdict())
-            report(done + 1, total)
-    parts = {(r, k): read_torch(work / f"{r}-{k}.pt") for r in range(wanted.repeats) for k in range(replicas)}
-    write_torch(folder / SUMS, [[parts[r, k] for k in range(replicas)] for r in range(wanted.repeats)])
+    settings, replicas, library = task.cfg.replication, _replicas(task, pool), pool.load(task)
+    parts = {(r, k): build.work / f"{r}-{k}.pt" for r in range(settings.repeats) for k in range(replicas)}
+    for done, ((repeat, replica), path) in enumerate(parts.items()):
+        if not readable(path):
+            random = task.random(f"measured {pool.name} {repeat} {replica}", pool.training)
+            physics = (task.body, task.trajectory, library.coefficients)
+            study = task.cfg.identification.with_noise(settings.noise)
+            report = partial(_report_part, build.report, done, len(parts))
+            write_torch(path, measured_sums(*physics, study, random, report)._asdict())
+        build.report(done + 1, len(parts))
+    draws = [[read_torch(parts[r, k]) for k in range(replicas)] for r in range(settings.repeats)]
+    write_torch(build.folder / SUMS, draws)
 
 
-def _told(report: Report, before: int, total: int, done: int, count: int) -> None:
+def _report_part(report: Report, before: int, total: int, done: int, count: int) -> None:
     report(before * count + done, total * count)
 
 
-def _combine(task: Task, folder: Path, work: Path) -> None:
-    wanted, trainings = task.cfg.replication, task.cfg.trainings
-    settings = study_settings(task.cfg.identification, wanted.noise)
-    tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests")[0])
-    seeds = _sums(task, SEEDS, 0)
-    tables: list[tuple[pd.DataFrame, pd.DataFrame]] = []
-    for repeat in range(wanted.repeats):
-        replicated = {f"{SEEDS} ×{k}": seeds[repeat][:k] for k in wanted.replicas}
-        jobs = [(0, replicated)]
-        for training in trainings:
-            grown = {n: [seeds[repeat][0], *_sums(task, n, training)[repeat]] for n in task.cfg.gan}
-            jobs.append((training, grown))
+def _combine(task: Task, build: Build) -> None:
+    settings = task.cfg.replication
+    study = task.cfg.identification.with_noise(settings.noise)
+    tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests").coefficients)
+    seeds, *libraries = ((one, _sums(task, one)) for one in whole_sets(task))
+    tables: list[tuple[pd.DataFrame, ...]] = []
+    for repeat in range(settings.repeats):
+        first = seeds[1][repeat]
+        jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas})]
+        for training in task.cfg.trainings:
+            of_training = [(pool, draws) for pool, draws in libraries if pool.training == training]
+            jobs.append((training, {pool.name: [first[0], *draws[repeat]] for pool, draws in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, settings)
-            tables.append(tuple(f.assign(training=training, repeat=repeat) for f in frames))  # type: ignore[arg-type]
+            frames = combined(task.body, sets, tests, study)
+            tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
-        write_parquet(folder / file, arrow(pd.concat(part, ignore_index=True)))
+        write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
 
 
-def _sums(task: Task, name: str, training: int) -> list[list[Sums]]:
-    stored = read_torch(task.store.require(task.sums(name, training)) / SUMS)
-    return [[Sums(**part) for part in draw] for draw in stored]
+def _sums(task: Task, pool: Pool) -> list[list[Sums]]:
+    draws = read_torch(task.store.require(sums(task, pool)) / SUMS)
+    return [[Sums(**part) for part in draw] for draw in draws]
 
 
-def _readable(path: Path) -> bool:
-    try:
-        read_torch(path)
-    except ArtifactError:
-        return False
-    return True
+STAGE = Stage(lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)])

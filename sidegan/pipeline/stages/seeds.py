@@ -1,45 +1,30 @@
-"""Stage seeds: make the seed set by the configured optimiser."""
+"""Stage seeds: the seed set, by the configured optimiser."""
 
-import logging
-from functools import partial
-from pathlib import Path
-
-from sidegan.base.storage import read_json, write_json
-from sidegan.design.problem import Problem
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import LIBRARY, REPORT, Task
-from sidegan.pipeline.stages.common import measured, numbers, summary, words
-from sidegan.pipeline.tracking import Tracker
-from sidegan.seeds import Tasks, make_seeds, method_of
-
-log = logging.getLogger(__name__)
+from sidegan.base.storage import write_json
+from sidegan.library.measure import measured, summary
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.task import LIBRARY, REPORT, Task
+from sidegan.seeds import Tasks, make_seeds
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Make the seed set."""
-    task = Task(cfg, store)
-    task.constraints.refuse_home(task.trajectory.home or ())  # before anything is written
-    facts = make(task)
-    log.info("seeds: %s", words(facts))
-    tracker.log_metrics({f"seeds/{key}": value for key, value in facts.items()})
+def seed_set(task: Task, title: str = "seeds") -> Artifact:
+    """The seed set."""
+    settings = task.cfg.seeds
+    label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
+    return task.artifact("seeds", label, _make, settings, title=title, alone=True)
 
 
-def make(task: Task) -> dict[str, float]:
-    """Make the task's seeds unless they are there; what is known of them."""
-    folder = task.store.produce(task.seeds, partial(_make, task))
-    return numbers(read_json(folder / REPORT))
+def _make(task: Task, build: Build) -> None:
+    settings = task.cfg.seeds
+    problem = settings.problem(task.constraints, task.trajectory)
+    tasks = Tasks(settings.count, settings.batch, build.work, task.cfg.parallel.workers)
+    batch = make_seeds(problem, settings.optimiser, tasks, task.random("seeds"))
+    library = measured(task.constraints, task.trajectory, batch.coefficients, settings.method)
+    library.save(build.folder / LIBRARY)
+    build.costs["cpu_seconds"] = batch.cpu_seconds
+    attempts = {"attempts": batch.attempts, "failed": batch.failed, "faults": batch.faults}
+    write_json(build.folder / REPORT, {**summary(library), **attempts})
 
 
-def _make(task: Task, folder: Path, work: Path) -> None:
-    wanted, diagonal = task.cfg.seeds, task.cfg.seeds.fitness == "diagonal"
-    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations, "reserve": wanted.reserve}
-    options = {key: value for key, value in extra.items() if value is not None}
-    method = method_of(wanted.method, wanted.steps, wanted.attempts, **options)
-    problem = Problem(task.constraints, task.trajectory, wanted.samples, diagonal)
-    tasks = Tasks(wanted.count, wanted.batch, work, task.cfg.parallel.workers)
-    batch = make_seeds(problem, method, tasks, task.random("seeds"))
-    library = measured(task.constraints, task.trajectory, batch.coefficients, wanted.method)
-    library.save(folder / LIBRARY)
-    report = {"attempts": batch.attempts, "failed": batch.failed, "cpu_seconds": batch.cpu_seconds}
-    write_json(folder / REPORT, {**summary(library), **report, "faults": batch.faults})
+STAGE = Stage(lambda task: [seed_set(task)])

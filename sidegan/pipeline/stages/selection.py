@@ -1,53 +1,57 @@
-"""Stage selection: pick the excitation sets from the seeds, and from the seeds and each library."""
+"""Stage selection: the excitation sets, picked from the seeds, and from the seeds with each library."""
 
-import logging
 from functools import partial
 from pathlib import Path
 
-import torch
+import pandas as pd
 from torch import Tensor
 
-from sidegan.design.greedy import greedy
-from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal, exchange
+from sidegan.design.selection import choose
 from sidegan.library import Library
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import LIBRARY, RANDOM, SEEDS, Task
-from sidegan.pipeline.stages.common import load
-from sidegan.pipeline.tracking import Tracker
-
-log = logging.getLogger(__name__)
+from sidegan.pipeline.graph import Artifact, Build, Metrics
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.pools import ExcitationSet, Pool, long_sets, pools
+from sidegan.pipeline.task import LIBRARY, Task
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Pick every set."""
-    task = Task(cfg, store)
-    for name, training in task.short_sets():
-        folder = store.produce(task.selection(name, training), partial(_make, task, name, training))
-        chosen, title = Library.load(folder / LIBRARY, task.arm), task.named(name, training)
-        new = sum(source != cfg.seeds.method for source in chosen.source)
-        log.info("selection from %s: %d, %d of them not seeds", title, len(chosen), new)
-        tracker.log_metrics({f"selection/{title}/generated": new})
+def selection(task: Task, pool: Pool) -> Artifact:
+    """The set picked from a pool."""
+    method = task.cfg.selection.method
+    return task.artifact(
+        "selection",
+        pool.name if method == "greedy" else f"{pool.name}-{method}",
+        partial(_make, pool=pool),
+        task.cfg.selection,
+        pool.inputs,
+        training=pool.training,
+        title=f"selection/{pool.title}",
+        metrics=partial(_generated, task.cfg.seeds.method),
+    )
 
 
-def _make(task: Task, name: str, training: int, folder: Path, work: Path) -> None:
-    pool = load(task, task.random_set if name == RANDOM else task.seeds)
-    if name not in (SEEDS, RANDOM):
-        pool = pool.merge(load(task, task.library(name, training)))
-    pool.take(pick(task, pool)).save(folder / LIBRARY)
+def excitation_sets(task: Task) -> list[ExcitationSet]:
+    """Every set that is compared: the single long trajectories, and what was picked from each pool."""
+    picked = [
+        ExcitationSet(one.name, one.training, one.title, task.trajectory, selection(task, one))
+        for one in pools(task)
+    ]
+    return [*long_sets(task), *picked]
 
 
-def pick(task: Task, pool: Library) -> Tensor:
-    """Indices of the configured pick from a pool, in the order of choice, (count,)."""
-    wanted = task.cfg.selection
-    if wanted.method == "greedy":
-        return greedy(pool.diagonal, wanted.count)
-    noise = None if wanted.noise is None else torch.tensor(wanted.noise, dtype=torch.float64)
-    information = information_of(task.body, task.trajectory, pool.coefficients, deviation=noise)
-    if wanted.method == "a_optimal":
-        return a_optimal(information, wanted.count)
-    if wanted.method == "prediction":
-        return a_optimal(information, wanted.count, target=information.mean)
-    chosen = d_optimal(information, wanted.count)
-    return exchange(information, chosen) if wanted.method == "d_exchange" else chosen
+def pick(task: Task, library: Library) -> Tensor:
+    """Indices of the configured pick from a library, in the order of choice, (count,)."""
+    return choose(task.cfg.selection, task.body, task.trajectory, library.coefficients, library.diagonal)
+
+
+def _make(task: Task, build: Build, pool: Pool) -> None:
+    library = pool.load(task)
+    library.take(pick(task, library)).save(build.folder / LIBRARY)
+
+
+def _generated(seeds: str, folder: Path) -> Metrics:
+    """How many of a set are not seeds."""
+    source = pd.read_parquet(folder / LIBRARY, columns=["source"]).source
+    return {"generated": int((source != seeds).sum())}
+
+
+STAGE = Stage(lambda task: [selection(task, pool) for pool in pools(task)])

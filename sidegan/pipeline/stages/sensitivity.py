@@ -1,7 +1,7 @@
-"""Stage sensitivity: compare the excitation sets again, with one setting changed at a time."""
+"""Stage sensitivity: the excitation sets compared again, with one setting changed at a time."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -9,18 +9,21 @@ import pandas as pd
 import torch
 
 from sidegan.base.parallel import Job, Report, run_jobs
-from sidegan.base.storage import read_torch, write_parquet, write_torch
+from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
 from sidegan.design.greedy import greedy
-from sidegan.errors import ArtifactError, SideganError
-from sidegan.identification import Noise, study
+from sidegan.identification import study
 from sidegan.library import Library
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import RANDOM, RESULTS, SEEDS, Task, study_settings
-from sidegan.pipeline.stages.common import load
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.kinds import kind
+from sidegan.pipeline.stages.pools import SEEDS, Pool, pools
 from sidegan.pipeline.stages.random import random_valid
-from sidegan.pipeline.tracking import Tracker
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.settings import Identification
+from sidegan.pipeline.task import RESULTS, Task
 from sidegan.report.tables import arrow
+
+_DIAGONAL = "diagonal"  # kind of seeds optimised for the other fitness
 
 
 @dataclass(frozen=True)
@@ -29,76 +32,77 @@ class Alternative:
 
     factor: str
     value: str
-    settings: study.Settings
+    settings: Identification
     count: int
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Compare with every alternative."""
-    task = Task(cfg, store)
-    store.produce(task.sensitivity, partial(_make, task))
+def sensitivity(task: Task) -> Artifact:
+    """The comparison repeated with every alternative."""
+    settings = {**asdict(task.cfg.identification), **asdict(task.cfg.sensitivity)}
+    settings["count"] = task.cfg.selection.count
+    inputs = {f"{one.title} {part.maker}": part for one in compared(task) for part in one.parts}
+    label = "-".join(task.cfg.gan)
+    return task.artifact("sensitivity", label, _make, settings, inputs, metrics=_none, alone=True)
 
 
 def alternatives(task: Task) -> Iterator[Alternative]:
     """Every change, one at a time, the unchanged comparison first."""
-    wanted, count = task.cfg.sensitivity, task.cfg.selection.count
-    usual = replace(study_settings(task.cfg.identification), repeats=wanted.repeats)
+    changes, count = task.cfg.sensitivity, task.cfg.selection.count
+    usual = replace(task.cfg.identification, repeats=changes.repeats)
     yield Alternative("none", "as in experiment 1", usual, count)
-    for name, model in wanted.noises.items():
-        noise = Noise(model.kind, model.level, model.torque, model.state)
+    for name, noise in changes.noises.items():
         yield Alternative("noise", name, replace(usual, noise=noise), count)
-    for prior in wanted.priors:
+    for prior in changes.priors:
         yield Alternative("prior", f"{prior:g}", replace(usual, prior=prior), count)
-    for number in wanted.counts:
+    for number in changes.counts:
         yield Alternative("count", str(number), usual, number)
 
 
-def pools(task: Task) -> list[tuple[str, int]]:
-    """Name and training of every pool that sets are picked from."""
-    small = task.cfg.kinds["diagonal"].count if "diagonal" in task.cfg.kinds else 0
-    kinds = [("seeds, eigenvalue", 0), ("seeds, diagonal", 0)] if small else []
-    return [*task.short_sets(), *kinds]
+def compared(task: Task) -> list[Pool]:
+    """Every pool that sets are picked from; seeds of both fitnesses where there are any of the other."""
+    if _DIAGONAL not in task.cfg.kinds:
+        return pools(task)
+    diagonal = Pool("seeds, diagonal", None, "seeds, diagonal", (kind(task, _DIAGONAL),))
+    eigenvalue = Pool("seeds, eigenvalue", None, "seeds, eigenvalue", (seed_set(task),))
+    return [*pools(task), eigenvalue, diagonal]
 
 
-def _make(task: Task, folder: Path, work: Path) -> None:
-    options = [(change, *pool) for change in alternatives(task) for pool in pools(task)]
-    jobs: list[Job] = [partial(_compare, task, *one, work / f"{i}.pt") for i, one in enumerate(options)]
+def _none(folder: Path) -> dict[str, float]:
+    return {}
+
+
+def _make(task: Task, build: Build) -> None:
+    options = [(change, pool) for change in alternatives(task) for pool in compared(task)]
+    jobs: list[Job] = [partial(_compare, task, *one, build.work / f"{i}.pt") for i, one in enumerate(options)]
     frames = run_jobs("sensitivity (%)", jobs, task.cfg.parallel.workers)
-    known = [frame for frame in frames if frame is not None]
-    write_parquet(folder / RESULTS, arrow(pd.concat(known, ignore_index=True)))
+    results = [frame for frame in frames if frame is not None]
+    write_parquet(build.folder / RESULTS, arrow(pd.concat(results, ignore_index=True)))
 
 
-def _compare(
-    task: Task, change: Alternative, name: str, training: int, path: Path, report: Report
-) -> pd.DataFrame | None:
-    pool = _pool(task, name, training)
-    if len(pool) < change.count:
+def _compare(task: Task, change: Alternative, pool: Pool, path: Path, report: Report) -> pd.DataFrame | None:
+    """The comparison of one pool; None where it holds fewer trajectories than are picked."""
+    library = _trajectories(task, pool)
+    if len(library) < change.count:
         report(1, 1)
         return None
-    try:
-        rows = read_torch(path)
-    except ArtifactError:
-        chosen = pool.take(greedy(pool.diagonal, change.count)).coefficients
-        tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests")[0])
-        sets = {name: (task.trajectory, chosen)}
-        made = study.compare(task.body, sets, tests, change.settings, task.random("sensitivity"), report)
-        both = made[0].merge(made[1], on=["set", "repeat"])
-        both = both.assign(factor=change.factor, value=change.value, training=training)
-        rows = both.to_dict("list")
-        write_torch(path, rows)
-    return pd.DataFrame(rows)
+    if not readable(path):
+        chosen = library.take(greedy(library.diagonal, change.count)).coefficients
+        tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests").coefficients)
+        sets = {pool.name: (task.trajectory, chosen)}
+        frames = study.compare(task.body, sets, tests, change.settings, task.random("sensitivity"), report)
+        both = frames[0].merge(frames[1], on=["set", "repeat"])
+        both = both.assign(factor=change.factor, value=change.value, training=pool.training or 0)
+        write_torch(path, both.to_dict("list"))
+    return pd.DataFrame(read_torch(path))
 
 
-def _pool(task: Task, name: str, training: int) -> Library:
-    if name == RANDOM:
-        return load(task, task.random_set)
-    if name == "seeds, diagonal":
-        return load(task, task.kind("diagonal").seeds)
-    seeds = load(task, task.seeds)
-    if name == SEEDS:
-        return seeds
-    if name == "seeds, eigenvalue":  # as many as there are of the other kind
-        return seeds.take(torch.arange(min(len(seeds), task.cfg.kinds["diagonal"].count)))
-    if name not in task.cfg.gan:
-        raise SideganError(f"there is no pool {name!r}")
-    return seeds.merge(load(task, task.library(name, training)))
+def _trajectories(task: Task, pool: Pool) -> Library:
+    library = pool.load(task)
+    if pool.name != f"{SEEDS}, eigenvalue":
+        return library
+    return library.take(
+        torch.arange(min(len(library), task.cfg.kinds[_DIAGONAL].count))
+    )  # as many as the others
+
+
+STAGE = Stage(lambda task: [sensitivity(task)])

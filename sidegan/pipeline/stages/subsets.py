@@ -1,20 +1,27 @@
-"""Stage subsets: the variants trained on fewer seeds."""
+"""Stage subsets: surrogates and variants on fewer seeds."""
 
-import logging
+from collections.abc import Iterator
 
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import Task, with_subset
-from sidegan.pipeline.stages import gan, surrogates
-from sidegan.pipeline.tracking import Tracker
-
-log = logging.getLogger(__name__)
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.training import generator, generators, needed_surrogates, surrogates
+from sidegan.pipeline.task import Task
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Train surrogates and variants on every size."""
-    for size in cfg.discussion.sizes:
-        log.info("on %d seeds", size)
-        smaller = with_subset(Task(cfg, store), size).cfg
-        surrogates.run(smaller, store, tracker)
-        gan.run(smaller, store, tracker)
+def on_subset(task: Task, size: int) -> Task:
+    """The same task, trained on so many of the seeds; on all of them it is the task itself."""
+    if size >= task.cfg.seeds.count:
+        return task
+    variants = {name: one for name, one in task.cfg.gan.items() if one.features != "none"} or task.cfg.gan
+    return task.with_settings(subset=size, gan=variants, trainings=task.cfg.scale.side_trainings)
+
+
+def _artifacts(task: Task) -> Iterator[Artifact]:
+    for size in task.cfg.discussion.sizes:
+        smaller = on_subset(task, size)
+        if needed := needed_surrogates(smaller, smaller.cfg.gan.values()):
+            yield from (*needed, surrogates(smaller, "broad"))
+        yield from (generator(smaller, *one) for one in generators(smaller))
+
+
+STAGE = Stage(_artifacts)

@@ -1,6 +1,5 @@
 """Stage timing: how fast the generators are on this machine, one thread."""
 
-import logging
 import os
 import platform
 import time
@@ -10,46 +9,40 @@ from pathlib import Path
 
 import torch
 
-from sidegan.base.storage import read_json, write_json
-from sidegan.gan import TrajectoryGenerator
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import GENERATOR, REPORT, Task
-from sidegan.pipeline.stages.common import words
-from sidegan.pipeline.tracking import Tracker
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.training import generator
+from sidegan.pipeline.task import GENERATOR, Task
 from sidegan.validity import check
-
-log = logging.getLogger(__name__)
 
 _BATCH = 1000
 _SECONDS = 3.0  # [s] of every measurement
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Time the first training of every variant."""
-    task = Task(cfg, store)
-    for name in cfg.gan:
-        folder = store.produce(task.timing(name, cfg.trainings[0]), partial(_make, task, name))
-        report = read_json(folder / REPORT)
-        log.info("speed of %s: %s", name, words(report))
-        numbers = {key: value for key, value in report.items() if isinstance(value, float)}
-        tracker.log_metrics({f"timing/{name}/{key}": value for key, value in numbers.items()})
+def timing(task: Task, name: str) -> Artifact:
+    """The speed of the first training of a variant; its numbers are costs, since they depend on the machine."""
+    training = task.cfg.trainings[0]
+    inputs = {"gan": generator(task, name, training)}
+    make = partial(_make, name=name)
+    return task.artifact("timing", name, make, {}, inputs, training=training, title=f"timing/{name}")
 
 
-def _make(task: Task, name: str, folder: Path, work: Path) -> None:
-    path = task.store.require(task.gan(name, task.cfg.gan[name], task.cfg.trainings[0])) / GENERATOR
-    generator = TrajectoryGenerator.load(path, task.arm)
+def _make(task: Task, build: Build, name: str) -> None:
+    from sidegan.gan import TrajectoryGenerator
+
+    path = task.store.require(generator(task, name, task.cfg.trainings[0])) / GENERATOR
+    network = TrajectoryGenerator.load(path, task.arm)
     noise = torch.Generator().manual_seed(task.number(f"timing {name}"))
     physics = (task.constraints, task.trajectory)
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        generated = _rate(lambda: len(generator.sample(_BATCH, noise)))
-        valid = _rate(lambda: int(check(*physics, generator.sample(_BATCH, noise)).valid.sum()))
+        generated = _rate(lambda: len(network.sample(_BATCH, noise)))
+        valid = _rate(lambda: int(check(*physics, network.sample(_BATCH, noise)).valid.sum()))
     finally:
         torch.set_num_threads(before)
-    machine = {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": torch.__version__}
-    write_json(folder / REPORT, {"generation_seconds": 1 / generated, "valid_per_second": valid, **machine})
+    build.costs |= {"generation_seconds": 1 / generated, "valid_per_second": valid}
+    build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": torch.__version__}
 
 
 def _rate(work: Callable[[], int]) -> float:
@@ -69,3 +62,6 @@ def _processor() -> str:
         return platform.processor() or platform.machine()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.machine()
+
+
+STAGE = Stage(lambda task: [timing(task, name) for name in task.cfg.gan])

@@ -1,43 +1,54 @@
 """Stage transfer: a generator for another arm, tool or desk, from scratch and from one that is there."""
 
-import logging
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from sidegan.base.parallel import Report
-from sidegan.base.storage import read_json, write_json
+from sidegan.base.storage import write_json
 from sidegan.gan import TrajectoryGenerator, Variant
-from sidegan.gan.limits import Limits
 from sidegan.gan.metrics import measure
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import Config
-from sidegan.pipeline.config_beyond import Target
-from sidegan.pipeline.plan import GENERATOR, HISTORY, REPORT, Task, regions, variant
-from sidegan.pipeline.stages.common import finite, produce_all, words
-from sidegan.pipeline.tracking import Tracker
+from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.settings import Target
+from sidegan.pipeline.stage import Stage, finite
+from sidegan.pipeline.stages.polish import source
+from sidegan.pipeline.stages.training import keep_history
+from sidegan.pipeline.task import GENERATOR, REPORT, Task
 from sidegan.robot import Arm, load_robot, write_urdf
 from sidegan.validity import Constraints, Plane
 
-log = logging.getLogger(__name__)
-
+SCRATCH, BRIEF, TRANSFER = "scratch", "brief", "transfer"  # brief: from scratch, but as short as a transfer
+WAYS = (SCRATCH, BRIEF, TRANSFER)
+_ARMS = Path(__file__).parent / "arms"
 _BALL = 0.05  # [m] radius of gyration of a payload
 
 
-def run(cfg: Config, store: Store, tracker: Tracker) -> None:
-    """Train for every target in every way."""
-    task = Task(cfg, store)
-    wanted = [(target, way) for target in cfg.beyond.targets for way in plan_beyond.WAYS]
-    stamps = [plan_beyond.transfer(task, *one) for one in wanted]
-    produce_all(task, "transfer (%)", stamps, [partial(_make, task, *one) for one in wanted])
-    for (target, way), stamp in zip(wanted, stamps):
-        history = read_json(store.require(stamp) / HISTORY)
-        log.info("%s, %s: %s", target, way, words(history[-1]))
+def transfer(task: Task, name: str, way: str) -> Artifact:
+    """A training for a target, by one of the ways."""
+    settings, target = task.cfg.beyond, task.cfg.beyond.targets[name]
+    inputs: dict[str, Artifact | str] = {"gan": source(task)} if way == TRANSFER else {}
+    if target.robot is not None:
+        inputs["target"] = _arm_of(task, target).digest
+    values = {key: getattr(settings, key) for key in ("epochs", "epoch", "share", "polished")}
+    values |= {"target": asdict(target), "way": way, "variant": asdict(task.cfg.gan[settings.source])}
+    make = partial(_make, target=target, name=name, way=way)
+    return task.artifact("transfer", f"{name}-{way}", make, values, inputs, title=f"transfer/{name} {way}")
+
+
+def transfers(task: Task) -> dict[tuple[str, str], Artifact]:
+    """Every training for a target."""
+    return {(name, way): transfer(task, name, way) for name in task.cfg.beyond.targets for way in WAYS}
+
+
+def _arm_of(task: Task, target: Target) -> Arm:
+    """The arm of a target without its payload: the task's own, or one beside this file, or any other."""
+    if target.robot is None:
+        return task.arm
+    ours = _ARMS / f"{target.robot}.urdf"
+    return load_robot(ours if ours.is_file() else target.robot)
 
 
 @dataclass(frozen=True)
@@ -57,7 +68,7 @@ class Elsewhere:
     @cached_property
     def arm(self) -> Arm:
         """The arm, with its payload."""
-        arm = plan_beyond.arm_of(self.task, self.target)
+        arm = _arm_of(self.task, self.target)
         if not self.target.payload:
             return arm
         loaded = arm.inertial_parameters.clone()
@@ -68,10 +79,9 @@ class Elsewhere:
     @cached_property
     def constraints(self) -> Constraints:
         """The arm in its workspace."""
-        workspace = self.task.cfg.workspace
-        desk = self.target.desk
-        around = regions(workspace) if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
-        constraints = Constraints(self.arm, around, workspace.torque)
+        workspace, desk = self.task.cfg.workspace, self.target.desk
+        regions = [one.shape for one in workspace.regions] if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
+        constraints = Constraints(self.arm, regions, workspace.torque)
         constraints.refuse_home(self.trajectory.home or ())
         return constraints
 
@@ -91,45 +101,35 @@ def _ball(mass: float, centre: Tensor) -> Tensor:
 
 def schedule(task: Task, way: str) -> Variant:
     """The source variant with the schedule of one way."""
-    wanted = task.cfg.beyond
-    name = plan_beyond.source(task)
-    settings = variant(name, task.cfg.gan[name])
-    epochs = wanted.epochs if way == plan_beyond.SCRATCH else max(1, round(wanted.share * wanted.epochs))
-    return replace(settings, epochs=epochs, steps=wanted.epoch)
+    settings = task.cfg.beyond
+    epochs = settings.epochs if way == SCRATCH else max(1, round(settings.share * settings.epochs))
+    return replace(task.cfg.gan[settings.source], epochs=epochs, steps=settings.epoch)
 
 
-def _make(task: Task, target: str, way: str, folder: Path, work: Path, report: Report) -> None:
+def _make(task: Task, build: Build, target: Target, name: str, way: str) -> None:
     from sidegan.gan.training import train_variant
 
-    there = Elsewhere(task, task.cfg.beyond.targets[target], folder)
-    wanted, count, facts = schedule(task, way), max(2, 2 * task.cfg.beyond.polished), {}
-    start = None
-    if way == plan_beyond.TRANSFER:
-        start = _source(task)
-        facts = measure(there.constraints, there.trajectory, _moved(start, there).sample(count))
+    there, variant = Elsewhere(task, target, build.folder), schedule(task, way)
+    count, facts, start = max(2, 2 * task.cfg.beyond.polished), {}, None
+    if way == TRANSFER:
+        start = TrajectoryGenerator.load(task.store.require(source(task)) / GENERATOR, task.arm)
+        moved = start.moved(there.arm, there.trajectory)
+        facts = measure(there.constraints, there.trajectory, moved.sample(count))
     trained = train_variant(
-        wanted,
+        variant,
         there.constraints,
         there.trajectory,
         None,
-        work,
-        seed=task.number(f"transfer {target} {way}"),
+        build.work,
+        seed=task.number(f"transfer {name} {way}"),
         evaluation=count,
         device=task.cfg.device,
-        epoch_end=lambda epoch, _: report(epoch + 1, wanted.epochs),
+        epoch_end=lambda epoch, _: build.report(epoch + 1, variant.epochs),
         start=start,
     )
-    trained.generator.save(folder / GENERATOR)
-    write_json(folder / HISTORY, [finite(row) for row in trained.history])
-    write_json(folder / REPORT, finite(facts))
+    trained.generator.save(build.folder / GENERATOR)
+    keep_history(build, trained.history)
+    write_json(build.folder / REPORT, finite(facts))
 
 
-def _source(task: Task) -> TrajectoryGenerator:
-    path = task.store.require(plan_beyond.source_stamp(task)) / GENERATOR
-    return TrajectoryGenerator.load(path, task.arm)
-
-
-def _moved(generator: TrajectoryGenerator, there: Elsewhere) -> TrajectoryGenerator:
-    """The generator as it is, with the limits of another arm."""
-    limits = None if generator.limits is None else Limits.of(there.arm, there.trajectory)
-    return replace(generator, trajectory=there.trajectory, limits=limits)
+STAGE = Stage(lambda task: list(transfers(task).values()))

@@ -1,16 +1,24 @@
-import dataclasses
 import errno
 import logging
 import multiprocessing
 import os
 import shutil
 import signal
+from dataclasses import replace
 
 import pytest
 
 from sidegan.errors import ArtifactError, StorageError
-from sidegan.pipeline import artifacts
-from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline import graph
+from sidegan.pipeline import store as stores
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.store import Store
+
+
+@pytest.fixture(autouse=True)
+def versions(monkeypatch):
+    """A maker of numbers."""
+    monkeypatch.setattr(graph, "versions", lambda: {"numbers": 1})
 
 
 @pytest.fixture
@@ -18,98 +26,90 @@ def store(tmp_path):
     return Store(tmp_path / "outputs")
 
 
-def numbers(store, count=3, seed=0, **more):
-    return store.stamp("numbers", "kuka", {"count": count}, code=["errors"], seed=seed, **more)
+def write(build):
+    (build.folder / "numbers.txt").write_text("1 2 3")
 
 
-def write(folder, work):
-    (folder / "numbers.txt").write_text("1 2 3")
-
-
-def refuse(folder, work):
+def refuse(build):
     raise AssertionError("must not be made again")
 
 
-def visible(store):
-    return sorted(
-        p.relative_to(store.root).as_posix() for p in store.root.glob("*/*") if p.parent.name[0] != "."
+def numbers(count=3, make=write, seed=0, inputs=None):
+    return Artifact(
+        "numbers", "kuka", "numbers", {"count": count}, inputs or {}, seed, make, lambda folder: {}
     )
 
 
+def visible(store):
+    return sorted(p.relative_to(store.root).as_posix() for p in store.root.glob("numbers/[!.]*"))
+
+
 def test_an_artifact_is_made_once_and_found_again(store):
-    stamp = numbers(store)
-    assert store.find(stamp) is None
-    folder = store.produce(stamp, write)
+    artifact = numbers()
+    assert store.find(artifact) is None
+    folder = store.produce(replace(artifact, make=write))
     assert (folder / "numbers.txt").read_text() == "1 2 3"
-    assert Store(store.root).find(numbers(store)) == folder
-    assert store.produce(stamp, refuse) == folder == store.require(stamp)
+    assert Store(store.root).find(numbers()) == folder
+    assert store.produce(replace(artifact, make=refuse)) == folder == store.require(artifact)
 
 
 def test_artifacts_of_other_settings_lie_side_by_side(store):
-    folders = {store.produce(numbers(store, count, seed), write) for count in (3, 4) for seed in (0, 1)}
+    folders = {store.produce(numbers(count, seed=seed)) for count in (3, 4) for seed in (0, 1)}
     assert len(folders) == 4
     assert all(folder.name.startswith("kuka-") for folder in folders)
 
 
-def test_a_dataclass_of_settings_is_as_good_as_a_mapping(store):
-    @dataclasses.dataclass
-    class Settings:
-        count: int
-
-    assert store.stamp("numbers", "kuka", Settings(3), code=["errors"], seed=0) == numbers(store)
-
-
 def test_what_is_damaged_is_no_neighbour(store):
-    _lose_stamp(store.produce(numbers(store, 400), write))
-    _lose_file(store.produce(numbers(store, 500), write))
+    _lose_stamp(store.produce(numbers(400, write)))
+    _lose_file(store.produce(numbers(500, write)))
     with pytest.raises(ArtifactError, match=r"run stage numbers first$"):
-        store.require(numbers(store, 4200))
+        store.require(numbers(4200))
 
 
 def test_a_changed_input_makes_another_artifact(store):
-    seeds = numbers(store)
-    one, other = (numbers(store, inputs={"seeds": digest}) for digest in (seeds.digest, "another"))
+    seeds = numbers()
+    one, other = (numbers(inputs={"seeds": digest}) for digest in (seeds.digest, "another"))
     assert store.folder(one) != store.folder(other)
 
 
 def test_an_artifact_is_invisible_until_it_is_whole(store):
-    stamp = numbers(store)
+    artifact = numbers()
 
-    def make(folder, work):
-        write(folder, work)
-        assert store.find(stamp) is None
-        assert not store.folder(stamp).exists()
+    def make(build):
+        write(build)
+        assert store.find(artifact) is None
+        assert not store.folder(artifact).exists()
 
-    store.produce(stamp, make)
+    store.produce(replace(artifact, make=make))
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_a_stopped_build_leaves_its_tasks_and_nothing_else(store, error):
-    stamp = numbers(store)
+    artifact = numbers()
 
-    def stopped(folder, work):
-        write(folder, work)
-        (work / "task-0.txt").write_text("done")
+    def stopped(build):
+        write(build)
+        (build.work / "task-0.txt").write_text("done")
         raise error
 
     with pytest.raises(error):
-        store.produce(stamp, stopped)
-    assert store.find(stamp) is None
-    assert visible(store) == [f"numbers/{store.folder(stamp).name}.work"]
+        store.produce(replace(artifact, make=stopped))
+    assert store.find(artifact) is None
+    assert visible(store) == [f"numbers/{store.folder(artifact).name}.work"]
 
-    def goes_on(folder, work):
-        assert (work / "task-0.txt").read_text() == "done"
-        write(folder, work)
+    def goes_on(build):
+        assert (build.work / "task-0.txt").read_text() == "done"
+        write(build)
 
-    folder = store.produce(stamp, goes_on)
+    folder = store.produce(replace(artifact, make=goes_on))
     assert visible(store) == [f"numbers/{folder.name}"], "task files go when the artifact is there"
 
 
 def test_what_a_killed_build_left_is_cleared_away(store):
-    stamp = numbers(store)
-    left = store.folder(stamp).with_name(f".{store.folder(stamp).name}.dead.tmp")
+    artifact = numbers()
+    left = store.folder(artifact).with_name(f".{store.folder(artifact).name}.dead.tmp")
     left.mkdir(parents=True)
-    store.produce(stamp, write)
+    store.produce(replace(artifact, make=write))
     assert not left.exists()
 
 
@@ -129,55 +129,59 @@ def _truncate(folder):
     (folder / "numbers.txt").write_text("1")
 
 
+def _edit(folder):
+    (folder / "numbers.txt").write_text("1 2 4")
+
+
 def _lose_file(folder):
     (folder / "numbers.txt").unlink()
 
 
-@pytest.mark.parametrize("damage", [_damage_stamp, _empty_stamp, _lose_stamp, _truncate, _lose_file])
+@pytest.mark.parametrize("damage", [_damage_stamp, _empty_stamp, _lose_stamp, _truncate, _edit, _lose_file])
 @pytest.mark.parametrize("named", [False, True])
 def test_a_damaged_artifact_is_told_when_asked_for_and_made_anew(tmp_path, caplog, damage, named):
     store = Store(tmp_path, named)
-    stamp = numbers(store)
-    damage(store.produce(stamp, write))
+    artifact = numbers()
+    damage(store.produce(replace(artifact, make=write)))
     with pytest.raises(ArtifactError, match=r"stamp\.json|numbers\.txt"):
-        store.require(stamp)
-    assert store.find(stamp) is None
+        store.require(artifact)
+    assert store.find(artifact) is None
     assert "it will be made anew" in caplog.text
-    assert (store.produce(stamp, write) / "numbers.txt").read_text() == "1 2 3"
+    assert (store.produce(replace(artifact, make=write)) / "numbers.txt").read_text() == "1 2 3"
 
 
 def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest(store):
     with pytest.raises(
         ArtifactError, match=r"no numbers/kuka for this configuration, run stage numbers first$"
     ):
-        store.require(numbers(store))
-    store.produce(numbers(store, 400), write)
-    store.produce(numbers(store, 500, seed=7), write)
-    with pytest.raises(ArtifactError, match=r"of the nearest one config\.count is 400, not 4200$"):
-        store.require(numbers(store, 4200))
+        store.require(numbers())
+    store.produce(numbers(400, write))
+    store.produce(numbers(500, write, seed=7))
+    with pytest.raises(ArtifactError, match=r"of the nearest one settings\.count is 400, not 4200$"):
+        store.require(numbers(4200))
 
 
 def test_with_names_a_stale_artifact_is_replaced_and_the_log_says_why(tmp_path, caplog):
     caplog.set_level(logging.INFO)
     store = Store(tmp_path, named=True)
-    folder = store.produce(numbers(store, 3), write)
+    folder = store.produce(numbers(3, write))
     assert folder == tmp_path / "numbers" / "kuka"
 
-    def longer(folder, work):
-        (folder / "other.txt").write_text("1 2 3 4")
+    def longer(build):
+        (build.folder / "other.txt").write_text("1 2 3 4")
 
-    assert store.produce(numbers(store, 4), longer) == folder
-    assert "config.count is 3, not 4" in caplog.text
+    assert store.produce(numbers(4, longer)) == folder
+    assert "settings.count is 3, not 4" in caplog.text
     assert sorted(path.name for path in folder.iterdir()) == ["other.txt", "stamp.json"]
     assert visible(store) == ["numbers/kuka"]
 
 
 def test_with_names_a_failed_rebuild_leaves_the_stale_artifact(tmp_path):
     store = Store(tmp_path, named=True)
-    store.produce(numbers(store, 3), write)
+    store.produce(numbers(3, write))
     with pytest.raises(AssertionError):
-        store.produce(numbers(store, 4), refuse)
-    assert store.find(numbers(store, 3)) is not None
+        store.produce(numbers(4, refuse))
+    assert store.find(numbers(3)) is not None
 
 
 def test_an_output_folder_that_cannot_be_written_is_refused_at_once(tmp_path):
@@ -200,39 +204,39 @@ def test_a_disk_that_fills_up_later_leaves_no_artifact(store, monkeypatch):
     def full(path, content):
         raise StorageError("no space left")
 
-    monkeypatch.setattr(artifacts, "write_json", full)
+    monkeypatch.setattr(stores, "write_json", full)
     with pytest.raises(StorageError):
-        store.produce(numbers(store), write)
-    assert store.find(numbers(store)) is None
+        store.produce(numbers(3, write))
+    assert store.find(numbers()) is None
 
 
 def test_a_stage_folder_that_cannot_be_made_is_a_storage_error(store):
     (store.root / "numbers").write_text("in the way")
     with pytest.raises(StorageError, match="numbers"):
-        store.produce(numbers(store), write)
+        store.produce(numbers(3, write))
 
 
 def test_an_empty_folder_of_files_in_folders_is_stamped_too(store):
-    def nested(folder, work):
-        (folder / "deep").mkdir()
-        write(folder / "deep", work)
+    def nested(build):
+        (build.folder / "deep").mkdir()
+        (build.folder / "deep" / "numbers.txt").write_text("1 2 3")
 
-    folder = store.produce(numbers(store), nested)
+    folder = store.produce(numbers(3, nested))
     shutil.rmtree(folder / "deep")
-    with pytest.raises(ArtifactError, match=r"deep/numbers\.txt has 0 bytes, expected 5"):
-        store.require(numbers(store))
+    with pytest.raises(ArtifactError, match=r"deep/numbers\.txt is missing"):
+        store.require(numbers())
 
 
 def _slow(root, started, go_on, made):
-    def make(folder, work):
+    def make(build):
         with made.get_lock():
             made.value += 1
         started.set()
         go_on.wait(20)
-        write(folder, work)
+        write(build)
 
     store = Store(root)
-    store.produce(numbers(store), make)
+    store.produce(numbers(make=make))
 
 
 @pytest.fixture
@@ -249,12 +253,12 @@ def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(tmp_path, 
     first.start()
     assert started.wait(20)
     waiting = _Waiting(go_on)
-    artifacts.log.addHandler(waiting)
+    stores.log.addHandler(waiting)
     try:
         store = Store(tmp_path)
-        folder = store.produce(numbers(store), refuse)
+        folder = store.produce(numbers(3, refuse))
     finally:
-        artifacts.log.removeHandler(waiting)
+        stores.log.removeHandler(waiting)
         first.join()
     assert "another run is making" in caplog.text
     assert made.value == 1 and (folder / "numbers.txt").read_text() == "1 2 3"
@@ -280,6 +284,19 @@ def test_a_killed_run_holds_up_nobody(tmp_path, processes):
     os.kill(first.pid, signal.SIGKILL)
     first.join()
     store = Store(tmp_path)
-    assert store.find(numbers(store)) is None
-    store.produce(numbers(store), write)
+    assert store.find(numbers()) is None
+    store.produce(numbers(3, write))
     assert not list(tmp_path.glob("numbers/.*.tmp"))
+
+
+def test_what_it_took_is_kept_beside_the_artifact_and_not_in_it(tmp_path):
+    def slow(build):
+        write(build)
+        build.costs["cpu_seconds"] = 3.0
+
+    quick, slowly = Store(tmp_path / "quick"), Store(tmp_path / "slowly")
+    folders = quick.produce(numbers()), slowly.produce(numbers(make=slow))
+    files = [{path.name: path.read_bytes() for path in folder.iterdir()} for folder in folders]
+    assert files[0] == files[1]
+    assert slowly.costs(numbers())["cpu_seconds"] == 3.0 and quick.costs(numbers())["seconds"] >= 0
+    assert Store(tmp_path / "none").costs(numbers()) == {}

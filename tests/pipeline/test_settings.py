@@ -7,43 +7,69 @@ from hydra import compose, initialize_config_dir
 
 from sidegan.errors import ConfigError
 from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-from sidegan.pipeline.config import Config, validate
+from sidegan.pipeline.graph import flatten
 from sidegan.pipeline.run import CONF
+from sidegan.pipeline.settings import Config, altered, validate
 
 
-def composed(*overrides):
+def composed(*overrides, experiment="reproduction"):
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
+        return compose("config", overrides=[f"+experiment={experiment}", *overrides])
 
 
-def configured(*overrides):
-    return validate(composed(*overrides))
+def configured(*overrides, experiment="reproduction"):
+    return validate(composed(*overrides, experiment=experiment))
 
 
 def options(group):
     return sorted(path.stem for path in (CONF / group).glob("[!_]*.yaml"))
 
 
-GROUPS = [
-    path.name for path in sorted(CONF.iterdir()) if path.is_dir() and path.name not in ("hydra", "experiment")
+EXPERIMENTS = options("experiment")
+COMPOSED = {name: composed(experiment=name).keys() for name in EXPERIMENTS}
+OPTIONS = [
+    (next(name for name in EXPERIMENTS if path.name in COMPOSED[name]), path.name, option)
+    for path in sorted(CONF.iterdir())
+    if path.is_dir() and path.name not in ("hydra", "experiment", "uses", "recorded")
+    for option in options(path.name)
 ]
 
 
-@pytest.mark.parametrize(
-    ("group", "option"), [(group, option) for group in GROUPS for option in options(group)]
-)
-def test_every_option_of_every_group_is_valid(group, option):
-    config = configured(f"{group}={option}")
-    assert isinstance(config, Config)
+@pytest.mark.parametrize(("experiment", "group", "option"), OPTIONS)
+def test_every_option_of_every_group_is_valid(experiment, group, option):
+    assert isinstance(configured(f"{group}={option}", experiment=experiment), Config)
 
 
 @pytest.mark.parametrize("experiment", options("experiment"))
 @pytest.mark.parametrize("scale", options("scale"))
 def test_every_experiment_is_valid_at_every_scale(experiment, scale):
-    config = configured(f"+experiment={experiment}", f"scale={scale}")
+    scaled = "scale" in COMPOSED[experiment]
+    config = configured(*([f"scale={scale}"] if scaled else []), experiment=experiment)
     assert config.experiment == experiment
     assert config.stages
-    assert config.scale.name == scale
+    assert not scaled or config.scale.name == scale
+
+
+def test_a_command_composes_what_it_uses():
+    config = configured("robot=ur10e", experiment="identify")
+    assert not config.has("gan") and not config.has("seeds") and config.has("recording", "model")
+    assert len(flatten(config.plain())) < 80
+    with pytest.raises(ConfigError, match=r"no settings seeds: choose an experiment"):
+        config.seeds.count  # noqa: B018
+    assert (config.recording.cutoff, config.model.rotor_inertia) == (5, True)
+
+
+def test_an_ablation_is_a_variant_with_changes():
+    config = configured()
+    eigen, cold = config.gan["eigen"], config.ablation["eigen_cold"]
+    assert cold == dataclasses.replace(eigen, gaussian_start=False) != eigen
+    undiverse = config.ablation["eigen_undiverse"].weights
+    assert undiverse == dataclasses.replace(eigen.weights, spread=0, distance=0)
+    assert configured("scale=paper").ablation["eigen_conv"].epochs == 50
+    with pytest.raises(ConfigError, match=r"ablation needs variants, and changes"):
+        altered({"variants": {}, "changes": {"new": {"of": "eigen"}}}, "ablation")
+    with pytest.raises(ConfigError, match=r"ablation\.eigen_conv\.width is 0, expected a whole number"):
+        configured("ablation.changes.eigen_conv.width=0")
 
 
 def test_the_scale_reaches_the_other_groups_whatever_their_choice():

@@ -3,9 +3,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sidegan.errors import ConfigError, InfeasibleError
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import Task, regions, variant
+from sidegan.errors import InfeasibleError
+from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.long import long_family, long_trajectory
+from sidegan.pipeline.stages.pools import pools
+from sidegan.pipeline.stages.random import random_set
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import excitation_sets, selection
+from sidegan.pipeline.stages.training import generator, generators, surrogates
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
 from sidegan.validity import Box, Plane
 from tests.tiny import tiny
 
@@ -18,15 +26,17 @@ def stamps(tmp_path_factory):
     @cache
     def made(*overrides):
         task = Task(tiny(*overrides), store)
-        found = {"seeds": task.seeds, "surrogates": task.surrogates("broad"), "random": task.random_set}
-        for name, settings in task.cfg.gan.items():
-            for k in task.cfg.trainings:
-                found[f"gan {name} {k}"] = task.gan(name, settings, k)
-                found[f"library {name} {k}"] = task.library(name, k)
-        found |= {f"selection {name} {k}": task.selection(name, k) for name, k in task.short_sets()}
-        found |= {f"identification {name} {k}": task.identification(name, k) for name, k in task.sets()}
-        found |= {f"long {h}": task.long(h) for h in task.cfg.long.harmonics}
-        return {key: stamp.digest for key, stamp in found.items()}
+        artifacts = {"seeds": seed_set(task), "random": random_set(task)}
+        artifacts["surrogates"] = surrogates(task, "broad")
+        for name, k in generators(task):
+            artifacts[f"gan {name} {k}"] = generator(task, name, k)
+            artifacts[f"library {name} {k}"] = library(task, name, k)
+        for pool in pools(task):
+            artifacts[f"selection {pool.name} {pool.training or 0}"] = selection(task, pool)
+        for one in excitation_sets(task):
+            artifacts[f"identification {one.name} {one.training or 0}"] = identification(task, one)
+        artifacts |= {f"long {h}": long_trajectory(task, h) for h in task.cfg.long.harmonics}
+        return {key: artifact.digest for key, artifact in artifacts.items()}
 
     return made
 
@@ -62,9 +72,13 @@ def test_a_setting_changes_what_depends_on_it_and_nothing_else(stamps, override,
     assert changed(stamps(), stamps(override)) == expected
 
 
+LONG = [("long", "3"), ("long", "12"), ("identification", "long-3 0"), ("identification", "long-12 0")]
+
+
 @pytest.mark.parametrize("override", ["seeds.steps=21", "seeds.count=41"])
 def test_the_seeds_change_everything_but_the_baseline(stamps, override):
     baseline = {"random", "selection random 0", "identification random 0"}
+    baseline |= {f"{maker} {long}" for maker, long in LONG}
     assert changed(stamps(), stamps(override)) == set(stamps()) - baseline
 
 
@@ -120,17 +134,9 @@ def test_regions_are_planes_and_boxes():
         "workspace.regions=[{plane: {normal: [0, 0, 1], offset: 0.1}}, "
         "{box: {lower: [0, 0, 0], upper: [1, 1, 1]}}]"
     ).workspace
-    plane, box = regions(workspace)
+    plane, box = (one.shape for one in workspace.regions)
     assert isinstance(plane, Plane) and plane.offset == 0.1
     assert isinstance(box, Box) and tuple(box.upper) == (1, 1, 1)
-
-
-def test_a_variant_is_what_the_configuration_says():
-    cfg = tiny()
-    made = variant("eigen", cfg.gan["eigen"])
-    assert (made.name, made.features, made.epochs) == ("eigen", "spectrum", cfg.scale.gan_epochs)
-    assert made.weights.fitness == cfg.gan["eigen"].weights.fitness
-    assert made.surrogates and not variant("vanilla", cfg.gan["vanilla"]).surrogates
 
 
 def test_an_impossible_home_is_refused_before_any_work(tmp_path):
@@ -142,13 +148,6 @@ def test_an_impossible_home_is_refused_before_any_work(tmp_path):
 def test_the_trajectories_are_the_arms(tmp_path):
     task = Task(tiny("trajectory.home=[0.1, 0.2]"), Store(tmp_path))
     assert task.trajectory.shape == (2, 3, 2) and task.trajectory.home == (0.1, 0.2)
-    long = task.long_trajectory(12)
+    long = long_family(task, 12)
     assert long.shape == (2, 12, 2) and long.period == 32 and long.home == (0.1, 0.2)
     assert task.body is task.constraints.body
-
-
-def test_what_only_the_variant_refuses_names_its_key():
-    cfg = tiny().gan["vanilla"]
-    object.__setattr__(cfg, "features", "colour")
-    with pytest.raises(ConfigError, match=r"gan\.vanilla: features 'colour'"):
-        variant("vanilla", cfg)

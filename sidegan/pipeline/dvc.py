@@ -1,0 +1,144 @@
+"""``dvc.yaml`` from the graph of artifacts: ``python -m sidegan.pipeline.dvc`` writes it.
+
+Each stage of the reproduction at paper scale is a stage of DVC, and the page on exact physics is one more. What a
+stage is made with stands in ``outputs/settings.yaml``, composed from ``conf/`` by the pipeline's first stage, so that
+a changed setting reruns what depends on it and nothing else. Outputs persist: the stages themselves know by
+their stamps what can be reused.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+from hydra import compose, initialize_config_dir
+
+from sidegan.base.storage import write_bytes
+from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.run import CONF
+from sidegan.pipeline.settings import validate
+from sidegan.pipeline.stages import STAGES, stage
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
+
+SETTINGS = "outputs/settings.yaml"
+_RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
+_VERSIONS = "sidegan/pipeline/versions.yaml"
+HEAD = """\
+# Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`. A stage that is
+# killed goes on where it was.
+"""
+
+
+def task(experiment: str, outputs: Path) -> Task:
+    """An experiment of the pipeline."""
+    overrides = [f"+experiment={experiment}", "scale=paper", "named=true", f"outputs={outputs}"]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = validate(compose("config", overrides=overrides))
+    return Task(cfg, Store(outputs, named=True))
+
+
+def parts(outputs: Path) -> dict[str, list[Artifact]]:
+    """Every stage of the pipeline and the artifacts that it makes; what two of them list is of the first."""
+    owned: set[str] = set()
+    made: dict[str, list[Artifact]] = {}
+    paper, beyond = task("reproduction", outputs), task("beyond", outputs)
+    listed = {name: stage(name).artifacts(paper) for name in paper.cfg.stages if name != "table"}
+    listed["beyond"] = (one for name in beyond.cfg.stages for one in stage(name).artifacts(beyond))
+    for name, artifacts in listed.items():
+        new = {one.digest: one for one in artifacts if one.digest not in owned}
+        owned |= set(new)
+        made[name] = list(new.values())
+    return made
+
+
+def settings(made: Mapping[str, Iterable[Artifact]]) -> dict[str, dict[str, Any]]:
+    """What every stage is made with: settings and the digests of what is read, by artifact."""
+    return {
+        name: {
+            f"{one.maker}/{one.label}": {
+                "settings": one.stamp["settings"],
+                "read": {key: digest for key, digest in one.inputs.items() if isinstance(digest, str)},
+            }
+            for one in artifacts
+        }
+        for name, artifacts in made.items()
+    }
+
+
+def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
+    """The content of ``dvc.yaml``."""
+    owner = {one.digest: name for name, artifacts in made.items() for one in artifacts}
+    makers: dict[str, set[str]] = {}
+    for name, artifacts in made.items():
+        for one in artifacts:
+            makers.setdefault(one.maker, set()).add(name)
+
+    def path(one: Artifact) -> str:
+        """A folder of its own, or that of the maker whose artifacts are all of one stage."""
+        return f"outputs/{one.maker}" if len(makers[one.maker]) == 1 else f"outputs/{one.maker}/{one.label}"
+
+    stages: dict[str, Any] = {
+        "settings": {
+            "desc": "what every stage is made with",
+            "cmd": "python -m sidegan.pipeline.dvc settings",
+            "deps": ["conf", "sidegan/robot/models"],
+            "outs": [SETTINGS],
+        }
+    }
+    for name, artifacts in made.items():
+        alone = f" 'stages=[{name}]'" if name in STAGES else " publish=docs"
+        parents = [p for one in artifacts for p in one.parents if owner[p.digest] != name]
+        stages[name] = {
+            "desc": STAGES.get(name, "exact physics in the loop beside everything else"),
+            "cmd": _RUN.format("reproduction" if name in STAGES else name) + alone,
+            "params": [{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}],
+            "deps": list(dict.fromkeys(map(path, parents))),
+            "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
+        }
+    everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
+    report = {"deps": ["experiments", *dict.fromkeys(everything)]}
+    command = _RUN.format("reproduction") + " 'stages=[table]' publish=docs"
+    stages["report"] = {"desc": "tables, figures and a verdict for each claim", "cmd": command, **report}
+    stages["report"] |= _published("reproduction", ".md", ".html")
+    page = _published("beyond", ".md")
+    stages["beyond"]["outs"] += page.pop("outs")
+    stages["beyond"] |= page
+    stages["beyond"] = stages.pop("beyond")  # last: it is the longest
+    return {"stages": stages}
+
+
+def _published(name: str, *pages: str) -> dict[str, Any]:
+    """What a published page consists of; it is kept in git."""
+    kept = {"cache": False, "persist": True}
+    files = [*(f"docs/{name}{page}" for page in pages), f"docs/{name}/tables", f"docs/{name}/figures"]
+    return {"outs": [{one: kept} for one in files], "metrics": [{f"docs/{name}/metrics.json": kept}]}
+
+
+def text(content: Any, head: str = "") -> str:
+    """YAML of plain values."""
+    return head + yaml.safe_dump(
+        content, sort_keys=False, width=110, allow_unicode=True, default_flow_style=None
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write ``dvc.yaml``, or the settings that it refers to, into the current folder."""
+    parser = argparse.ArgumentParser(description="Write dvc.yaml from the graph of artifacts.")
+    parser.add_argument("what", nargs="?", choices=("pipeline", "settings"), default="pipeline")
+    chosen = parser.parse_args(arguments)
+    with TemporaryDirectory() as folder:
+        made = parts(Path(folder))
+    if chosen.what == "settings":
+        write_bytes(Path(SETTINGS), text(settings(made)).encode())
+    else:
+        write_bytes(Path("dvc.yaml"), text(pipeline(made), HEAD).encode())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

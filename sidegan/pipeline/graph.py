@@ -1,0 +1,156 @@
+"""The graph of artifacts: each result on disk is a node that says what it is made with, from what, and by whom.
+
+Stamps, the order of work, reuse, what MLflow records and ``dvc.yaml`` follow from it.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sidegan.base.parallel import Report
+from sidegan.errors import ArtifactError
+
+VERSIONS = Path(__file__).with_name("versions.yaml")
+
+Metrics = Mapping[str, float | Sequence[float | None]]
+
+
+@dataclass
+class Build:
+    """Where an artifact is being made.
+
+    Attributes:
+        folder: takes the artifact's files; it is invisible until all of them are there.
+        work: takes files of unfinished tasks; it survives a kill.
+        report: tells how far the work is.
+        costs: what the work took (seconds and the like); it is kept beside the artifact and not in it.
+    """
+
+    folder: Path
+    work: Path
+    report: Report
+    costs: dict[str, Any] = field(default_factory=dict)
+
+
+Make = Callable[[Build], None]
+
+
+@dataclass(frozen=True)
+class Artifact:
+    """A result on disk; two artifacts with the same digest are interchangeable.
+
+    Attributes:
+        maker: who makes it: a key of ``versions.yaml`` and the folder that it lies in.
+        label: what tells it from its siblings, as the name of a folder.
+        title: its name for people, and the prefix of its metrics.
+        settings: what it depends on, plain values as they were set.
+        inputs: what it is made from: other artifacts, or digests of what was read.
+        seed: the run's random seed; None where nothing is drawn.
+        make: fills its folder.
+        metrics: what is recorded of a finished one, given its folder: numbers, or series of them.
+        alone: its work is spread over all workers already, so it is not made beside others.
+    """
+
+    maker: str
+    label: str
+    title: str
+    settings: Mapping[str, Any]
+    inputs: Mapping[str, "Artifact | str"]
+    seed: int | None
+    make: Make = field(repr=False, compare=False)
+    metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
+    alone: bool = False
+
+    @cached_property
+    def stamp(self) -> dict[str, Any]:
+        """What it came from, as JSON gives it back."""
+        return json.loads(
+            json.dumps(
+                {
+                    "maker": self.maker,
+                    "version": version(self.maker),
+                    "label": self.label,
+                    "settings": self.settings,
+                    "inputs": {
+                        name: one if isinstance(one, str) else one.digest for name, one in self.inputs.items()
+                    },
+                    "seed": self.seed,
+                }
+            )
+        )
+
+    @cached_property
+    def digest(self) -> str:
+        """Hexadecimal SHA-256 over its stamp."""
+        return hashlib.sha256(json.dumps(self.stamp, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def parents(self) -> list["Artifact"]:
+        """The artifacts that it is made from."""
+        return [one for one in self.inputs.values() if isinstance(one, Artifact)]
+
+
+def waves(artifacts: Iterable[Artifact]) -> list[list[Artifact]]:
+    """Artifacts in groups that can be made one after another, each from those before it alone; no one twice."""
+    waiting = {one.digest: one for one in artifacts}
+    groups = []
+    while waiting:
+        ready = [one for one in waiting.values() if not any(p.digest in waiting for p in one.parents)]
+        groups.append(ready)
+        for one in ready:
+            del waiting[one.digest]
+    return groups
+
+
+def difference(stamp: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Dotted keys in which another stamp differs, with both values."""
+    ours, theirs = flatten(stamp), flatten(other)
+    keys = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
+    return [f"{key} is {_brief(theirs.get(key))}, not {_brief(ours.get(key))}" for key in keys]
+
+
+@cache
+def versions() -> dict[str, int]:
+    """Version of every maker."""
+    return yaml.safe_load(VERSIONS.read_text(encoding="utf-8"))
+
+
+def version(maker: str) -> int:
+    """Version of a maker.
+
+    Raises:
+        ArtifactError: when ``versions.yaml`` has none.
+    """
+    try:
+        return versions()[maker]
+    except KeyError:
+        raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}") from None
+
+
+def folder_name(text: str, longest: int = 100) -> str:
+    """A text as the name of a folder: no separators, and cut to a length, ending in a digest of the rest."""
+    name = re.sub(r"[^\w.,=+-]+", "_", text).strip("_.") or "_"
+    if len(name) <= longest:
+        return name
+    return f"{name[: longest - 9]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def flatten(value: Any, path: str = "") -> dict[str, Any]:
+    """Nested mappings as one, with dotted keys."""
+    if isinstance(value, Mapping) and value:
+        return {
+            k: v for key, x in value.items() for k, v in flatten(x, f"{path}.{key}" if path else key).items()
+        }
+    return {path: value}
+
+
+def _brief(value: Any) -> str:
+    text = "not set" if value is None else str(value)
+    return f"{text[:8]}…" if len(text) == 64 else text

@@ -1,0 +1,84 @@
+"""A stage: some artifacts that are made together, recorded, and shown."""
+
+import logging
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from sidegan.base.parallel import Job, Report, run_jobs
+from sidegan.pipeline.graph import Artifact, Metrics, waves
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task, is_number
+from sidegan.pipeline.tracking import Tracker
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of an experiment that can be run alone: what it needs must be there already.
+
+    Attributes:
+        artifacts: of a task, in the order in which they are recorded.
+        show: what it prints and leaves in the run's folder besides.
+    """
+
+    artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
+    show: Callable[[Task, Tracker], None] | None = None
+
+
+def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
+    """Make what is not there, and record all of it."""
+    artifacts = list(stage.artifacts(task))
+    if artifacts and task.cfg.has("workspace", "trajectory"):
+        _ = task.constraints  # an arm that cannot rest at home is refused before anything is written
+    for wave in waves(artifacts):
+        _produce(name, task, wave)
+    for artifact in artifacts:
+        _record(artifact.title, artifact.metrics(task.store.require(artifact)), tracker)
+    if stage.show is not None:
+        stage.show(task, tracker)
+
+
+def _produce(name: str, task: Task, artifacts: list[Artifact]) -> None:
+    """Make artifacts side by side, each in a process of its own; those that spread their own work one by one."""
+    missing = [one for one in artifacts if task.store.find(one) is None]
+    for one in artifacts:
+        if one.alone or one not in missing:
+            task.store.produce(one)
+    jobs: list[Job] = [partial(_make, task.store, one) for one in missing if not one.alone]
+    if jobs:
+        run_jobs(f"{name} (%)", jobs, task.cfg.parallel.workers)
+
+
+def _make(store: Store, artifact: Artifact, report: Report) -> None:
+    store.produce(artifact, report)
+
+
+def _record(title: str, metrics: Metrics, tracker: Tracker) -> None:
+    numbers = {key: float(x) for key, x in metrics.items() if is_number(x)}
+    series = {key: x for key, x in metrics.items() if not is_number(x)}
+    if numbers:
+        log.info("%s: %s", title, words(numbers))
+        tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()})
+    for key, values in series.items():
+        steps = [i for i, x in enumerate(values) if x is not None]
+        tracker.log_history({f"{title}/{key}": [values[i] for i in steps]}, steps)
+    if series and not numbers:
+        last = {key: values[-1] for key, values in series.items() if values}
+        log.info("%s after %d epochs: %s", title, max(map(len, series.values())), words(last))
+
+
+def words(report: Mapping[str, Any]) -> str:
+    """A report as one line for people."""
+    return ", ".join(
+        f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
+        for key, value in report.items()
+    )
+
+
+def finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row with None in place of what is not a finite number, as JSON wants it."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}

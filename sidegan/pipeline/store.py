@@ -1,0 +1,240 @@
+"""Artifacts on disk: folders that appear whole, carry a stamp of what they came from, and are reused.
+
+<root>/<maker>/<label>-<digest>/            files of the artifact and stamp.json
+<root>/<maker>/<label>-<digest>.work/       task files of an unfinished one; survive a kill
+<root>/costs/<maker>/<label>-<digest>.json  what making it took
+<root>/.locks/                              one lock per artifact, released by the system with the process
+"""
+
+import hashlib
+import logging
+import os
+import shutil
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from sidegan.base.parallel import Report
+from sidegan.base.progress import duration
+from sidegan.base.storage import read_json, write_json
+from sidegan.errors import ArtifactError, StorageError
+from sidegan.pipeline.graph import Artifact, Build, difference
+
+log = logging.getLogger(__name__)
+
+STAMP = "stamp.json"
+_PROBE = bytes(2**20)  # room that a run needs at the very least
+
+
+class Store:
+    """The artifacts below a root folder.
+
+    Args:
+        root: folder of all results; made when missing.
+        named: folders without a digest in their name; then one artifact replaces another.
+        run_folder: where this run's logs and tables go; the root when not given.
+
+    Raises:
+        StorageError: when the root cannot be written, or is full.
+    """
+
+    def __init__(self, root: Path, named: bool = False, run_folder: Path | None = None) -> None:
+        self.root, self.named = root, named
+        self.run_folder = run_folder or root
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=root) as probe:  # has no name, so a kill leaves nothing
+                probe.write(_PROBE)
+                probe.flush()
+                os.fsync(probe.fileno())
+        except OSError as error:
+            reason = error.strerror or error
+            raise StorageError(f"the output folder {root} cannot be used: {reason}") from error
+
+    def folder(self, artifact: Artifact) -> Path:
+        """Where the artifact is or will be."""
+        return self.root / artifact.maker / self._name(artifact)
+
+    def _name(self, artifact: Artifact) -> str:
+        return artifact.label if self.named else f"{artifact.label}-{artifact.digest[:8]}"
+
+    def find(self, artifact: Artifact) -> Path | None:
+        """Folder of the artifact, or None when it is absent, damaged, or made from something else."""
+        folder = self.folder(artifact)
+        if not folder.exists():
+            return None
+        try:
+            differences = difference(artifact.stamp, read_stamp(folder))
+        except ArtifactError as error:
+            log.warning("%s: it will be made anew", error)
+            return None
+        if differences:
+            log.info("%s does not match: %s", folder, "; ".join(differences))
+        return None if differences else folder
+
+    def require(self, artifact: Artifact) -> Path:
+        """Folder of an artifact that must be there.
+
+        Raises:
+            ArtifactError: when it is not, saying in what the nearest one differs.
+        """
+        folder = self.find(artifact)
+        if folder is not None:
+            return folder
+        if self.folder(artifact).exists():
+            read_stamp(self.folder(artifact))  # raises, and says why, when it is damaged
+        message = (
+            f"there is no {artifact.maker}/{artifact.label} for this configuration, "
+            f"run stage {artifact.maker} first"
+        )
+        differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
+        if differences:
+            message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
+        raise ArtifactError(message)
+
+    def costs(self, artifact: Artifact) -> dict[str, Any]:
+        """What making an artifact took, as far as it is known: ``seconds`` of wall time, and what it measured."""
+        path = self._costs(artifact)
+        return read_json(path) if path.exists() else {}
+
+    def keep_costs(self, artifact: Artifact, costs: Mapping[str, Any]) -> None:
+        """Write what making an artifact took beside all artifacts."""
+        path = self._costs(artifact)
+        with _storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(path, costs)
+
+    def _costs(self, artifact: Artifact) -> Path:
+        return self.root / "costs" / artifact.maker / f"{self._name(artifact)}.json"
+
+    def produce(self, artifact: Artifact, report: Report | None = None) -> Path:
+        """Folder of the artifact, made unless it is there already.
+
+        Of two runs that want the same artifact, one makes it and the other waits.
+
+        Raises:
+            StorageError: when something cannot be written.
+        """
+        with self._lock(artifact):
+            folder = self.find(artifact)
+            if folder is not None:
+                log.info("%s: reused from %s", artifact.maker, folder)
+                return folder
+            return self._make(artifact, report or _silent)
+
+    def _make(self, artifact: Artifact, report: Report) -> Path:
+        final = self.folder(artifact)
+        work = final.with_name(f"{artifact.label}-{artifact.digest[:8]}.work")
+        for leftover in final.parent.glob(f".{final.name}.*.tmp"):  # of a killed run; the lock is ours
+            shutil.rmtree(leftover, ignore_errors=True)
+        folder = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}.tmp")
+        build = Build(folder, work, report)
+        began = time.monotonic()
+        try:
+            with _storage_errors(final):
+                folder.mkdir(parents=True)
+                work.mkdir(exist_ok=True)
+            artifact.make(build)
+            seconds = time.monotonic() - began
+            write_stamp(folder, artifact.stamp)
+            self.keep_costs(artifact, {"seconds": round(seconds, 1), **build.costs})
+            with _storage_errors(final):
+                _replace(folder, final)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(work, ignore_errors=True)
+        log.info("%s: made %s in %s", artifact.maker, final, duration(seconds))
+        return final
+
+    @contextmanager
+    def _lock(self, artifact: Artifact) -> Iterator[None]:
+        path = self.root / ".locks" / f"{artifact.maker}-{self._name(artifact)}.lock"
+        with _storage_errors(path):
+            path.parent.mkdir(exist_ok=True)
+            lock = FileLock(path)
+            try:
+                lock.acquire(timeout=0)
+            except Timeout:
+                log.info(
+                    "%s: another run is making %s, waiting for it", artifact.maker, self.folder(artifact)
+                )
+                lock.acquire()
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def _siblings(self, artifact: Artifact) -> Iterator[dict[str, Any]]:
+        for path in sorted((self.root / artifact.maker).glob(f"*/{STAMP}")):
+            try:
+                other = read_stamp(path.parent)
+            except ArtifactError:
+                continue
+            if other.get("label") == artifact.label:
+                yield other
+
+
+def read_stamp(folder: Path) -> dict[str, Any]:
+    """Stamp of a whole artifact.
+
+    Raises:
+        ArtifactError: when there is none, or a file is missing or not the one that was written.
+    """
+    stamp = read_json(folder / STAMP)
+    if not isinstance(stamp, dict) or not isinstance(files := stamp.pop("files", None), dict):
+        raise ArtifactError(f"{folder / STAMP} is not a stamp")
+    for name, digest in files.items():
+        path = folder / name
+        if not path.is_file():
+            raise ArtifactError(f"{path} is missing")
+        if file_digest(path) != digest:
+            raise ArtifactError(f"{path} is damaged: it is not the file that was written")
+    return stamp
+
+
+def write_stamp(folder: Path, stamp: Mapping[str, Any]) -> None:
+    """Stamp of a folder, with the SHA-256 of each of its files."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / STAMP)
+    digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
+    write_json(folder / STAMP, {**stamp, "files": digests})
+
+
+def file_digest(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file; taken once as long as the file stays untouched."""
+    status = path.stat()
+    return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
+
+
+@lru_cache(4096)
+def _digest(path: Path, size: int, changed: int, inode: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _silent(done: int, total: int) -> None:
+    """Report to nobody."""
+
+
+def _replace(folder: Path, final: Path) -> None:
+    # A folder cannot be renamed over another; whoever looks in between sees none.
+    old = final.with_name(f".{final.name}.old.tmp")
+    shutil.rmtree(old, ignore_errors=True)
+    if final.exists():
+        final.rename(old)
+    folder.rename(final)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+@contextmanager
+def _storage_errors(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error

@@ -1,0 +1,158 @@
+"""The configured arm, workspace and trajectories, and the artifacts that are made for them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from torch import Tensor
+
+from sidegan.base.storage import read_json
+from sidegan.design.problem import Problem
+from sidegan.library import Library
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.graph import Artifact, Build, Metrics, folder_name
+from sidegan.pipeline.settings import Config
+from sidegan.pipeline.store import Store
+from sidegan.robot import Arm, load_robot, with_effort
+from sidegan.validity import Constraints, Validity, check
+
+LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
+RESULTS, FACTS = "results.parquet", "facts.parquet"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a run is about: its settings, its artifacts, and the arm in its workspace."""
+
+    cfg: Config
+    store: Store
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm."""
+        return with_effort(load_robot(self.cfg.robot.name), self.cfg.robot.effort)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The family of the short trajectories."""
+        family = self.cfg.trajectory
+        return Trajectory(self.arm.joints, family.harmonics, family.period, family.home)
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The arm in its workspace; the home position is checked."""
+        workspace = self.cfg.workspace
+        constraints = Constraints(self.arm, [one.shape for one in workspace.regions], workspace.torque)
+        constraints.refuse_home(self.trajectory.home or ())
+        return constraints
+
+    def check(self, c: Tensor) -> Validity:
+        """Whether short trajectories, (B, J, H, 2), are valid."""
+        return check(self.constraints, self.trajectory, c)
+
+    @property
+    def problem(self) -> Problem:
+        """The optimisation of short trajectories with the usual samples."""
+        return Problem(self.constraints, self.trajectory)
+
+    @property
+    def body(self) -> RigidBody:
+        """Dynamics of the arm."""
+        return self.constraints.body
+
+    def with_settings(self, **changes: Any) -> "Task":
+        """The same task with other settings, by their name in the configuration."""
+        return Task(replace(self.cfg, stages=[], **changes), self.store)
+
+    def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
+        """The random numbers of one purpose, independent of all others."""
+        return np.random.SeedSequence([self.cfg.seed, *purpose.encode(), *([training] if training else [])])
+
+    def number(self, purpose: str, training: int | None = None) -> int:
+        """One random seed for ``purpose``."""
+        return int(self.random(purpose, training).generate_state(1)[0] & 0x7FFF_FFFF)
+
+    def artifact(
+        self,
+        maker: str,
+        label: str,
+        make: Callable[["Task", Build], None],
+        settings: Any,
+        inputs: Mapping[str, Artifact | str] | None = None,
+        **options: Any,
+    ) -> Artifact:
+        """An artifact that depends on the arm in its workspace, on its trajectories, and on so much more.
+
+        Args:
+            maker: who makes it.
+            label: what tells it from its siblings.
+            make: fills its folder, ``make(task, build)``.
+            settings: a dataclass of those it depends on besides, or a mapping of plain values.
+            inputs: what it is made from, beside the arm.
+            options: ``title`` (the maker's name when missing), ``training`` where there are several,
+                ``metrics`` and ``alone`` of ``Artifact``.
+        """
+        training = options.get("training")
+        shared = {"workspace": asdict(self.cfg.workspace), "trajectory": asdict(self.cfg.trajectory)}
+        own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
+        numbered = {} if training is None else {"training": training}
+        of_some = self.cfg.subset is not None and "subset" in own
+        parts = [self.arm.name, label, f"seed{self.cfg.seed}"]
+        parts += [] if training is None else [f"training{training}"]
+        parts += [f"of{self.cfg.subset}"] if of_some else []
+        return Artifact(
+            maker,
+            folder_name("-".join(parts)),
+            options.get("title", maker),
+            {**shared, **numbered, maker: own},
+            {"robot": self.arm.digest, **(inputs or {})},
+            self.cfg.seed,
+            _Maker(make, self),
+            options.get("metrics", report_and_history),
+            options.get("alone", False),
+        )
+
+    def report(self, artifact: Artifact) -> dict[str, Any]:
+        """Report in an artifact that must be there."""
+        return read_json(self.store.require(artifact) / REPORT)
+
+    def history(self, artifact: Artifact) -> list[dict[str, float | None]]:
+        """Metrics after every epoch of a training that must be there."""
+        return read_json(self.store.require(artifact) / HISTORY)
+
+    def load(self, artifact: Artifact) -> Library:
+        """Trajectories in an artifact that must be there."""
+        return Library.load(self.store.require(artifact) / LIBRARY, self.arm)
+
+    def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
+        """Table in an artifact that must be there."""
+        return pd.read_parquet(self.store.require(artifact) / file)
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """``make(build)`` of an artifact, which can travel to another process."""
+
+    make: Callable[[Task, Build], None]
+    task: Task
+
+    def __call__(self, build: Build) -> None:
+        self.make(self.task, build)
+
+
+def report_and_history(folder: Path) -> Metrics:
+    """Numbers and series in the report of an artifact, and the series of its history, where it has them."""
+    report = read_json(folder / REPORT) if (folder / REPORT).exists() else {}
+    metrics = {key: x for key, x in report.items() if isinstance(x, list) or is_number(x)}
+    rows = read_json(folder / HISTORY) if (folder / HISTORY).exists() else []
+    return metrics | ({key: [row[key] for row in rows] for key in rows[0]} if rows else {})
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a number that can be recorded."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,80 @@
+"""The pipeline at paper scale: it cannot be run here, but it must be the one that the graph describes."""
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from hydra import compose, initialize_config_dir
+
+from sidegan.pipeline import dvc
+from sidegan.pipeline.run import CONF
+from sidegan.pipeline.settings import validate
+from sidegan.pipeline.stages import STAGES
+from sidegan.pipeline.task import Task
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
+PIPELINE = yaml.safe_load(TEXT)["stages"]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Every stage and its artifacts."""
+    return dvc.parts(tmp_path_factory.mktemp("outputs"))
+
+
+def paths(stage, key):
+    return [next(iter(entry)) if isinstance(entry, dict) else entry for entry in stage.get(key, [])]
+
+
+def test_the_file_is_current(made):
+    assert dvc.text(dvc.pipeline(made), dvc.HEAD) == TEXT, "run python -m sidegan.pipeline.dvc"
+    assert len(TEXT.splitlines()) <= 250
+
+
+@pytest.mark.parametrize("name", [name for name in PIPELINE if name != "settings"])
+def test_a_stage_is_a_command_that_is_accepted(name):
+    words = shlex.split(PIPELINE[name]["cmd"])
+    assert words[:3] == ["python", "-m", "sidegan.run"]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        cfg = validate(compose("config", overrides=words[3:]))
+    assert cfg.named and cfg.scale.name == "paper" and set(cfg.stages) <= set(STAGES)
+
+
+def test_what_a_stage_depends_on_is_there_or_made_before_and_is_kept():
+    before = set()
+    for name, stage in PIPELINE.items():
+        for path in paths(stage, "deps"):
+            assert path in before or (ROOT / path).exists(), f"{name}: {path}"
+        before |= {*paths(stage, "outs"), *paths(stage, "metrics")}
+        for entry in [*stage["outs"], *stage.get("metrics", [])] if name != "settings" else []:
+            assert next(iter(entry.values()))["persist"], name
+
+
+def test_every_artifact_is_made_by_one_stage(made):
+    outs = [Path(path) for stage in PIPELINE.values() for path in paths(stage, "outs")]
+    for artifacts in made.values():
+        for one in artifacts:
+            folder = Path("outputs", one.maker, one.label)
+            assert sum(folder == out or out in folder.parents for out in outs) == 1, folder
+
+
+def test_a_changed_setting_reruns_the_stage_that_it_is_of(tmp_path, made, monkeypatch):
+    before, task = dvc.settings(made), dvc.task
+
+    def changed(experiment, outputs):
+        one = task(experiment, outputs)
+        eigen = replace(one.cfg.gan["eigen"], width=128)
+        return Task(replace(one.cfg, gan=one.cfg.gan | {"eigen": eigen}), one.store)
+
+    monkeypatch.setattr(dvc, "task", changed)
+    after = dvc.settings(dvc.parts(tmp_path))
+    assert {name for name in after if after[name] != before[name]} == {"gan", "subsets"}
+
+
+def test_the_settings_are_those_of_the_stamps(made):
+    settings = dvc.settings(made)
+    seeds = settings["seeds"]["seeds/kuka_lwr4-gradient-seed0"]
+    assert seeds["settings"]["seeds"]["count"] == 1800 and len(seeds["read"]["robot"]) == 64

@@ -1,0 +1,99 @@
+import dataclasses
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sidegan.errors import ArtifactError
+from sidegan.pipeline import graph
+from sidegan.pipeline.graph import Artifact, difference, flatten, folder_name, waves
+
+
+def artifact(settings, maker="gan", label="eigen", inputs=None, seed=3):
+    return Artifact(maker, label, "title", settings, inputs or {}, seed, print, print)
+
+
+SETTINGS = {"epochs": 50, "weights": {"fitness": 0.1}}
+EIGEN = artifact(SETTINGS, inputs={"seeds": "ab"})
+
+values = (
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
+)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"maker": "seeds"},
+        {"label": "vanilla"},
+        {"settings": {"epochs": 51, "weights": {"fitness": 0.1}}},
+        {"inputs": {"seeds": "ac"}},
+        {"inputs": {}},
+        {"inputs": {"seeds": artifact({}, "seeds")}},
+        {"seed": 4},
+        {"seed": None},
+    ],
+)
+def test_whatever_an_artifact_depends_on_changes_its_digest(change):
+    assert dataclasses.replace(EIGEN, **change).digest != EIGEN.digest
+
+
+def test_a_raised_version_changes_the_maker_and_all_that_follows(monkeypatch):
+    def digests():
+        seeds, random = artifact({}, "seeds"), artifact({}, "random")
+        return [one.digest for one in (seeds, random, artifact(SETTINGS, inputs={"seeds": seeds}))]
+
+    before, versions = digests(), graph.versions()
+    monkeypatch.setattr(graph, "versions", lambda: versions | {"seeds": versions["seeds"] + 1})
+    after = digests()
+    assert [one != other for one, other in zip(before, after)] == [True, False, True]
+
+
+def test_a_maker_without_a_version_is_refused():
+    with pytest.raises(ArtifactError, match=r"versions\.yaml has no version of 'sedes'"):
+        artifact({}, "sedes").digest  # noqa: B018
+
+
+def test_the_digest_does_not_depend_on_the_order_of_settings_nor_on_names_for_people():
+    turned = dict(reversed(SETTINGS.items()))
+    assert dataclasses.replace(EIGEN, settings=turned, title="other", alone=True).digest == EIGEN.digest
+
+
+@given(st.dictionaries(st.text(), values | st.lists(values) | st.dictionaries(st.text(), values)))
+def test_a_stamp_does_not_differ_from_what_its_file_holds(settings):
+    stamp = artifact(settings).stamp
+    assert difference(stamp, json.loads(json.dumps(stamp))) == []
+
+
+def test_a_difference_names_the_key_and_both_values():
+    other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
+    assert difference(EIGEN.stamp, other.stamp) == [
+        "settings.epochs is 20, not 50",
+        "seed is not set, not 3",
+    ]
+
+
+def test_waves_are_made_from_those_before_them_alone():
+    seeds = artifact({}, "seeds")
+    gan = artifact(SETTINGS, inputs={"seeds": seeds})
+    library = artifact({}, "library", inputs={"gan": gan, "seeds": seeds})
+    other = artifact({}, "library", "other", inputs={"gan": artifact({}, "gan", "elsewhere")})
+    assert waves([library, seeds, gan, other, seeds]) == [[seeds, other], [gan], [library]]
+    assert waves([]) == []
+
+
+def test_flatten_keeps_empty_groups():
+    assert flatten({"a": {"b": 1, "c": {}}, "d": [1, 2]}) == {"a.b": 1, "a.c": {}, "d": [1, 2]}
+
+
+@given(st.text(max_size=400))
+def test_a_folder_name_is_one_short_folder(text):
+    name = folder_name(text)
+    assert name and "/" not in name and "\0" not in name and not name.startswith(".") and len(name) <= 100
+
+
+def test_folder_names_stay_readable_and_long_ones_apart():
+    assert folder_name("gan=eigen,seed=1") == "gan=eigen,seed=1"
+    assert folder_name("robot.name=/home/me/arm.urdf") == "robot.name=_home_me_arm.urdf"
+    assert folder_name("x" * 200 + "a") != folder_name("x" * 200 + "b")
