@@ -60,13 +60,11 @@ def _variants() -> dict[str, Variant]:
     from hydra import compose, initialize_config_dir
 
     from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-    from sidegan.pipeline.config import validate
-    from sidegan.pipeline.plan import variant
     from sidegan.pipeline.run import CONF
+    from sidegan.pipeline.settings import validate
 
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = validate(compose("config", overrides=["+experiment=exp1", "scale=paper"]))
-    return {name: variant(name, settings) for name, settings in cfg.gan.items()}
+        return validate(compose("config", overrides=["+experiment=exp1", "scale=paper"])).gan
 
 
 def _least_seconds(generator: TrajectoryGenerator, count: int) -> float:

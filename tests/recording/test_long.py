@@ -1,13 +1,13 @@
 import torch
 
-from benchmarks.long_recording import main, write
 from sidegan.recording import Columns, Source, condition, grid_for, survey
 from sidegan.recording.settings import Settings
+from tests.recording.long import write
 
 
 def test_a_long_recording_is_conditioned_in_pieces(arm, tmp_path):
     """What is held follows from the bandwidth and the duration, not from the sampling rate."""
-    samples = write(tmp_path / "long.parquet", 2.0)
+    samples = write(arm, tmp_path / "long.parquet", 8)
     source = Source(tmp_path / "long.parquet", Columns(), arm.joint_names, rows=20_000)
     grid = grid_for(survey(source), Settings())
     segments = condition(source, grid=grid)
@@ -19,8 +19,3 @@ def test_a_long_recording_is_conditioned_in_pieces(arm, tmp_path):
     for one, other in zip(segments, at_once):
         for a, b in zip(one, other):
             torch.testing.assert_close(a, b, atol=1e-6, rtol=0)
-
-
-def test_the_benchmark_runs(capfd):
-    assert main(["--minutes", "1"]) in (0, 1)  # how long it takes depends on what else runs
-    assert "samples of 7 joints" in capfd.readouterr().out
