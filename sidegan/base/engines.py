@@ -157,6 +157,7 @@ class Dask:
                 threads_per_worker=1,
                 memory_limit=0,
                 dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": ":0"},  # its HTTP server, else at a fixed port
                 silence_logs=logging.CRITICAL,
                 env=ONE_THREAD,
                 preload=[__name__],
