@@ -25,6 +25,7 @@ _PER_OUTPUT = """
 add sub rsub mul div neg reciprocal abs sqrt rsqrt sin cos exp log maximum minimum clamp clamp_min clamp_max
 pow square sigmoid tanh relu copysign sign sgn threshold_backward
 """
+_TWICE_PER_OUTPUT = "lerp addcmul addcdiv"
 _PER_INPUT = "sum mean norm linalg_vector_norm amax amin min max"
 
 
@@ -49,7 +50,7 @@ def operations(work: Callable[[], object]) -> float:
     """Additions, multiplications and elementary functions of ``work``, by the plain torch code."""
     formulas = {
         getattr(torch.ops.aten, name): formula
-        for names, formula in ((_PER_OUTPUT, _outputs), (_PER_INPUT, _inputs))
+        for names, formula in ((_PER_OUTPUT, _outputs), (_TWICE_PER_OUTPUT, _twice), (_PER_INPUT, _inputs))
         for word in names.split()
         for name in (word, f"{word}_")
         if hasattr(torch.ops.aten, name)
@@ -81,11 +82,16 @@ def _outputs(*_: Any, out_val: Tensor | tuple[Tensor, ...], **__: Any) -> int:
     return (out_val[0] if isinstance(out_val, tuple) else out_val).numel()
 
 
+def _twice(*_: Any, out_val: Tensor, **__: Any) -> int:
+    return 2 * out_val.numel()
+
+
 def _inputs(x: Tensor, *_: Any, **__: Any) -> int:
     return x.numel()
 
 
-_outputs._get_raw = _inputs._get_raw = True  # type: ignore[attr-defined] # tensors, not their shapes
+for _formula in (_outputs, _twice, _inputs):
+    _formula._get_raw = True  # type: ignore[attr-defined] # takes tensors, not their shapes
 
 
 def _cpu() -> str:

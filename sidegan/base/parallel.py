@@ -1,6 +1,5 @@
 """A few independent tasks at once, each in a process of its own with one thread, with progress."""
 
-import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
@@ -13,8 +12,6 @@ from sidegan.base.progress import bar
 from sidegan.errors import SideganError, StorageError
 
 __all__ = ["Job", "Report", "cores", "engine", "run_jobs"]
-
-log = logging.getLogger(__name__)
 
 _POLL = 0.2  # [s]
 _LEAST = 0.01  # share between two messages, each of which is a round trip to another process
