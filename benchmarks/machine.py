@@ -91,7 +91,7 @@ def _inputs(x: Tensor, *_: Any, **__: Any) -> int:
 
 
 for _formula in (_outputs, _twice, _inputs):
-    _formula._get_raw = True  # type: ignore[attr-defined] # takes tensors, not their shapes
+    _formula._get_raw = True  # type: ignore[union-attr] # takes tensors, not their shapes
 
 
 def _cpu() -> str:
