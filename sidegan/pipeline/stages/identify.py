@@ -3,7 +3,6 @@
 import hashlib
 import logging
 import shutil
-from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -50,13 +49,13 @@ def model(task: Task) -> Artifact:
     return Artifact("identify", label, "identify", settings, inputs, None, make, _error, alone=True)
 
 
-def checked(cfg: Config, arm: Arm) -> Iterator[list[CheckedRecording]]:
+def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
     """Recordings to identify from and to validate on, checked and preprocessed; the check is printed."""
     settings = (arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
     training = read_and_check(cfg.recordings, "training", *settings)
     validation = read_and_check(cfg.validation, "validation", *settings)
     show_checks([*training, *validation])
-    yield from (training, validation)
+    return training, validation
 
 
 def _make(cfg: Config, arm: Arm, build: Build) -> None:

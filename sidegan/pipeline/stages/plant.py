@@ -18,7 +18,7 @@ from sidegan.pipeline.stages.pools import ExcitationSet
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.stages.selection import excitation_sets
 from sidegan.pipeline.task import RESULTS, Task
-from sidegan.plant import Executed, execute_all
+from sidegan.plant import Executed, Plant
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
 from sidegan.recording.settings import Preprocessing
@@ -66,8 +66,8 @@ def _recorded(task: Task, family: Trajectory, c: Tensor, purpose: str) -> list[M
     """What the plant's sensors saw along every trajectory, preprocessed as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
     settings = replace(task.cfg.recording, bandwidth=family.harmonics / family.period, cutoff=None)
-    read = partial(measurements_of, arm=task.arm, settings=settings)
-    return execute_all(task.arm, task.cfg.plant, family, c, random, read, workers=1)
+    executed = Plant(task.arm, task.cfg.plant).execute_each(family, c, random)
+    return [measurements_of(one, task.arm, settings) for one in executed]
 
 
 def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Measurements:
