@@ -14,7 +14,16 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
+from sidegan.conditional.settings import ConditionalSettings
+from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError
+from sidegan.gan import Variant
+from sidegan.gan.surrogates import SurrogateSettings
+from sidegan.identification import EstimationSettings, Noise, ReplicationSettings, StudySettings, Terms
+from sidegan.library.draw import Expansion
+from sidegan.plant import PlantSettings
+from sidegan.recording.settings import RecordingSettings
+from sidegan.seeds.settings import Long, Seeds
 from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
@@ -111,7 +120,7 @@ class TrajectoryFamily:
 class Sensitivity:
     """What the comparison of excitation sets is repeated with, one change at a time."""
 
-    noises: dict[str, NoiseModel]
+    noises: dict[str, Noise]
     priors: list[Positive]
     counts: list[Count]  # selected trajectories
     repeats: Count  # noise realisations of each
@@ -230,27 +239,27 @@ class Config:
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
-    surrogates: Surrogates = _group("surrogates")
+    surrogates: SurrogateSettings = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
     excite: list[str] = _group("excite")  # pools that stage excite picks from: seeds, random, variants
     long: Long = _group("long")
-    identification: Identification = _group("identification")
-    plant: Plant = _group("plant")
-    replication: Replication = _group("replication")
+    identification: StudySettings = _group("identification")
+    plant: PlantSettings = _group("plant")
+    replication: ReplicationSettings = _group("replication")
     kinds: dict[str, Seeds] = _group("kinds")  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity = _group("sensitivity")
     discussion: Discussion = _group("discussion")
     ablation: dict[str, Variant] = _group("ablation")  # that show what each part of the recipe does
     beyond: Beyond = _group("beyond")
-    conditional: Conditional = _group("conditional")
+    conditional: ConditionalSettings = _group("conditional")
     recordings: list[str] = _group("recordings")  # files to identify from
     validation: list[str] = _group("validation")  # files that are held out
-    recording: Recording = _group("recording")
-    model: TorqueModel = _group("model")
-    identify: Identify = _group("identify")
+    recording: RecordingSettings = _group("recording")
+    model: Terms = _group("model")
+    identify: EstimationSettings = _group("identify")
 
     def has(self, *groups: str) -> bool:
         """Whether all of these settings are composed."""

@@ -83,7 +83,9 @@ def command(tmp_path, monkeypatch):
 
     def call(*arguments, tracking="off"):
         chosen = [] if any("experiment=" in one for one in arguments) else ["+experiment=exp1"]
-        monkeypatch.setattr(sys, "argv", ["sidegan", *chosen, *arguments, f"tracking={tracking}"])
+        flags = [one for one in arguments if one.startswith("-")]
+        settings = [one for one in arguments if not one.startswith("-")]
+        monkeypatch.setattr(sys, "argv", ["sidegan", *flags, *chosen, *settings, f"tracking={tracking}"])
         try:
             return main()
         except SystemExit as leave:

@@ -79,7 +79,7 @@ def _drawn(task: Task, path: Path, count: int) -> Tensor:
 
 def _training_seconds(task: Task, name: str) -> float:
     """CPU time of one whole training [s], from that of a few of its steps: what others do does not count."""
-    from sidegan.gan.training import train_variant
+    from sidegan.gan.training import Run, train_variant
 
     variant = task.cfg.gan[name]
     seeds = training_seeds(task).coefficients if variant.seeded else None
@@ -87,7 +87,8 @@ def _training_seconds(task: Task, name: str) -> float:
     def train(steps: int) -> None:
         brief = replace(variant, epochs=1, steps=steps)
         with TemporaryDirectory() as work:
-            train_variant(brief, task.constraints, task.trajectory, seeds, Path(work), seed=0, evaluation=0)
+            run = Run(name, 0, Path(work), evaluation=0)
+            train_variant(brief, task.constraints, task.trajectory, seeds, run)
 
     few, many = (_seconds(partial(train, steps)) for steps in (_FEW, _MANY))
     steps = variant.epochs * (variant.steps or 1)

@@ -1,6 +1,6 @@
 """Stage plant: every excitation set executed on the arm in MuJoCo, and the arm identified from what was recorded."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields, replace
 from functools import partial
 
 import numpy as np
@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import write_parquet
-from sidegan.identification import Measurements, Model, estimate, score
+from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
@@ -18,9 +18,10 @@ from sidegan.pipeline.stages.pools import ExcitationSet
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.stages.selection import excitation_sets
 from sidegan.pipeline.task import RESULTS, Task
-from sidegan.plant import Executed, execute_all
-from sidegan.recording import Recording, condition
-from sidegan.recording.settings import Settings
+from sidegan.plant import Executed, Plant
+from sidegan.recording.recording import Recording
+from sidegan.recording.segments import preprocess
+from sidegan.recording.settings import Preprocessing
 from sidegan.report.tables import arrow
 from sidegan.robot import Arm
 
@@ -31,11 +32,12 @@ _METHODS = {False: "ols", True: "weighted"}
 def plant(task: Task, one: ExcitationSet) -> Artifact:
     """What identification from one set is worth when the plant executes it."""
     repeats = {"repeats": task.cfg.replication.repeats, "tests": task.cfg.identification.tests}
+    recorded = {one.name: getattr(task.cfg.recording, one.name) for one in fields(Preprocessing)}
     return task.artifact(
         "plant",
         one.name,
         partial(_make, one=one),
-        asdict(task.cfg.plant) | repeats,
+        asdict(task.cfg.plant) | repeats | {"recording": recorded},
         {one.source.maker: one.source},
         training=one.training,
         title=f"plant/{one.title}",
@@ -46,7 +48,7 @@ def plant(task: Task, one: ExcitationSet) -> Artifact:
 def _make(task: Task, build: Build, one: ExcitationSet) -> None:
     coefficients = task.load(one.source).coefficients
     tests = random_valid(task, task.cfg.identification.tests, "tests").coefficients
-    model, rows, repeats = Model(task.body), [], task.cfg.replication.repeats
+    model, rows, repeats = TorqueModel(task.body), [], task.cfg.replication.repeats
     for repeat in range(repeats):
         training = _recorded(task, one.family, coefficients, f"plant {repeat}")
         test = _recorded(task, task.trajectory, tests, f"plant tests {repeat}")
@@ -63,16 +65,16 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
 def _recorded(task: Task, family: Trajectory, c: Tensor, purpose: str) -> list[Measurements]:
     """What the plant's sensors saw along every trajectory, preprocessed as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
-    settings = Settings(bandwidth=family.harmonics / family.period)
-    read = partial(measurements_of, arm=task.arm, settings=settings)
-    return execute_all(task.arm, task.cfg.plant, family, c, random, read, workers=1)
+    settings = replace(task.cfg.recording, bandwidth=family.harmonics / family.period, cutoff=None)
+    executed = Plant(task.arm, task.cfg.plant).execute_each(family, c, random)
+    return [measurements_of(one, task.arm, settings) for one in executed]
 
 
-def measurements_of(executed: Executed, arm: Arm, settings: Settings) -> Measurements:
+def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Measurements:
     """Measurements from an execution, through the same door as a recording."""
     signals = (executed.time, executed.position, executed.velocity)
     recording = Recording(NAME, arm.joint_names, *signals, torque=executed.torque)
-    parts = list(zip(*condition(recording, settings)))[1:]
+    parts = list(zip(*preprocess(recording, settings)))[1:]
     return Measurements(*(torch.cat(part) for part in parts))
 
 

@@ -1,6 +1,6 @@
 """Stage replication: identification from whole sets with noise on everything, and from the seeds measured again."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -8,7 +8,8 @@ import pandas as pd
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
-from sidegan.identification.replication import combined, measured_sums
+from sidegan.identification import StudySettings
+from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
@@ -65,13 +66,17 @@ def _measure(task: Task, build: Build, pool: Pool) -> None:
     for done, ((repeat, replica), path) in enumerate(parts.items()):
         if not readable(path):
             random = task.random(f"measured {pool.name} {repeat} {replica}", pool.training)
-            physics = (task.body, task.trajectory, library.coefficients)
-            study = task.cfg.identification.with_noise(settings.noise)
+            family = (task.trajectory, library.coefficients)
             report = partial(_report_part, build.report, done, len(parts))
-            write_torch(path, measured_sums(*physics, study, random, report)._asdict())
+            write_torch(path, measured_sums(task.body, family, _study(task), random, report)._asdict())
         build.report(done + 1, len(parts))
     draws = [[read_torch(parts[r, k]) for k in range(replicas)] for r in range(settings.repeats)]
     write_torch(build.folder / SUMS, draws)
+
+
+def _study(task: Task) -> StudySettings:
+    """The comparison's settings with the noise of whole sets."""
+    return replace(task.cfg.identification, noise=task.cfg.replication.noise)
 
 
 def _report_part(report: Report, before: int, total: int, done: int, count: int) -> None:
@@ -80,7 +85,6 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
 
 def _combine(task: Task, build: Build) -> None:
     settings = task.cfg.replication
-    study = task.cfg.identification.with_noise(settings.noise)
     tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests").coefficients)
     seeds, *libraries = ((one, _sums(task, one)) for one in whole_sets(task))
     tables: list[tuple[pd.DataFrame, ...]] = []
@@ -91,7 +95,7 @@ def _combine(task: Task, build: Build) -> None:
             of_training = [(pool, draws) for pool, draws in libraries if pool.training == training]
             jobs.append((training, {pool.name: [first[0], *draws[repeat]] for pool, draws in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, study)
+            frames = combined(task.body, sets, tests, _study(task))
             tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))

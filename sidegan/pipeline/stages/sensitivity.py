@@ -11,7 +11,7 @@ import torch
 from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
 from sidegan.design.greedy import greedy
-from sidegan.identification import study
+from sidegan.identification import StudySettings, study
 from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
@@ -19,7 +19,6 @@ from sidegan.pipeline.stages.kinds import kind
 from sidegan.pipeline.stages.pools import SEEDS, Pool, pools
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.settings import Identification
 from sidegan.pipeline.task import RESULTS, Task
 from sidegan.report.tables import arrow
 
@@ -32,7 +31,7 @@ class Alternative:
 
     factor: str
     value: str
-    settings: Identification
+    settings: StudySettings
     count: int
 
 

@@ -14,7 +14,6 @@ from sidegan.pipeline.stage import finite
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
 
-LABEL_SHARES = 8
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
 
@@ -81,28 +80,24 @@ def taught(task: Task) -> dict[str, Any]:
 
 
 def _train(task: Task, build: Build, name: str, training: int, variant: Variant) -> None:
-    from sidegan.gan import jobs
-    from sidegan.gan.training import train_variant
+    from sidegan.gan.jobs import load_surrogates
+    from sidegan.gan.surrogates import Surrogates
+    from sidegan.gan.training import Run, train_variant
 
-    predictor = converter = None
+    learnt = Surrogates()
     if variant.surrogates:
         source = task.store.require(surrogates(task, variant.data))
-        predictor = jobs.load_predictor(source, task.arm, task.trajectory)
-        if variant.features != "none":
-            converter = jobs.load_converter(source, variant.features, task.arm, task.trajectory)
-    trained = train_variant(
-        variant,
-        task.constraints,
-        task.trajectory,
-        training_seeds(task).coefficients if variant.seeded else None,
+        learnt = load_surrogates(source, variant, task.arm, task.trajectory)
+    run = Run(
+        name,
+        task.number(f"gan {name}", training),
         build.work,
-        seed=task.number(f"gan {name}", training),
-        evaluation=task.cfg.scale.evaluation,
-        predictor=predictor,
-        converter=converter,
-        device=task.cfg.device,
-        epoch_end=lambda epoch, _: build.report(epoch + 1, variant.epochs),
+        task.cfg.scale.evaluation,
+        task.cfg.device,
+        lambda epoch, _: build.report(epoch + 1, variant.epochs),
     )
+    seeds = training_seeds(task).coefficients if variant.seeded else None
+    trained = train_variant(variant, task.constraints, task.trajectory, seeds, run, learnt)
     trained.generator.save(build.folder / GENERATOR)
     keep_history(build, trained.history)
 
@@ -117,32 +112,26 @@ def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
 
 
 def _pretrain(task: Task, build: Build, data: str) -> None:
-    from sidegan.gan import TrajectoryGenerator, jobs
+    from sidegan.gan import TrajectoryGenerator
+    from sidegan.gan.jobs import SHARES, Pretraining, negatives_count
 
-    settings, workers, physics = (
-        task.cfg.surrogates,
-        task.cfg.parallel.workers,
-        (task.constraints, task.trajectory),
-    )
+    settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
     vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)
-    faulty = vanilla.sample(jobs.negatives_wanted(settings.samples), task.number("negatives"))
+    faulty = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
     seeds = training_seeds(task).coefficients
-    taught = (jobs.training_seeds(seeds)[0], jobs.training_negatives(faulty)[0])
-    count, steps = -(-settings.samples // LABEL_SHARES), settings.margin_steps
-    shares = [build.work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
+    pretraining = Pretraining(
+        task.constraints, task.trajectory, settings, data, seeds, faulty, build.work
+    )
     labelling: list[Job] = [
-        partial(jobs.label_share, *physics, *taught, count, steps, data, path, task.number(f"labels {i}"))
-        for i, path in enumerate(shares)
+        partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)
     ]
     run_jobs("labels", labelling, workers, settings.samples)
-    sizes, epochs = jobs.Sizes(settings.width, steps, settings.feature_steps), settings.epochs
-    rest = (shares, sizes, epochs, build.folder)
     trainings: list[Job] = [
-        partial(jobs.train_success, *physics, seeds, faulty, *rest, task.number("success")),
+        partial(pretraining.train_success, build.folder, task.number("success")),
         *(
-            partial(jobs.train_features, task.arm, task.trajectory, name, *rest, task.number(name))
+            partial(pretraining.train_features, name, build.folder, task.number(name))
             for name in ("spectrum", "diagonal")
         ),
     ]
-    parts = run_jobs("surrogates", trainings, workers, epochs * len(trainings))
+    parts = run_jobs("surrogates", trainings, workers, settings.epochs * len(trainings))
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})

@@ -107,26 +107,24 @@ def schedule(task: Task, way: str) -> Variant:
 
 
 def _make(task: Task, build: Build, target: Target, name: str, way: str) -> None:
-    from sidegan.gan.training import train_variant
+    from sidegan.gan.training import Run, train_variant
 
     there, variant = Elsewhere(task, target, build.folder), schedule(task, way)
     count, facts, start = max(2, 2 * task.cfg.beyond.polished), {}, None
     if way == TRANSFER:
         start = TrajectoryGenerator.load(task.store.require(source(task)) / GENERATOR, task.arm)
-        moved = start.moved(there.arm, there.trajectory)
+        moved = start.transferred(there.arm, there.trajectory)
         facts = measure(there.constraints, there.trajectory, moved.sample(count))
-    trained = train_variant(
-        variant,
-        there.constraints,
-        there.trajectory,
-        None,
+    run = Run(
+        task.cfg.beyond.source,
+        task.number(f"transfer {name} {way}"),
         build.work,
-        seed=task.number(f"transfer {name} {way}"),
-        evaluation=count,
-        device=task.cfg.device,
-        epoch_end=lambda epoch, _: build.report(epoch + 1, variant.epochs),
-        start=start,
+        count,
+        task.cfg.device,
+        lambda epoch, _: build.report(epoch + 1, variant.epochs),
+        start,
     )
+    trained = train_variant(variant, there.constraints, there.trajectory, None, run)
     trained.generator.save(build.folder / GENERATOR)
     keep_history(build, trained.history)
     write_json(build.folder / REPORT, finite(facts))
