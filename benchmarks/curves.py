@@ -17,7 +17,8 @@ from benchmarks.setting import Setting
 from benchmarks.timing import Timing, medians, timed
 from sidegan.design.excitation import Excitation, excite
 from sidegan.design.greedy import greedy_in_parts
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.identification import Measurements, identify
 from sidegan.library import Library
@@ -42,7 +43,7 @@ _DESK = Plane((0.0, 0.0, 1.0), 0.10)
 def warm_up() -> None:
     """Load the compiled kernels, which no point should pay for."""
     problem = Setting().problem
-    Gradient(steps=2, attempts=1).optimise(problem, 1, np.random.SeedSequence(0))
+    Gradient(steps=2, attempts=1, reserve=0.2).optimise(problem, 1, np.random.SeedSequence(0))
     excite(problem.body, problem.trajectory, problem.start(1, torch.Generator()))
 
 
@@ -65,7 +66,9 @@ def harmonics(count: int) -> Point:
 
 def seeds(count: int) -> Point:
     """CPU time per valid seed [s] of a batch, and the median condition number."""
-    made = Gradient(steps=_STEPS).optimise(Setting().problem, count, np.random.SeedSequence(0))
+    made = Gradient(steps=_STEPS, attempts=5, reserve=0.2).optimise(
+        Setting().problem, count, np.random.SeedSequence(0)
+    )
     return {
         "cpu_s_per_seed": made.cpu_seconds / max(1, len(made)),
         "condition": float(made.fitness.median()) if len(made) else float("nan"),
@@ -115,7 +118,7 @@ def long(periods: int) -> Point:
         _evaluation(short),
     )
     fitness, slope, evaluation, evaluation_short = (run.cpu for run in medians(_REPEATS, *works))
-    method, seed = Gradient(steps=_STEPS, attempts=1), np.random.SeedSequence(0)
+    method, seed = Gradient(steps=_STEPS, attempts=1, reserve=0.2), np.random.SeedSequence(0)
     found, many = method.optimise(problem, 1, seed), method.optimise(short, periods, seed)
     return {
         "coefficients": c.numel(),

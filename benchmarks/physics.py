@@ -9,7 +9,8 @@ from benchmarks import figaroh
 from benchmarks.limits import operations, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Row, medians, rate, threads
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.motion.dynamics import gram
 from sidegan.robot.oracle import capsule_geometry, pinocchio_model
 from sidegan.validity import check

@@ -43,7 +43,7 @@ class Work:
 
     def seeds(self, number: int) -> Tensor:
         """Coefficients of a batch of seeds, topped up by random ones, (20, 7, 6, 2) [rad/s]."""
-        made = Gradient(steps=_STEPS, attempts=1).optimise(
+        made = Gradient(steps=_STEPS, attempts=1, reserve=0.2).optimise(
             self.setting.problem, _SEEDS, np.random.SeedSequence(number)
         )
         more = self.setting.problem.start(2 * _SEEDS - len(made), torch.Generator().manual_seed(number))

@@ -100,7 +100,13 @@ def works(setting: Setting) -> dict[str, tuple[list[Task], int]]:
     seeds = np.random.SeedSequence(0).spawn(8)
     return {
         # 1800 seeds in tasks of 50
-        "seeds": ([partial(_seeds, problem, Gradient(steps=steps, attempts=1), batch, s) for s in seeds], 36),
+        "seeds": (
+            [
+                partial(_seeds, problem, Gradient(steps=steps, attempts=1, reserve=0.2), batch, s)
+                for s in seeds
+            ],
+            36,
+        ),
         # a library of a million in tasks of 1000
         "library filtering": (
             [partial(_filter, constraints, family, problem, drawn, s) for s in seeds],

@@ -11,7 +11,7 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 
 _TINY = torch.finfo(torch.float64).tiny
-_ROUNDING = 16  # times q ε: what a target may lack to be symmetric and semidefinite
+ROUNDING = 16  # times q ε: what a matrix may lack to be symmetric and semidefinite
 
 Bound = Callable[[Tensor], Tensor]
 
@@ -111,7 +111,7 @@ def _rows(target: Tensor) -> Tensor:
     if target.ndim != 2 or target.shape[0] != target.shape[1] or not target.isfinite().all():
         raise ShapeError(f"target is {tuple(target.shape)}, expected finite numbers (q, q)")
     eigenvalues, vectors = torch.linalg.eigh(target.double())
-    noise = _ROUNDING * len(target) * torch.finfo(target.dtype).eps * float(target.abs().max())
+    noise = ROUNDING * len(target) * torch.finfo(target.dtype).eps * float(target.abs().max())
     if float((target - target.T).abs().max()) > noise or eigenvalues[0] < -noise or eigenvalues[-1] <= 0:
         raise ShapeError("target is not symmetric and positive semidefinite, or zero")
     kept = eigenvalues > 0

@@ -13,10 +13,14 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
+from sidegan.design.objectives import Term
+from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError
+from sidegan.library.draw import Expansion
 from sidegan.pipeline.config_beyond import Beyond
 from sidegan.pipeline.config_conditional import Conditional
 from sidegan.pipeline.config_identify import Identify, Model, Recording, check_files
+from sidegan.seeds import Long, Seeds
 
 Vector = tuple[float, float, float]
 
@@ -122,30 +126,6 @@ class TrajectoryFamily:
 
 
 @dataclass(frozen=True)
-class Seeds:
-    """The conventional optimiser that makes the seed set."""
-
-    method: Literal["gradient", "paper"]
-    fitness: Literal["eigenvalue", "diagonal"]
-    count: Count
-    samples: Count  # time points per period
-    batch: Count  # trajectories per task
-    steps: Count  # gradient: evaluations; paper: generations of the colony
-    attempts: Count  # starts per seed before giving up
-    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
-    ants: Count | None = None  # paper only: size of the colony
-    evaluations: Count | None = None  # paper only: of the compass search
-
-    def __post_init__(self) -> None:
-        if self.method == "paper" and None in (self.ants, self.evaluations):
-            raise ConfigError("method paper needs ants and evaluations; choose it by seeds=paper")
-        if self.method != "paper" and (self.ants, self.evaluations) != (None, None):
-            raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
-        if (self.method == "gradient") == (self.reserve is None):
-            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
-
-
-@dataclass(frozen=True)
 class Weights:
     """Weights of the terms of the generator's loss."""
 
@@ -156,16 +136,6 @@ class Weights:
     spread: NonNegative
     distance: NonNegative
     rank: NonNegative
-
-
-@dataclass(frozen=True)
-class Term:
-    """One weighted term of an exact objective."""
-
-    objective: Literal["log_condition", "diagonal_ratio", "d_optimal", "a_optimal"]
-    weight: Positive
-    together: Count  # generated trajectories whose information is taken together
-    noise: list[Positive] | None = None  # of each joint's torque [N·m], by which the joints count
 
 
 @dataclass(frozen=True)
@@ -232,41 +202,6 @@ class Surrogates:
     def __post_init__(self) -> None:
         if len(self.negatives) != 1:
             raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
-
-
-@dataclass(frozen=True)
-class Expansion:
-    """How the library grows from the generator."""
-
-    count: Count
-    batch: Count
-    draws: Count  # most samples drawn before giving up
-    polish: Natural  # gradient steps on every sample; 0: none
-    reserve: Share  # of each limit, and twice that share of 0.25 m, that polished samples keep free
-
-
-@dataclass(frozen=True)
-class Selection:
-    """How many trajectories are picked from a pool, and by what."""
-
-    count: Count
-    method: Literal["greedy", "d_optimal", "a_optimal", "d_exchange", "prediction"]
-    noise: list[Positive] | None  # of each joint's torque [N·m], by which the joints count; not for greedy
-
-    def __post_init__(self) -> None:
-        if self.method == "greedy" and self.noise is not None:
-            raise ConfigError("the paper's greedy score knows no noise: choose another method")
-
-
-@dataclass(frozen=True)
-class Long:
-    """The single long trajectory that the short ones are compared with."""
-
-    period: Positive  # [s]
-    harmonics: list[Count]  # one trajectory for each
-    samples: Count
-    steps: Count  # evaluations, at least
-    factor: Annotated[float, Bound("≥", 1)]  # CPU time, in that of all short ones of a selection together
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.variants import Exact, Variant, Weights
 from sidegan.identification import Noise, study
@@ -17,6 +16,7 @@ from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
 from sidegan.pipeline.stamp import Stamp
 from sidegan.robot import Arm, load_robot, with_effort
+from sidegan.seeds import Seeds
 from sidegan.validity import Box, Constraints, Plane, Region
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
@@ -256,7 +256,7 @@ def study_settings(
     return study.Settings(*common, noise, settings.repeats)
 
 
-def replace_seeds(task: Task, seeds: config.Seeds) -> Task:
+def replace_seeds(task: Task, seeds: Seeds) -> Task:
     """The same task with other settings of the seeds."""
     return Task(replace(task.cfg, seeds=seeds, stages=[]), task.store)
 
@@ -287,13 +287,8 @@ def variant(name: str, settings: config.GanVariant) -> Variant:
     del values["data"]
     try:
         if settings.exact is not None:
-            terms = tuple(_term(term) for term in settings.exact.terms.values())
+            terms = tuple(settings.exact.terms.values())
             values["exact"] = Exact(**{**asdict(settings.exact), "terms": terms})
         return Variant(name, **values)
     except ConfigError as error:
         raise ConfigError(f"gan.{name}: {error}") from error
-
-
-def _term(settings: config.Term) -> Term:
-    noise = None if settings.noise is None else tuple(settings.noise)
-    return Term(**{**asdict(settings), "noise": noise})

@@ -80,10 +80,10 @@ class Paper:
         attempts: most starts per seed.
     """
 
-    generations: int = 100
-    ants: int = 100
-    evaluations: int = 20_000
-    attempts: int = 5
+    generations: int
+    ants: int
+    evaluations: int
+    attempts: int
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""

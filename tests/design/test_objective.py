@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from sidegan.design.excitation import excite
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane

@@ -17,6 +17,7 @@ from sidegan.design.information import Information, information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.identification import study
 from sidegan.library import Library
+from sidegan.library.measure import effort
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
@@ -29,7 +30,6 @@ from sidegan.report.tables import arrow
 log = logging.getLogger(__name__)
 
 _RATE = 5.0  # [Hz] at which information is taken
-_ENERGY_RATE = 50.0  # [Hz] at which power is taken
 
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
@@ -86,19 +86,9 @@ def picks(pool: Library, about: Information, count: int) -> dict[str, Tensor]:
 
 def _told(task: Task, pool: Library, about: Information, chosen: Tensor) -> dict[str, float]:
     """Log determinant of a set, and what it costs the arm."""
-    energy, speed = effort(task, pool.coefficients[chosen])
+    energy, speed = effort(task.body, task.trajectory, pool.coefficients[chosen])
     return {
         "log_det": criteria_of(about.stacked(chosen)).log_det,
         "energy": float(energy.mean()),
         "speed": float(speed.mean()),
     }
-
-
-def effort(task: Task, c: Tensor) -> tuple[Tensor, Tensor]:
-    """Mechanical energy ∫ Σ |τ dq| dt [J] and largest share of a velocity limit, (N,) each."""
-    _, q, dq, ddq = task.trajectory.roll_out(
-        c, task.trajectory.grid(round(task.trajectory.period * _ENERGY_RATE))
-    )
-    power = (task.body.torque(q, dq, ddq) * dq).abs().sum(2)
-    speed = (dq.abs() / task.arm.velocity_limit).amax((1, 2))
-    return power.mean(1) * task.trajectory.period, speed

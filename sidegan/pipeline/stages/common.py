@@ -5,60 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from torch import Tensor
-
 from sidegan.base.parallel import Report, run_jobs
-from sidegan.design.excitation import excite
 from sidegan.library import Library
-from sidegan.motion.trajectory import Trajectory
+from sidegan.library.measure import RATE, measured, summary  # noqa: F401 - for the stages
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.plan import LIBRARY, Task
 from sidegan.pipeline.stamp import Stamp
-from sidegan.validity import Constraints, check
-
-RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
-_BATCH = 250
 
 Make = Callable[..., None]
-
-
-def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
-    """A library of coefficients (N, J, H, 2) with everything measured about them."""
-    parts = []
-    for batch in c.split(_BATCH):
-        validity = check(constraints, trajectory, batch)
-        excitation = excite(constraints.body, trajectory, batch, round(RATE * trajectory.period))
-        parts.append(
-            Library(
-                coefficients=batch,
-                valid=validity.valid,
-                margins=validity.margins,
-                fitness=excitation.eigenvalue_fitness,
-                diagonal_fitness=excitation.diagonal_fitness,
-                spectrum=excitation.spectrum,
-                diagonal=excitation.diagonal,
-                source=[source] * len(batch),
-                robot=constraints.arm.name,
-                digest=constraints.arm.digest,
-                period=trajectory.period,
-                home=tuple(trajectory.home or ()),
-            )
-        )
-    return parts[0].merge(*parts[1:])
-
-
-def summary(library: Library) -> dict[str, float]:
-    """Validity, fitness and diversity of a library."""
-    from sidegan.design.excitation import Excitation
-    from sidegan.gan.metrics import diversity
-
-    return {
-        "count": len(library),
-        "valid": float(library.valid.double().mean()),
-        "condition": float(library.fitness.median()),
-        "diagonal_ratio": float(library.diagonal_fitness.median()),
-        **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
-    }
 
 
 def load(task: Task, stamp: Stamp) -> Library:

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_json, write_json
-from sidegan.design.problem import Problem
 from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.artifacts import Store
@@ -22,7 +21,6 @@ from sidegan.pipeline.plan import GENERATOR, RANDOM, REPORT, SEEDS, Task, varian
 from sidegan.pipeline.stages.common import produce_all, training_seeds, words
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.tracking import Tracker
-from sidegan.seeds import method_of
 from sidegan.validity import check
 
 log = logging.getLogger(__name__)
@@ -71,11 +69,8 @@ def _seconds(work: Callable[[], object]) -> float:
 def _optimised(task: Task, count: int) -> Tensor:
     """So many seeds and no more, (count, J, H, 2)."""
     wanted = task.cfg.seeds
-    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations, "reserve": wanted.reserve}
-    options = {key: value for key, value in extra.items() if value is not None}
-    method = method_of(wanted.method, wanted.steps, wanted.attempts, **options)
-    problem = Problem(task.constraints, task.trajectory, wanted.samples, wanted.fitness == "diagonal")
-    return method.optimise(problem, count, task.random("first seeds")).coefficients
+    problem = wanted.problem(task.constraints, task.trajectory)
+    return wanted.optimiser.optimise(problem, count, task.random("first seeds")).coefficients
 
 
 def _drawn(task: Task, path: Path, count: int) -> Tensor:

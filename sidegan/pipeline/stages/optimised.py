@@ -29,7 +29,7 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
 def _make(task: Task, folder: Path, work: Path) -> None:
     wanted = task.cfg.seeds
     problem = Problem(task.constraints, task.trajectory, wanted.samples)
-    method = Gradient(steps=task.cfg.scale.seed_steps, reserve=task.cfg.beyond.reserve)
+    method = Gradient(task.cfg.scale.seed_steps, wanted.attempts, task.cfg.beyond.reserve)
     tasks = Tasks(wanted.count, wanted.batch, work, task.cfg.parallel.workers)
     batch = make_seeds(problem, method, tasks, task.random("optimised"))
     made = measured(task.constraints, task.trajectory, batch.coefficients, plan_beyond.OPTIMISED)

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -107,9 +108,9 @@ def _optimised(task: Task, steps: int, report: Report) -> dict[str, Any]:
     """The same of the seeds' optimiser from random starts, with the same reserve."""
     count = task.cfg.beyond.polished
     problem, random = _problem(task), task.random("polish from random")
-    Gradient(steps=1, attempts=1).optimise(problem, 2, random)
+    method = Gradient(steps, attempts=1, reserve=Polish(1).reserve)
+    replace(method, steps=1).optimise(problem, 2, random)
     began = time.process_time()
-    method = Gradient(steps=steps, attempts=1, reserve=Polish(1).reserve)
     found = method.optimise(problem, count, random)
     spent = time.process_time() - began
     row = _row(task, RANDOM, steps, found.coefficients, spent * len(found) / count)

@@ -5,13 +5,12 @@ from functools import partial
 from pathlib import Path
 
 from sidegan.base.storage import read_json, write_json
-from sidegan.design.problem import Problem
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
 from sidegan.pipeline.plan import LIBRARY, REPORT, Task
 from sidegan.pipeline.stages.common import measured, numbers, summary, words
 from sidegan.pipeline.tracking import Tracker
-from sidegan.seeds import Tasks, make_seeds, method_of
+from sidegan.seeds import Tasks, make_seeds
 
 log = logging.getLogger(__name__)
 
@@ -32,13 +31,10 @@ def make(task: Task) -> dict[str, float]:
 
 
 def _make(task: Task, folder: Path, work: Path) -> None:
-    wanted, diagonal = task.cfg.seeds, task.cfg.seeds.fitness == "diagonal"
-    extra = {"ants": wanted.ants, "evaluations": wanted.evaluations, "reserve": wanted.reserve}
-    options = {key: value for key, value in extra.items() if value is not None}
-    method = method_of(wanted.method, wanted.steps, wanted.attempts, **options)
-    problem = Problem(task.constraints, task.trajectory, wanted.samples, diagonal)
+    wanted = task.cfg.seeds
+    problem = wanted.problem(task.constraints, task.trajectory)
     tasks = Tasks(wanted.count, wanted.batch, work, task.cfg.parallel.workers)
-    batch = make_seeds(problem, method, tasks, task.random("seeds"))
+    batch = make_seeds(problem, wanted.optimiser, tasks, task.random("seeds"))
     library = measured(task.constraints, task.trajectory, batch.coefficients, wanted.method)
     library.save(folder / LIBRARY)
     report = {"attempts": batch.attempts, "failed": batch.failed, "cpu_seconds": batch.cpu_seconds}

@@ -4,12 +4,9 @@ import logging
 from functools import partial
 from pathlib import Path
 
-import torch
 from torch import Tensor
 
-from sidegan.design.greedy import greedy
-from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal, exchange
+from sidegan.design.selection import choose
 from sidegan.library import Library
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
@@ -40,14 +37,4 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path) -> Non
 
 def pick(task: Task, pool: Library) -> Tensor:
     """Indices of the configured pick from a pool, in the order of choice, (count,)."""
-    wanted = task.cfg.selection
-    if wanted.method == "greedy":
-        return greedy(pool.diagonal, wanted.count)
-    noise = None if wanted.noise is None else torch.tensor(wanted.noise, dtype=torch.float64)
-    information = information_of(task.body, task.trajectory, pool.coefficients, deviation=noise)
-    if wanted.method == "a_optimal":
-        return a_optimal(information, wanted.count)
-    if wanted.method == "prediction":
-        return a_optimal(information, wanted.count, target=information.mean)
-    chosen = d_optimal(information, wanted.count)
-    return exchange(information, chosen) if wanted.method == "d_exchange" else chosen
+    return choose(task.cfg.selection, task.body, task.trajectory, pool.coefficients, pool.diagonal)
