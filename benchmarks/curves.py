@@ -16,7 +16,7 @@ from benchmarks.networks import untrained
 from benchmarks.setting import Setting
 from benchmarks.timing import Timing, medians, timed
 from sidegan.design.excitation import Excitation, excite
-from sidegan.design.greedy import greedy_in_parts
+from sidegan.design.greedy import greedy
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
@@ -168,7 +168,7 @@ def _library(setting: Setting, count: int) -> tuple[dict[str, float], float, flo
         whole = timed(lambda: save_parts(path, parts())).cpu
         clock.spent["write"] = whole - sum(clock.spent.values())
         with clock("selection"):
-            picked = greedy_in_parts(Diagonals(path), min(_PICKS, count))
+            picked = greedy(Diagonals(path), min(_PICKS, count))
         with clock("read"):
             take(path, picked)
         size = path.stat().st_size / 1e6

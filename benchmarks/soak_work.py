@@ -12,7 +12,7 @@ from torch import Tensor
 from benchmarks.curves import library_of
 from benchmarks.setting import Setting
 from sidegan.design.excitation import excite
-from sidegan.design.greedy import greedy_in_parts
+from sidegan.design.greedy import greedy
 from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.training import train_variant
 from sidegan.identification import Noise, identify, measure
@@ -79,7 +79,7 @@ class Work:
 
         save_parts(path, parts())
         Library.load(path, self.setting.arm)
-        return take(path, greedy_in_parts(Diagonals(path), _PICKS))
+        return take(path, greedy(Diagonals(path), _PICKS))
 
     def identification(self, c: Tensor, number: int) -> None:
         """A model from what noisy sensors would see on a few trajectories."""

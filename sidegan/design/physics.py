@@ -22,19 +22,13 @@ from sidegan.errors import ShapeError
 class SetInformation:
     """Information of sets of trajectories: of how many together, and in which units of torque.
 
-    Args:
-        problem: the trajectories and their time points.
-        together: so many trajectories in a row are one set, whose information is their sum.
-        noise: standard deviation of each joint's torque noise [N·m], J of them, by which its rows of Y are
-            divided; None: rows as they are.
-
     Raises:
-        ShapeError: when the noise is not a positive number per joint.
+        ShapeError: when the noise is not a positive number per joint, or a batch does not fall into sets.
     """
 
     problem: Problem
-    together: int = 1
-    noise: Sequence[float] | None = None
+    together: int = 1  # so many trajectories in a row are one set, whose information is their sum
+    noise: Sequence[float] | None = None  # deviation of joint torques [N·m], by which rows of Y are divided
 
     def __post_init__(self) -> None:
         joints = self.problem.body.joints
@@ -42,11 +36,7 @@ class SetInformation:
             raise ShapeError(f"noise is {list(self.noise)}, expected {joints} positive deviations")
 
     def grams(self, c: Tensor) -> Tensor:
-        """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient.
-
-        Raises:
-            ShapeError: when the batch does not fall into such sets.
-        """
+        """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient."""
         if self.together < 1 or len(c) % self.together:
             raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {self.together}")
         problem, c = self.problem, c.detach().double()
@@ -73,15 +63,7 @@ class SetInformation:
 
 
 def spectrum(information: SetInformation, c: Tensor) -> Tensor:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p) float64.
-
-    Args:
-        information: which YᵀY.
-        c: coefficients [rad/s], (B, J, H, 2).
-
-    Raises:
-        ShapeError: when the batch does not fall into sets.
-    """
+    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c."""
     pairs = eigenpairs(information.problem.body, information.grams(c))
     return _Quadratic.apply(c, information, *pairs)
 
@@ -93,7 +75,7 @@ def ends(information: SetInformation, c: Tensor) -> Tensor:
 
 
 def diagonal(information: SetInformation, c: Tensor) -> Tensor:
-    """Diagonal of YᵀY / T over the base columns, (B / together, p) float64; as ``spectrum`` otherwise."""
+    """Diagonal of YᵀY / T over the base columns, (B / together, p)."""
     values = information.grams(c).diagonal(dim1=1, dim2=2)
     return _Quadratic.apply(c, information, values, torch.eye(values.shape[1]).expand(len(values), -1, -1))
 

@@ -24,42 +24,28 @@ if TYPE_CHECKING:
 class Library:
     """N trajectories of one robot; tensors are kept as float64 (``valid``: bool) on the CPU.
 
-    Attributes:
-        coefficients: [rad/s], (N, J, H, 2).
-        valid: whether every constraint holds over the whole period, (N,).
-        margins: signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each.
-        fitness: eigenvalue fitness, (N,); infinite where a direction is not excited.
-        diagonal_fitness: (N,); infinite where a base parameter is not excited.
-        spectrum: eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p).
-        diagonal: diagonal of YᵀY / T over the base columns, (N, p).
-        source: where each trajectory comes from, such as ``"seeds"`` or ``"eigen"``, N of them.
-        robot: name of the arm.
-        digest: the arm's digest.
-        period: duration of a trajectory [s].
-        home: joint positions at both ends [rad or m], J of them.
-
     Raises:
         ShapeError: when a shape does not fit or a value is not a number.
     """
 
-    coefficients: Tensor
-    valid: Tensor
-    margins: dict[str, Tensor]
-    fitness: Tensor
-    diagonal_fitness: Tensor
-    spectrum: Tensor
-    diagonal: Tensor
-    source: list[str]
-    robot: str
-    digest: str
-    period: float
-    home: tuple[float, ...]
+    coefficients: Tensor  # [rad/s], (N, J, H, 2)
+    valid: Tensor  # whether every constraint holds over the whole period, (N,)
+    margins: dict[str, Tensor]  # signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each
+    fitness: Tensor  # eigenvalue fitness, (N,); infinite where a direction is not excited
+    diagonal_fitness: Tensor  # (N,); infinite where a base parameter is not excited
+    spectrum: Tensor  # eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p)
+    diagonal: Tensor  # diagonal of YᵀY / T over the base columns, (N, p)
+    source: list[str]  # where each trajectory comes from, such as "seeds" or "eigen", N of them
+    robot: str  # name of the arm
+    digest: str  # the arm's
+    period: float  # duration of a trajectory [s]
+    home: tuple[float, ...]  # joint positions at both ends [rad or m], J of them
 
     def __post_init__(self) -> None:
         c, diagonal = self.coefficients, self.diagonal
         if c.ndim != 4 or c.shape[3] != 2 or diagonal.ndim != 2:
-            shapes = f"coefficients {tuple(c.shape)} and diagonal {tuple(diagonal.shape)}"
-            raise ShapeError(f"{shapes}, expected (N, J, H, 2) and (N, p)")
+            both = f"coefficients {tuple(c.shape)} and diagonal {tuple(diagonal.shape)}"
+            raise ShapeError(f"{both}, expected (N, J, H, 2) and (N, p)")
         if len(self.source) != len(c) or len(self.home) != c.shape[1]:
             lengths = f"{len(self.source)} sources and {len(self.home)} home positions"
             raise ShapeError(f"{lengths} for coefficients {tuple(c.shape)}")
@@ -88,11 +74,7 @@ class Library:
         return Family(self.robot, self.digest, joints, harmonics, self.period, home, parameters, margins)
 
     def take(self, indices: Tensor | Sequence[int]) -> "Library":
-        """The trajectories at ``indices``, (K,), in that order.
-
-        Raises:
-            ShapeError: when an index is not an integer in 0 … N − 1.
-        """
+        """The trajectories at ``indices``, (K,) integers in 0 … N − 1, in that order."""
         index = torch.as_tensor(indices, device="cpu")
         index = index.long() if index.numel() == 0 else index
         if index.ndim != 1 or index.is_floating_point() or index.dtype == torch.bool:
@@ -104,11 +86,7 @@ class Library:
         return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 
     def merge(self, *others: "Library") -> "Library":
-        """These trajectories followed by the others', each column put together once.
-
-        Raises:
-            ShapeError: when two differ in anything of ``family``.
-        """
+        """These trajectories followed by the others'; a ShapeError where two differ in their ``family``."""
         mine = asdict(self.family())
         for other in others:
             theirs = asdict(other.family())
@@ -121,11 +99,7 @@ class Library:
         return replace(self, **_fields(columns), source=source)
 
     def describe(self) -> dict[str, Any]:
-        """Summary in plain values; medians over the valid trajectories, None where there are none.
-
-        Raises:
-            ShapeError: when the library is empty.
-        """
+        """Summary in plain values; medians over the valid trajectories, None where there are none."""
         self._refuse_empty("described")
         scalars = {name: x[self.valid] for name, x in self.columns().items() if x.ndim == 1}
         medians = {f"median_{name}": _median(x) for name, x in scalars.items() if name != "valid"}
@@ -143,22 +117,13 @@ class Library:
         return table_of(self.family(), self.columns(), self.source)
 
     def save(self, path: Path) -> None:
-        """Write one Parquet file, a row per trajectory, whole or not at all.
-
-        Raises:
-            ShapeError: when the library is empty.
-            StorageError: when the folder cannot be written or is full.
-        """
+        """Write one Parquet file, a row per trajectory, whole or not at all; none of an empty library."""
         self._refuse_empty("saved")
         write_parquet(path, self.table(), **OPTIONS)
 
     @classmethod
     def load(cls, path: Path, arm: "Arm | None" = None) -> "Library":
-        """Library of a file that ``save`` wrote, to the last bit.
-
-        Args:
-            path: the file.
-            arm: the robot that it must have been made for; any when None.
+        """Library of a file that ``save`` wrote, to the last bit; of one arm, or of any when None.
 
         Raises:
             ArtifactError: when the file is missing, damaged, empty, of an unknown format, or for another arm.

@@ -28,23 +28,14 @@ class Expansion:
 
 @dataclass(frozen=True)
 class Draws:
-    """Valid trajectories, and how many had to be drawn for them.
+    """Valid trajectories, and how many had to be drawn for them."""
 
-    Attributes:
-        coefficients: the first valid ones [rad/s], (n, J, H, 2), n ≤ ``count``.
-        count: how many there should be.
-        drawn: trajectories that were drawn.
-        valid: how many of those drawn are valid; may be more than were kept.
-        last: size of the last batch.
-        faults: how many of the last batch violate what, where not enough are valid.
-    """
-
-    coefficients: Tensor
-    count: int
-    drawn: int
-    valid: int
-    last: int
-    faults: Mapping[str, int]
+    coefficients: Tensor  # the first valid ones [rad/s], (n, J, H, 2), n ≤ count
+    count: int  # how many there should be
+    drawn: int  # trajectories that were drawn
+    valid: int  # how many of those are valid; may be more than were kept
+    last: int  # size of the last batch
+    faults: Mapping[str, int]  # how many of the last batch violate what, where not enough are valid
 
     def require(self, least: int, origin: str) -> "Draws":
         """These draws, after a warning where fewer than ``count`` are valid.
@@ -64,13 +55,8 @@ class Draws:
                 f"of the last {self.last}, {told(self.faults)}"
             )
         if self.valid < self.count:
-            log.warning(
-                "%d valid trajectories in %d draws, %d were wanted: %s",
-                self.valid,
-                self.drawn,
-                self.count,
-                origin,
-            )
+            numbers = f"{self.valid} valid trajectories in {self.drawn} draws, {self.count} were wanted"
+            log.warning("%s: %s", numbers, origin)
         return self
 
 

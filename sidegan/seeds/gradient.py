@@ -10,7 +10,7 @@ from sidegan.design.coordinates import Coordinates, objective
 from sidegan.design.lbfgs import BatchedLbfgs
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.seeds.result import SeedBatch, collect, torch_generator
+from sidegan.seeds.result import SeedBatch, collect
 
 # At first violations cost little and few samples do: the search moves freely. Then it becomes strict.
 _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty
@@ -40,7 +40,8 @@ class Gradient:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
 
         def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
-            return self._descend(problem, missing, reach, torch_generator(source))
+            seed = int(source.generate_state(1, np.uint64)[0] >> 1)
+            return self._descend(problem, missing, reach, torch.Generator().manual_seed(seed))
 
         return collect(problem, count, seed, self.attempts, propose)
 

@@ -29,19 +29,12 @@ class Method(Protocol):
 
 @dataclass(frozen=True)
 class Tasks:
-    """How a seed set is cut into tasks.
+    """How a seed set is cut into tasks."""
 
-    Attributes:
-        count: seeds of the set.
-        batch: seeds of one task.
-        work: folder of the finished tasks' files, read again after an interrupt.
-        workers: processes; None: one per core.
-    """
-
-    count: int
-    batch: int
-    work: Path
-    workers: int | None = None
+    count: int  # seeds of the set
+    batch: int  # seeds of one task
+    work: Path  # folder of the finished tasks' files, read again after an interrupt
+    workers: int | None = None  # processes; None: one per core
 
 
 def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random.SeedSequence) -> SeedBatch:

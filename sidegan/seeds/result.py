@@ -22,23 +22,14 @@ _ILL = "the condition number"
 
 @dataclass(frozen=True)
 class SeedBatch:
-    """Seeds and how they came about.
+    """Seeds and how they came about."""
 
-    Attributes:
-        coefficients: valid seeds [rad/s], (n, J, H, 2).
-        fitness: their condition number of YᵀY, or the diagonal fitness, (n,).
-        attempts: starts that were optimised.
-        failed: starts that did not become valid seeds.
-        faults: how many of the failed starts violated what.
-        cpu_seconds: CPU time that all this took, failures included.
-    """
-
-    coefficients: Tensor
-    fitness: Tensor
-    attempts: int = 0
-    failed: int = 0
-    faults: dict[str, int] = field(default_factory=dict)
-    cpu_seconds: float = 0.0
+    coefficients: Tensor  # of valid seeds [rad/s], (n, J, H, 2)
+    fitness: Tensor  # their condition number of YᵀY, or the diagonal fitness, (n,)
+    attempts: int = 0  # starts that were optimised
+    failed: int = 0  # starts that did not become valid seeds
+    faults: dict[str, int] = field(default_factory=dict)  # how many of the failed starts violated what
+    cpu_seconds: float = 0.0  # failures included
 
     def __len__(self) -> int:
         return len(self.coefficients)
@@ -71,12 +62,7 @@ class SeedBatch:
 
 
 def settle(problem: Problem, c: Tensor) -> SeedBatch:
-    """The valid ones among candidates (B, J, H, 2), after shrinking towards home where that helps.
-
-    Args:
-        problem: whose constraints are checked, with nothing missed between samples.
-        c: candidates [rad/s].
-    """
+    """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps."""
     c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
     valid = torch.zeros(len(c), dtype=torch.bool)
     scale = 1.0
@@ -130,8 +116,3 @@ def collect(
         if not missing or barren == 2:
             break
     return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)
-
-
-def torch_generator(seed: np.random.SeedSequence) -> torch.Generator:
-    """Random numbers for torch from a seed sequence."""
-    return torch.Generator().manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))

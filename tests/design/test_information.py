@@ -148,29 +148,11 @@ def test_packed_numbers_of_a_wrong_shape_are_refused(packed):
         Information(packed)
 
 
-def test_what_is_not_symmetric_is_refused():
-    matrices = semidefinite(0)
-    matrices[3, 0, 1] += 1e-6
-    with pytest.raises(ShapeError, match="trajectory 3 is not finite and symmetric"):
-        Information.of(matrices)
-
-
-@pytest.mark.parametrize("value", [-1e-3, math.nan, math.inf])
-def test_what_is_not_semidefinite_is_refused(value):
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_finite_is_refused(value):
     matrices = torch.diag_embed(torch.rand(5, 4, dtype=torch.float64))
     matrices[2, 1, 1] = value
-    with pytest.raises(ShapeError, match="trajectory 2 is not finite"):
-        Information.of(matrices)
-    with pytest.raises(ShapeError, match="trajectory 2 is not finite and positive semidefinite"):
-        Information(pack(matrices))
-
-
-def test_no_information_is_information():
-    matrices = semidefinite(0)
-    matrices[1] = 0.0
-    assert len(Information.of(matrices)) == 6
-    matrices[1, 0, 1] = matrices[1, 1, 0] = 1e-3
-    with pytest.raises(ShapeError, match="trajectory 1"):
+    with pytest.raises(ShapeError, match="information of trajectory 2 is not finite"):
         Information.of(matrices)
 
 
