@@ -14,6 +14,7 @@ from sidegan.motion.trajectory import Motion, Trajectory
 
 _AT_ONCE = 512  # matrices: 8 MB at 43 parameters
 _STATES_AT_ONCE = 4096  # of the weighted regressor: 10 MB at seven joints
+_PRIOR = 1e-3  # of an average trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +72,7 @@ class Information:
         return unpack(self.packed[indices].double(), self.size)
 
     def stacked(self, indices: Tensor) -> Tensor:
-        """Information of a set, the sum of its matrices, (q, q).
-
-        Raises:
-            ShapeError: when an index is outside or no integer, or there is none.
-        """
+        """Information of a set, the sum of its matrices, (q, q); of one trajectory at least."""
         whole = indices.ndim == 1 and not indices.is_floating_point() and indices.dtype != torch.bool
         if not whole or not len(indices) or indices.min() < 0 or indices.max() >= len(self):
             raise ShapeError(f"indices are {indices.tolist()}, expected some of 0 … {len(self) - 1}")
@@ -88,20 +85,13 @@ class Information:
             return self.packed @ twice
         return torch.cat([part.double() @ twice for part in self.packed.split(8 * _AT_ONCE)])
 
-    def prior(self, share: float = 1e-3) -> Tensor:
-        """Knowledge as from ``share`` of an average trajectory, (q, q): in the trajectories' own units.
-
-        Raises:
-            ShapeError: when there are no trajectories, none excites a direction, or the share is not
-                positive.
-        """
+    def prior(self) -> Tensor:
+        """Knowledge as from a thousandth of an average trajectory, (q, q): in the trajectories' own units."""
         if not len(self):
             raise ShapeError("no trajectories: they give no prior")
-        if not (math.isfinite(share) and share > 0):
-            raise ShapeError(f"share is {share}, expected a positive number")
         if not math.isfinite(criteria_of(self.mean).condition):
             raise ShapeError("no trajectory excites some direction of the parameters: give a prior")
-        return share * self.mean
+        return _PRIOR * self.mean
 
 
 def information_of(

@@ -47,11 +47,7 @@ def save_parts(path: Path, parts: Iterable[Library]) -> int:
 
 
 class Diagonals(Sequence[Tensor]):
-    """Diagonals of YᵀY / T of a library's file, (N_k, p) for each of its row groups, read when asked for.
-
-    Raises:
-        ArtifactError: when the file is missing, damaged or no library.
-    """
+    """Diagonals of YᵀY / T of a library's file, (N_k, p) for each of its row groups, read when needed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -72,12 +68,7 @@ class Diagonals(Sequence[Tensor]):
 
 
 def take(path: Path, indices: Tensor | Sequence[int]) -> Library:
-    """The trajectories at ``indices``, (K,), of a library's file, in that order; one row group at a time.
-
-    Raises:
-        ArtifactError: when the file is missing, damaged or no library.
-        ShapeError: when an index is outside the library, or there is none.
-    """
+    """The trajectories at ``indices``, (K,), of a library's file, in that order; one row group at a time."""
     index = torch.as_tensor(indices, dtype=torch.long).reshape(-1)
     parts: list[Library] = []
     order: list[Tensor] = []
