@@ -112,7 +112,7 @@ def _greedy(
 def _reach(information: Information, total: Tensor, latest: Tensor, criterion: Criterion) -> Tensor:
     """Upper bounds on the criterion of ``total`` and one candidate more, (N,).
 
-    The tangents are those at what is total and at what it would be with one more like the latest choice.
+    The tangents are those at ``total`` and at what it would be with one more like the latest choice.
     """
     weights, bounds = zip(*(criterion.tangent(x) for x in (total, total + latest)))
     stacked = torch.stack(weights)
