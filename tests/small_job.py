@@ -27,7 +27,7 @@ from sidegan.robot import load_robot
 from sidegan.seeds import Gradient, Tasks, make_seeds
 from sidegan.validity import Constraints
 
-METHOD = Gradient(steps=10)
+METHOD = Gradient(steps=10, attempts=5, reserve=0.2)
 COUNT, BATCH = 12, 2
 
 

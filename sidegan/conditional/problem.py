@@ -9,8 +9,8 @@ from torch import Tensor
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.surroundings import Surroundings
 from sidegan.design import physics
-from sidegan.design.objective import Penalty
 from sidegan.design.objectives import log_condition
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.motion.compiled import tensors as kernels
 from sidegan.motion.dynamics import RigidBody, gram_of

@@ -13,7 +13,7 @@ from sidegan.conditional.generator import ConditionalGenerator
 from sidegan.conditional.measure import met
 from sidegan.conditional.problem import ConditionedProblem, variances, worth
 from sidegan.conditional.shaping import Shaping
-from sidegan.design.objective import Penalty
+from sidegan.design.penalty import Penalty
 from sidegan.errors import ConfigError
 from sidegan.gan.conditional import LoneLoop, fit
 from sidegan.gan.exact import ExactPhysics

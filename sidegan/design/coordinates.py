@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from sidegan.design.lbfgs import Function
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 
 _POINTS = 20  # per harmonic, for the means over time

@@ -11,25 +11,18 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 
 _TINY = torch.finfo(torch.float64).tiny
-_ROUNDING = 16  # times q ε: what a target may lack to be symmetric and semidefinite
+_ROUNDING = 16  # times q ε: what a matrix may lack to be symmetric and semidefinite
 
 Bound = Callable[[Tensor], Tensor]
 
 
 class Criteria(NamedTuple):
-    """How much a set tells.
+    """How much a set tells."""
 
-    Attributes:
-        log_det: logarithm of the determinant of the information; D-optimal sets maximise it.
-        trace_inverse: trace of its inverse, the sum of the variances; A-optimal sets minimise it.
-        covariance_norm: ‖diag P‖₂ of its inverse P, in the base parameters where their subspace was given.
-        condition: condition number.
-    """
-
-    log_det: float
-    trace_inverse: float
-    covariance_norm: float
-    condition: float
+    log_det: float  # logarithm of the determinant of the information; D-optimal sets maximise it
+    trace_inverse: float  # of its inverse, the sum of the variances; A-optimal sets minimise it
+    covariance_norm: float  # ‖diag P‖₂ of its inverse P, in base parameters where their subspace is given
+    condition: float  # condition number
 
 
 def criteria_of(information: Tensor, subspace: Tensor | None = None) -> Criteria:
@@ -100,7 +93,7 @@ def variance(target: Tensor | None = None) -> Criterion:
         target: symmetric and positive semidefinite, not zero, (q, q); the identity when None.
 
     Raises:
-        ShapeError: when the target is not that; by the criterion's functions, when it fits no matrix given.
+        ShapeError: when the target is not that; by the criterion's functions, when it does not fit a matrix.
     """
     rows = None if target is None else _rows(target)
     return Criterion(partial(_log_precision, rows), partial(_log_precision_tangent, rows))

@@ -9,6 +9,8 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
+NOISE_BATCHES = 10  # the paper averages over ten noise batches
+
 
 @dataclass(frozen=True)
 class Excitation:
@@ -62,15 +64,31 @@ def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80
     return excitation_of(body, gram(body, trajectory, c, samples))
 
 
+def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
+    """The paper's two mean distances, over batches, and two measures that modes cannot fool."""
+    batch = max(2, len(c) // NOISE_BATCHES)
+    pairs = [
+        (mean_distance(x), mean_distance(y))
+        for x, y in zip(c.split(batch), excitation.diagonal.split(batch))
+        if len(x) > 1
+    ]
+    coefficients, diagonal = torch.tensor(pairs, dtype=torch.float64).mean(0).tolist()
+    return {
+        "distance": coefficients,
+        "distance_diagonal": diagonal,
+        "nearest": nearest_distance(c),
+        "rank": effective_rank(c),
+    }
+
+
 def mean_distance(x: Tensor) -> float:
     """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity)."""
-    rows = _rows(x, 2)
-    return float(torch.pdist(rows).mean())
+    return float(torch.pdist(_rows(x)).mean())
 
 
 def nearest_distance(x: Tensor) -> float:
     """Mean distance of a row to its nearest other row: zero when samples repeat themselves."""
-    rows = _rows(x, 2)
+    rows = _rows(x)
     distances = torch.cdist(rows, rows, compute_mode="donot_use_mm_for_euclid_dist")
     return float(distances.fill_diagonal_(torch.inf).amin(1).mean())
 
@@ -80,7 +98,7 @@ def effective_rank(x: Tensor) -> float:
 
     Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
     """
-    rows = _rows(x, 2)
+    rows = _rows(x)
     eigenvalues = torch.linalg.eigvalsh(torch.cov(rows.T).reshape(rows.shape[1], rows.shape[1])).clamp_min(0)
     total = eigenvalues.sum()
     noise = (torch.finfo(rows.dtype).eps * rows.abs().amax()) ** 2 * rows.shape[1]
@@ -90,7 +108,7 @@ def effective_rank(x: Tensor) -> float:
     return float(torch.exp(-torch.special.xlogy(share, share).sum()))
 
 
-def _rows(x: Tensor, least: int) -> Tensor:
-    if len(x) < least:
-        raise ShapeError(f"diversity needs at least {least} rows, got {len(x)}")
+def _rows(x: Tensor) -> Tensor:
+    if len(x) < 2:
+        raise ShapeError(f"diversity needs at least 2 rows, got {len(x)}")
     return x.reshape(len(x), -1)

@@ -10,7 +10,7 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 
 
-def greedy(diagonals: Tensor, count: int) -> Tensor:
+def greedy(diagonals: Tensor | Sequence[Tensor], count: int) -> Tensor:
     """Indices of the chosen trajectories in the order of choice, (count,).
 
     With ψ_i the diagonal of trajectory i, the next choice is the largest of
@@ -19,29 +19,16 @@ def greedy(diagonals: Tensor, count: int) -> Tensor:
     that is left equals the previous choice, or nothing is excited) makes its term zero.
 
     Args:
-        diagonals: diagonals of YᵀY over the base columns, (N, p), N ≥ ``count``.
-        count: how many to choose.
-
-    Raises:
-        ShapeError: when the diagonals are not a finite, non-negative (N, p) or ``count`` is not in 1 … N.
-
-    Source: the SIDE-GAN paper, Exp 1, equations for g, f and d.
-    """
-    return greedy_in_parts([diagonals], count)
-
-
-def greedy_in_parts(parts: Sequence[Tensor], count: int) -> Tensor:
-    """The same indices as ``greedy`` of all parts laid end to end, (count,), one part in memory at a time.
-
-    Each choice reads every part once, and one of them again; what stays is two numbers per trajectory.
-
-    Args:
-        parts: diagonals, (N_k, p) each; may be read from a file when they are asked for, the same each time.
+        diagonals: of YᵀY over the base columns, (N, p); or parts of them, (N_k, p) each, that may be read
+            from a file when they are asked for: one is in memory at a time, and two numbers per trajectory.
         count: how many to choose.
 
     Raises:
         ShapeError: when a part is not a finite, non-negative (N_k, p), or ``count`` is not in 1 … N.
+
+    Source: the SIDE-GAN paper, Exp 1, equations for g, f and d.
     """
+    parts = [diagonals] if isinstance(diagonals, Tensor) else diagonals
     sums = _excitation(parts, count)
     starts = [0, *accumulate(len(part) for part in sums)]
     excitation = torch.cat(sums)
@@ -70,17 +57,17 @@ def _share(x: Tensor, chosen: Tensor) -> Tensor:
 def _excitation(parts: Sequence[Tensor], count: int) -> list[Tensor]:
     """Sum of each diagonal, (N_k,) of each part, after a look at their shapes and values."""
     sums: list[Tensor] = []
-    known = 0
+    total = 0
     for k in range(len(parts)):
         part = parts[k]
         if part.ndim != 2 or part.shape[1] == 0:
             raise ShapeError(f"diagonals are {tuple(part.shape)}, expected (N, p)")
         bad = ~(torch.isfinite(part) & (part >= 0)).all(1)
         if bad.any():
-            first = known + int(bad.nonzero()[0])
+            first = total + int(bad.nonzero()[0])
             raise ShapeError(f"the diagonal of trajectory {first} is not finite and non-negative")
         sums.append(part.sum(1))
-        known += len(part)
-    if not 1 <= count <= known:
-        raise ShapeError(f"cannot choose {count} of {known} trajectories")
+        total += len(part)
+    if not 1 <= count <= total:
+        raise ShapeError(f"cannot choose {count} of {total} trajectories")
     return sums

@@ -10,11 +10,11 @@ from torch import Tensor
 from sidegan.design.criteria import criteria_of
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
-from sidegan.motion.trajectory import Trajectory
+from sidegan.motion.trajectory import Motion, Trajectory
 
 _AT_ONCE = 512  # matrices: 8 MB at 43 parameters
 _STATES_AT_ONCE = 4096  # of the weighted regressor: 10 MB at seven joints
-_ROUNDING = 16  # times p ε of the trace: what a matrix may lack to be symmetric and semidefinite
+_PRIOR = 1e-3  # of an average trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,35 +28,24 @@ class Information:
         packed: lower triangles, (N, q (q + 1) / 2); ``Information.of`` makes them from matrices.
 
     Raises:
-        ShapeError: when the width is not a triangle's, or a matrix is not finite and semidefinite.
+        ShapeError: when the width is not a triangle's, or a number is not finite.
     """
 
     packed: Tensor
 
     def __post_init__(self) -> None:
-        if self.packed.ndim != 2 or not self.packed.is_floating_point() or not _size(self.packed.shape[1]):
-            found = f"{tuple(self.packed.shape)} {self.packed.dtype}"
-            raise ShapeError(f"packed information is {found}, expected numbers (N, q (q + 1) / 2)")
-        for start in range(0, len(self), _AT_ONCE):
-            bad = ~_semidefinite(self.matrices(slice(start, start + _AT_ONCE)), self.packed.dtype)
-            if bad.any():
-                first = start + int(bad.nonzero()[0])
-                raise ShapeError(f"information of trajectory {first} is not finite and positive semidefinite")
+        shape, kind = tuple(self.packed.shape), self.packed.dtype
+        if len(shape) != 2 or not kind.is_floating_point or not self.size or shape[1] != _width(self.size):
+            raise ShapeError(f"packed information is {shape} {kind}, expected numbers (N, q (q + 1) / 2)")
+        bad = ~torch.cat([part.isfinite().all(1) for part in self.packed.split(_AT_ONCE)])
+        if bad.any():
+            raise ShapeError(f"information of trajectory {int(bad.nonzero()[0])} is not finite")
 
     @classmethod
     def of(cls, matrices: Tensor, dtype: torch.dtype = torch.float64) -> "Information":
-        """Information of matrices (N, q, q), kept in ``dtype``.
-
-        Raises:
-            ShapeError: when they are not (N, q, q), finite, symmetric and positive semidefinite.
-        """
+        """Information of symmetric positive semidefinite matrices (N, q, q), kept in ``dtype``."""
         if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not matrices.shape[1]:
             raise ShapeError(f"information is {tuple(matrices.shape)}, expected (N, q, q)")
-        trace = matrices.diagonal(dim1=1, dim2=2).abs().sum(1)
-        noise = _ROUNDING * matrices.shape[1] * torch.finfo(matrices.dtype).eps * trace
-        bad = ~((matrices - matrices.mT).abs().amax((1, 2)) <= noise)
-        if bad.any():
-            raise ShapeError(f"information of trajectory {int(bad.nonzero()[0])} is not finite and symmetric")
         return cls(pack(matrices).to(dtype))
 
     def __len__(self) -> int:
@@ -65,7 +54,7 @@ class Information:
     @cached_property
     def size(self) -> int:
         """Number q of parameters."""
-        return _size(self.packed.shape[1])
+        return (math.isqrt(8 * self.packed.shape[1] + 1) - 1) // 2
 
     @cached_property
     def largest(self) -> float:
@@ -76,24 +65,18 @@ class Information:
     @cached_property
     def mean(self) -> Tensor:
         """Mean of the matrices, (q, q)."""
-        parts = [part.double().sum(0) for part in self.packed.split(_AT_ONCE)]
-        return unpack(torch.stack(parts).sum(0) / len(self), self.size)
+        return unpack(_sum(self.packed) / len(self), self.size)
 
     def matrices(self, indices: Tensor | slice) -> Tensor:
         """The matrices at ``indices``, (K, q, q), in float64."""
         return unpack(self.packed[indices].double(), self.size)
 
     def stacked(self, indices: Tensor) -> Tensor:
-        """Information of a set, the sum of its matrices, (q, q).
-
-        Raises:
-            ShapeError: when an index is outside or no integer, or there is none.
-        """
+        """Information of a set, the sum of its matrices, (q, q); of one trajectory at least."""
         whole = indices.ndim == 1 and not indices.is_floating_point() and indices.dtype != torch.bool
         if not whole or not len(indices) or indices.min() < 0 or indices.max() >= len(self):
             raise ShapeError(f"indices are {indices.tolist()}, expected some of 0 … {len(self) - 1}")
-        parts = [self.packed[part].double().sum(0) for part in indices.split(_AT_ONCE)]
-        return unpack(torch.stack(parts).sum(0), self.size)
+        return unpack(_sum(self.packed, indices), self.size)
 
     def products(self, weights: Tensor) -> Tensor:
         """Traces of symmetric weights (R, q, q) times each matrix, (N, R), in one pass over the matrices."""
@@ -102,20 +85,13 @@ class Information:
             return self.packed @ twice
         return torch.cat([part.double() @ twice for part in self.packed.split(8 * _AT_ONCE)])
 
-    def prior(self, share: float = 1e-3) -> Tensor:
-        """Knowledge as from ``share`` of an average trajectory, (q, q): in the trajectories' own units.
-
-        Raises:
-            ShapeError: when there are no trajectories, none excites a direction, or the share is not
-                positive.
-        """
+    def prior(self) -> Tensor:
+        """Knowledge as from a thousandth of an average trajectory, (q, q): in the trajectories' own units."""
         if not len(self):
             raise ShapeError("no trajectories: they give no prior")
-        if not (math.isfinite(share) and share > 0):
-            raise ShapeError(f"share is {share}, expected a positive number")
         if not math.isfinite(criteria_of(self.mean).condition):
             raise ShapeError("no trajectory excites some direction of the parameters: give a prior")
-        return share * self.mean
+        return _PRIOR * self.mean
 
 
 def information_of(
@@ -144,16 +120,23 @@ def information_of(
     """
     trajectory.check(c)
     weights = None if deviation is None else 1 / _deviations(deviation, len(c), body.joints).to(c)
-    subspace = body.base.subspace.to(c)
-    found = c.new_zeros(len(c), _width(subspace.shape[1]), dtype=dtype)
-    for start in range(0, len(c), _AT_ONCE):
-        few = slice(start, start + _AT_ONCE)
+    subspace, times = body.base.subspace.to(c), trajectory.grid(samples)
+    packed = c.new_zeros(len(c), _width(len(subspace)), dtype=dtype)
+    few = _AT_ONCE if weights is None else min(_AT_ONCE, max(1, _STATES_AT_ONCE // samples))
+    for start in range(0, len(c), few):
+        part = slice(start, start + few)
         if weights is None:
-            grams = gram(body, trajectory, c[few], samples)
+            grams = gram(body, trajectory, c[part], samples)
         else:
-            grams = _weighted(body, trajectory, c[few], samples, weights[few])
-        found[few] = pack(subspace.T @ grams @ subspace).to(dtype)
-    return Information(found)
+            grams = weighted_gram(body, trajectory.roll_out(c[part], times), weights[part, None])
+        packed[part] = pack(subspace.T @ grams @ subspace).to(dtype)
+    return Information(packed)
+
+
+def weighted_gram(body: RigidBody, motion: Motion, weights: Tensor) -> Tensor:
+    """Gram matrices per sample with each joint's rows times its weight, (J,) or (B, 1, J), (B, p, p)."""
+    rows = (body.base_regressor(*motion[1:]) * weights[..., None]).flatten(1, 2)
+    return rows.mT @ rows / len(motion.time)
 
 
 def _deviations(deviation: Tensor, count: int, joints: int) -> Tensor:
@@ -165,16 +148,6 @@ def _deviations(deviation: Tensor, count: int, joints: int) -> Tensor:
     if not (deviation.isfinite() & (deviation > 0)).all():
         raise ShapeError("deviations of torque noise must be finite and positive")
     return deviation.expand(count, joints)
-
-
-def _weighted(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int, weights: Tensor) -> Tensor:
-    """Gram matrices per sample with each joint's rows times its weight (B, J), (B, p, p)."""
-    found, times, few = [], trajectory.grid(samples), max(1, _STATES_AT_ONCE // samples)
-    for part, w in zip(c.split(few), weights.split(few)):
-        rows = body.base_regressor(*trajectory.roll_out(part, times)[1:]) * w[:, None, :, None]
-        rows = rows.flatten(1, 2)
-        found.append(rows.mT @ rows / samples)
-    return torch.cat(found)
 
 
 def pack(matrices: Tensor) -> Tensor:
@@ -194,18 +167,7 @@ def _width(size: int) -> int:
     return size * (size + 1) // 2
 
 
-def _size(width: int) -> int:
-    """The q of a triangle of ``width`` numbers; zero where there is none."""
-    size = (math.isqrt(8 * width + 1) - 1) // 2
-    return size if _width(size) == width else 0
-
-
-def _semidefinite(matrices: Tensor, kept: torch.dtype) -> Tensor:
-    """Whether matrices (K, q, q) are finite and semidefinite but for rounding of ``kept``, (K,)."""
-    trace = matrices.diagonal(dim1=1, dim2=2).sum(1)
-    nothing = (matrices == 0).all(2).all(1)
-    shift = _ROUNDING * matrices.shape[1] * torch.finfo(kept).eps * trace + nothing.double()
-    shifted = matrices + shift[:, None, None] * torch.eye(matrices.shape[1]).to(matrices)
-    finite = matrices.isfinite().all(2).all(1)
-    shifted = torch.where(finite[:, None, None], shifted, 0.0)
-    return finite & ((trace > 0) | nothing) & (torch.linalg.cholesky_ex(shifted).info == 0)
+def _sum(packed: Tensor, indices: Tensor | None = None) -> Tensor:
+    """Sum of the rows at ``indices``, or of all, in float64 and a few at a time."""
+    parts = packed.split(_AT_ONCE) if indices is None else (packed[few] for few in indices.split(_AT_ONCE))
+    return torch.stack([part.double().sum(0) for part in parts]).sum(0)

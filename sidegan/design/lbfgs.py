@@ -28,7 +28,7 @@ class BatchedLbfgs:
     Source: Nocedal and Wright 2006, algorithm 7.5, with backtracking.
     """
 
-    def __init__(self, function: Function, x: Tensor, memory: int = 12, step: float = 0.3) -> None:
+    def __init__(self, function: Function, x: Tensor, memory: int = 25, step: float = 0.3) -> None:
         self.function = function
         self.x, self.step = x, step
         self.value, self.gradient = function(x)
@@ -43,6 +43,11 @@ class BatchedLbfgs:
         self.function = function
         self.value, self.gradient = function(self.x)
         self._forget(torch.ones_like(self.value, dtype=torch.bool))
+
+    def run(self, evaluations: int) -> None:
+        """So many evaluations for every problem."""
+        for _ in range(evaluations):
+            self.iterate()
 
     def iterate(self) -> None:
         """One evaluation for every problem."""

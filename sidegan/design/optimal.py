@@ -1,7 +1,8 @@
 """Optimal experimental design: the trajectories whose information together is largest.
 
-Beside the paper's greedy score (``design.greedy``). All of it is deterministic: criteria that differ by
-no more than rounding count as equal, and among equals the first index wins.
+All of it is deterministic: criteria that differ by no more than rounding count as equal, and among equals
+the first index wins. A prior is information of earlier runs, positive definite, (q, q);
+``information.prior()`` when None. Priors, sets and counts that cannot be are refused with a ShapeError.
 """
 
 import math
@@ -28,14 +29,6 @@ def d_optimal(information: Information, count: int, prior: Tensor | None = None)
     would reach (by the gain when last evaluated, which only shrinks, and by the criterion's tangent), until
     no bound exceeds the best value. The result is that of evaluating all of them.
 
-    Args:
-        information: of the candidates.
-        count: how many to choose, each at most once.
-        prior: what is known before, positive definite (q, q); ``information.prior()`` when None.
-
-    Raises:
-        ShapeError: when the prior does not fit or is not positive definite, or ``count`` is not in 1 … N.
-
     Source: Nemhauser, Wolsey, Fisher 1978 (guarantee); Minoux 1978, Accelerated greedy algorithms.
     """
     return _greedy(information, count, prior, DETERMINANT, submodular=True)
@@ -46,19 +39,10 @@ def a_optimal(
 ) -> Tensor:
     """Indices of the greedy pick by tr(target · (prior + Σ information)⁻¹), in the order of choice, (count,).
 
-    The sum of the variances is made small step by step: of the parameters, or of what ``criteria.variance``
-    tells of other targets. That is not submodular: there is no guarantee like D-optimal's, but ``ceiling``
+    The sum of the variances is made small step by step: of the parameters, or of a target as in
+    ``criteria.variance``. That is not submodular: there is no guarantee like D-optimal's, but ``ceiling``
     tells how far from the best a set can be. Without a target it depends on the parameters' units. Candidates
     are evaluated lazily, by the criterion's tangent.
-
-    Args:
-        information: of the candidates.
-        count: how many to choose, each at most once.
-        prior: as for ``d_optimal``.
-        target: symmetric and positive semidefinite, (q, q); the identity when None.
-
-    Raises:
-        ShapeError: as ``d_optimal``, and when the target does not fit.
     """
     return _greedy(information, count, prior, variance(target), submodular=False)
 
@@ -74,16 +58,6 @@ def exchange(
 
     The best of all swaps of a member for a candidate is made, until none improves the criterion by more than
     rounding or ``swaps`` are made; who comes takes the place of who goes. Never worse than ``chosen``.
-
-    Args:
-        information: of the candidates.
-        chosen: distinct indices to begin with, (count,).
-        criterion: ``DETERMINANT``, or of ``variance``.
-        prior: as for ``d_optimal``.
-        swaps: at most.
-
-    Raises:
-        ShapeError: when an index is outside or there twice, or the prior does not fit.
 
     Source: Fedorov 1972, Theory of optimal experiments.
     """
@@ -101,8 +75,7 @@ def ceiling(
 ) -> tuple[float, float]:
     """The criterion of a set, and what no set of as many candidates exceeds.
 
-    That is log det(prior + Σ information), or −log of its inverse's trace with a target. Arguments and
-    errors are those of ``exchange``.
+    That is log det(prior + Σ information), or −log of its inverse's trace with a target.
 
     Source: the criterion's tangent, as in the equivalence theorem of Kiefer and Wolfowitz 1960.
     """
@@ -117,57 +90,57 @@ def ceiling(
 def _greedy(
     information: Information, count: int, prior: Tensor | None, criterion: Criterion, submodular: bool
 ) -> Tensor:
-    known = _start(information, prior)
+    total = _start(information, prior)
     if not 1 <= count <= len(information):
         raise ShapeError(f"cannot choose {count} of {len(information)} trajectories")
-    gains = known.new_full((len(information),), torch.inf)
+    gains = total.new_full((len(information),), torch.inf)
     latest, order = information.mean, list[int]()
     for _ in range(count):
-        now, slack = float(criterion.value(known[None])), _slack(information, known)
-        bounds = torch.minimum(now + gains, _reach(information, known, latest, criterion) + slack)
+        now, slack = float(criterion.value(total[None])), _slack(information, total)
+        bounds = torch.minimum(now + gains, _reach(information, total, latest, criterion) + slack)
         bounds[order] = -torch.inf
-        seen, values = _evaluate(bounds, partial(_with_one, criterion, information, known))
+        seen, values = _evaluate(bounds, partial(_with_one, criterion, information, total))
         if submodular:
             gains[seen] = values - now + slack
         best = _first_largest(seen, values)
         latest = information.matrices(slice(best, best + 1))[0]
-        known = known + latest
+        total = total + latest
         order.append(best)
-    return torch.tensor(order, device=known.device)
+    return torch.tensor(order, device=total.device)
 
 
-def _reach(information: Information, known: Tensor, latest: Tensor, criterion: Criterion) -> Tensor:
-    """Upper bounds on the criterion of ``known`` and one candidate more, (N,).
+def _reach(information: Information, total: Tensor, latest: Tensor, criterion: Criterion) -> Tensor:
+    """Upper bounds on the criterion of ``total`` and one candidate more, (N,).
 
-    The tangents are those at what is known and at what it would be with one more like the latest choice.
+    The tangents are those at ``total`` and at what it would be with one more like the latest choice.
     """
-    weights, bounds = zip(*(criterion.tangent(x) for x in (known, known + latest)))
+    weights, bounds = zip(*(criterion.tangent(x) for x in (total, total + latest)))
     stacked = torch.stack(weights)
-    traces = information.products(stacked) + (stacked * known).sum((1, 2))
+    traces = information.products(stacked) + (stacked * total).sum((1, 2))
     return torch.stack([bound(t) for bound, t in zip(bounds, traces.unbind(1))]).amin(0)
 
 
-def _with_one(criterion: Criterion, information: Information, known: Tensor, indices: Tensor) -> Tensor:
-    return criterion.value(known + information.matrices(indices))
+def _with_one(criterion: Criterion, information: Information, total: Tensor, indices: Tensor) -> Tensor:
+    return criterion.value(total + information.matrices(indices))
 
 
 def _best_swap(
-    information: Information, members: Tensor, known: Tensor, criterion: Criterion
+    information: Information, members: Tensor, total: Tensor, criterion: Criterion
 ) -> tuple[int, int] | None:
     """Place of the member that goes and index of the candidate that comes; None when no swap is better."""
-    weight, bound = criterion.tangent(known)
-    traces, whole = information.products(weight[None])[:, 0], (weight * known).sum()
+    weight, bound = criterion.tangent(total)
+    traces, whole = information.products(weight[None])[:, 0], (weight * total).sum()
     candidates = torch.ones_like(traces, dtype=torch.bool)
     candidates[members] = False
-    count, slack = len(information), _slack(information, known)
+    count, slack = len(information), _slack(information, total)
     if not candidates.any():
         return None
 
     def values(pairs: Tensor) -> Tensor:
         goes, comes = members[pairs // count], pairs % count
-        return criterion.value(known - information.matrices(goes) + information.matrices(comes))
+        return criterion.value(total - information.matrices(goes) + information.matrices(comes))
 
-    now = float(criterion.value(known[None]))
+    now = float(criterion.value(total[None]))
     likely = traces[members].argmin() * count + traces.masked_fill(~candidates, -torch.inf).argmax()
     least = max(now, float(values(likely[None]))) - _TIE  # rules out most others before they are listed
     pairs, reaches = [], []
@@ -177,10 +150,10 @@ def _best_swap(
         pairs.append(place * count + promising)
         reaches.append(reach[promising])
     listed = torch.cat(pairs)
-    seen, found = _evaluate(torch.cat(reaches), lambda part: values(listed[part]))
-    if not len(found) or float(found.max()) <= now + _TIE:
+    seen, reached = _evaluate(torch.cat(reaches), lambda part: values(listed[part]))
+    if not len(reached) or float(reached.max()) <= now + _TIE:
         return None
-    best = _first_largest(listed[seen], found)
+    best = _first_largest(listed[seen], reached)
     return best // count, best % count
 
 
@@ -191,37 +164,37 @@ def _evaluate(bounds: Tensor, value: Callable[[Tensor], Tensor]) -> tuple[Tensor
     """
     ranked, order = bounds.sort(descending=True, stable=True)
     order = order[ranked > -torch.inf]
-    found = [bounds[:0]]
+    values = [bounds[:0]]
     best, done, size = -math.inf, 0, _FIRST
     while done < len(order) and float(ranked[done]) >= best - _TIE:
-        found.append(value(order[done : done + size]))
-        best = max(best, float(found[-1].max()))
-        done, size = done + len(found[-1]), min(2 * size, _MOST)
-    return order[:done], torch.cat(found)
+        values.append(value(order[done : done + size]))
+        best = max(best, float(values[-1].max()))
+        done, size = done + len(values[-1]), min(2 * size, _MOST)
+    return order[:done], torch.cat(values)
 
 
 def _first_largest(indices: Tensor, values: Tensor) -> int:
     return int(indices[values >= values.max() - _TIE].min())
 
 
-def _slack(information: Information, known: Tensor) -> float:
-    """What rounding can do to a bound or a value of ``known`` and one matrix more."""
-    spread = float(inverse(known).trace()) * (float(known.trace()) + information.largest)
-    return _ROUNDING * len(known) * torch.finfo(known.dtype).eps * spread
+def _slack(information: Information, total: Tensor) -> float:
+    """What rounding can do to a bound or a value of ``total`` and one matrix more."""
+    spread = float(inverse(total).trace()) * (float(total.trace()) + information.largest)
+    return _ROUNDING * len(total) * torch.finfo(total.dtype).eps * spread
 
 
 def _start(information: Information, prior: Tensor | None) -> Tensor:
     """The prior in float64, after a look at it."""
     if not len(information):
         raise ShapeError("cannot choose of 0 trajectories")
-    known = (information.prior() if prior is None else prior).to(information.packed.device, torch.float64)
+    total = (information.prior() if prior is None else prior).to(information.packed.device, torch.float64)
     size = information.size
-    if known.shape != (size, size) or not known.isfinite().all():
-        raise ShapeError(f"prior is {tuple(known.shape)}, expected finite numbers ({size}, {size})")
-    symmetric = torch.allclose(known, known.T, rtol=1e-9, atol=1e-12 * float(known.abs().max()))
-    if not symmetric or int(torch.linalg.cholesky_ex(known).info):
+    if total.shape != (size, size) or not total.isfinite().all():
+        raise ShapeError(f"prior is {tuple(total.shape)}, expected finite numbers ({size}, {size})")
+    symmetric = torch.allclose(total, total.T, rtol=1e-9, atol=1e-12 * float(total.abs().max()))
+    if not symmetric or int(torch.linalg.cholesky_ex(total).info):
         raise ShapeError("prior is not symmetric and positive definite")
-    return known
+    return total
 
 
 def _set(information: Information, chosen: Tensor, prior: Tensor | None) -> tuple[Tensor, Tensor]:

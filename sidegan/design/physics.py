@@ -1,7 +1,7 @@
 """Exact physics that gradients pass through: spectrum of the information, and violation of constraints.
 
 The gradient of an eigenvalue of YᵀY needs the torques of one parameter vector, never a differentiated
-regressor (``seeds.objective``); what follows from the eigenvalues is plain torch.
+regressor (``design.objective``); what follows from the eigenvalues is plain torch.
 """
 
 from collections.abc import Sequence
@@ -11,30 +11,24 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.design.objective import Penalty, pull_back
+from sidegan.design.information import weighted_gram
+from sidegan.design.objective import directions, eigenpairs, pull_back
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
-from sidegan.motion.compiled import tensors as kernels
-from sidegan.motion.dynamics import gram
 
 
 @dataclass(frozen=True)
-class Information:
-    """Which YᵀY: at how many time points, of how many trajectories together, in which units of torque.
-
-    Args:
-        problem: the trajectories and their time points.
-        together: so many trajectories in a row are one set, whose information is their sum.
-        noise: standard deviation of each joint's torque noise [N·m], J of them, by which its rows of Y are
-            divided; None: rows as they are.
+class SetInformation:
+    """Information of sets of trajectories: of how many together, and in which units of torque.
 
     Raises:
-        ShapeError: when the noise is not a positive number per joint.
+        ShapeError: when the noise is not a positive number per joint, or a batch does not fall into sets.
     """
 
     problem: Problem
-    together: int = 1
-    noise: Sequence[float] | None = None
+    together: int = 1  # so many trajectories in a row are one set, whose information is their sum
+    noise: Sequence[float] | None = None  # deviation of joint torques [N·m], by which rows of Y are divided
 
     def __post_init__(self) -> None:
         joints = self.problem.body.joints
@@ -42,65 +36,48 @@ class Information:
             raise ShapeError(f"noise is {list(self.noise)}, expected {joints} positive deviations")
 
     def grams(self, c: Tensor) -> Tensor:
-        """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient.
-
-        Raises:
-            ShapeError: when the batch does not fall into such sets.
-        """
+        """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient."""
         if self.together < 1 or len(c) % self.together:
             raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {self.together}")
         problem, c = self.problem, c.detach().double()
         if self.noise is None:
-            grams = gram(problem.body, problem.trajectory, c, problem.samples)
+            grams = problem.gram(c)
         else:
-            y = problem.body.base_regressor(*problem.motion(c)[1:])
-            y = (y / c.new_tensor(self.noise)[:, None]).flatten(1, 2)
-            grams = y.transpose(1, 2) @ y / problem.samples
+            grams = weighted_gram(problem.body, problem.motion(c), 1 / c.new_tensor(self.noise))
         return grams.unflatten(0, (-1, self.together)).sum(1)
 
     def slopes(self, c: Tensor, vectors: Tensor, weights: Tensor) -> Tensor:
         """Gradient in c, (B, J, H, 2), of Σ weight · |Y v|² / T over the vectors, (S, K, p), of each set."""
-        base = self.problem.body.base
-        used = (weights != 0).any(0)  # most functions depend on a few eigenvalues
-        if not used.any():
+        problem = self.problem
+        v, w = (x.repeat_interleave(self.together, 0) for x in directions(problem.body, vectors, weights))
+        if not w.shape[1]:
             return torch.zeros_like(c)
-        full = weights.new_zeros(len(weights), int(used.sum()), 10 * self.problem.body.joints)
-        full[:, :, base.columns] = vectors[:, used]
-        v, w = (x.repeat_interleave(self.together, 0) for x in (full, weights[:, used]))
         if self.noise is None:
-            return pull_back(self.problem, c.double(), (v, w), None)[1].to(c)
+            return pull_back(problem, c.double(), (v, w), None)[1].to(c)
         with torch.enable_grad():
             x = c.detach().double().requires_grad_(True)
-            torque = self.problem.body.torques_of(*self.problem.motion(x)[1:], v)
-            energy = ((torque / x.new_tensor(self.noise)) ** 2).sum((2, 3)) / self.problem.samples
+            torque = problem.body.torques_of(*problem.motion(x)[1:], v)
+            energy = ((torque / x.new_tensor(self.noise)) ** 2).sum((2, 3)) / problem.samples
             (gradient,) = torch.autograd.grad((w * energy).sum(), x)
         return gradient.to(c)
 
 
-def spectrum(information: Information, c: Tensor) -> Tensor:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p) float64.
-
-    Args:
-        information: which YᵀY.
-        c: coefficients [rad/s], (B, J, H, 2).
-
-    Raises:
-        ShapeError: when the batch does not fall into sets.
-    """
-    return _Spectrum.apply(c, information, None)
+def spectrum(information: SetInformation, c: Tensor) -> Tensor:
+    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c."""
+    pairs = eigenpairs(information.problem.body, information.grams(c))
+    return _Quadratic.apply(c, information, *pairs)
 
 
-def ends(information: Information, c: Tensor, lowest: int, highest: int) -> Tensor:
-    """So many of the smallest and of the largest eigenvalues, ascending, (B / together, lowest + highest).
-
-    Takes a fraction of the time of the whole ``spectrum``.
-    """
-    return _Spectrum.apply(c, information, (lowest, highest))
+def ends(information: SetInformation, c: Tensor) -> Tensor:
+    """The ends of the ``spectrum`` that a smooth condition number needs, ascending, in much less time."""
+    pairs = eigenpairs(information.problem.body, information.grams(c), ends=True)
+    return _Quadratic.apply(c, information, *pairs)
 
 
-def diagonal(information: Information, c: Tensor) -> Tensor:
-    """Diagonal of YᵀY / T over the base columns, (B / together, p) float64; as ``spectrum`` otherwise."""
-    return _Diagonal.apply(c, information)
+def diagonal(information: SetInformation, c: Tensor) -> Tensor:
+    """Diagonal of YᵀY / T over the base columns, (B / together, p)."""
+    values = information.grams(c).diagonal(dim1=1, dim2=2)
+    return _Quadratic.apply(c, information, values, torch.eye(values.shape[1]).expand(len(values), -1, -1))
 
 
 def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
@@ -108,45 +85,19 @@ def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
     return _Violation.apply(c, problem, penalty)
 
 
-def _ends(values: Tensor, vectors: Tensor, lowest: int, highest: int) -> tuple[Tensor, Tensor]:
-    """The same pairs, or those at the ends where all of them came."""
-    count = values.shape[1]
-    kept = [*range(lowest), *range(count - highest, count)]
-    return values[:, kept], vectors[:, :, kept]
+class _Quadratic(torch.autograd.Function):
+    """Values vᵀ YᵀY v / T, (S, K), with the gradient of as many vectors that stay as they are, (S, K, p)."""
 
-
-class _Spectrum(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, c: Tensor, information: Information, wanted: tuple[int, int] | None) -> Tensor:
-        subspace = information.problem.body.base.subspace
-        grams = subspace.T @ information.grams(c) @ subspace
-        if wanted is None:
-            values, vectors = kernels.eigh(grams)
-        else:
-            values, vectors = _ends(*kernels.extremes(grams, *wanted), *wanted)
+    def forward(ctx: Any, c: Tensor, information: SetInformation, values: Tensor, vectors: Tensor) -> Tensor:
         ctx.information = information
-        ctx.save_for_backward(c, (subspace @ vectors).transpose(1, 2))
-        return values
+        ctx.save_for_backward(c, vectors)
+        return values.clone()
 
     @staticmethod
-    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
+    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None, None]:
         c, vectors = ctx.saved_tensors
-        return ctx.information.slopes(c, vectors, slopes[0]), None, None
-
-
-class _Diagonal(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, c: Tensor, information: Information) -> Tensor:
-        ctx.information = information
-        ctx.save_for_backward(c)
-        return information.grams(c).diagonal(dim1=1, dim2=2).clone()
-
-    @staticmethod
-    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None]:
-        (c,) = ctx.saved_tensors
-        count = slopes[0].shape[1]
-        vectors = torch.eye(count, dtype=torch.float64).expand(len(slopes[0]), count, count)
-        return ctx.information.slopes(c, vectors, slopes[0]), None
+        return ctx.information.slopes(c, vectors, slopes[0]), None, None, None
 
 
 class _Violation(torch.autograd.Function):

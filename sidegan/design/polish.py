@@ -7,7 +7,7 @@ from torch import Tensor
 
 from sidegan.design.coordinates import Coordinates, objective
 from sidegan.design.lbfgs import BatchedLbfgs
-from sidegan.design.objective import Penalty
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.validity import check
@@ -25,7 +25,6 @@ class Polish:
         steps: evaluations per trajectory.
         reserve: share of each position, velocity and torque limit that is kept free, and twice that share of
             0.25 m as clearance.
-        memory: correction pairs of the L-BFGS.
 
     Raises:
         ConfigError: when there is nothing to do.
@@ -33,7 +32,6 @@ class Polish:
 
     steps: int
     reserve: float = 0.02
-    memory: int = 25
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -45,18 +43,17 @@ class Polish:
         A trajectory that is valid is never made invalid, and its condition number never larger.
         """
         problem.trajectory.check(c)
-        parts = [self._descend(problem, part) for part in c.double().split(_AT_ONCE)]
-        found = torch.cat(parts) if parts else c
-        valid = [check(problem.constraints, problem.trajectory, x).valid for x in (c, found)]
-        better = valid[1] & (~valid[0] | (problem.fitness(found) < problem.fitness(c.double())))
-        return torch.where(better[:, None, None, None], found, c.double())
+        c = c.double()
+        polished = torch.cat([self._descend(problem, part) for part in c.split(_AT_ONCE)]) if len(c) else c
+        before, after = (check(problem.constraints, problem.trajectory, x).valid for x in (c, polished))
+        better = after & (~before | (problem.fitness(polished) < problem.fitness(c)))
+        return torch.where(better[:, None, None, None], polished, c)
 
     def _descend(self, problem: Problem, c: Tensor) -> Tensor:
         coordinates = Coordinates.of(problem)
-        penalty = Penalty(_WEIGHT, limits=self.reserve, torque=self.reserve, distance=2 * self.reserve)
-        search = BatchedLbfgs(objective(problem, penalty, coordinates), coordinates.points(c), self.memory)
-        for _ in range(self.steps):
-            search.iterate()
-        found = coordinates.coefficients(search.x)
+        function = objective(problem, Penalty.reserving(_WEIGHT, self.reserve), coordinates)
+        search = BatchedLbfgs(function, coordinates.points(c))
+        search.run(self.steps)
+        c = coordinates.coefficients(search.x)
         # What little the search is over a limit, mostly between its time points, is taken back by scaling.
-        return found / (problem.limit_use(found) / _FULL).clamp_min(1.0)[:, :, None, None]
+        return c / (problem.limit_use(c) / _FULL).clamp_min(1.0)[:, :, None, None]

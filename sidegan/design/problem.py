@@ -1,4 +1,4 @@
-"""The seed optimisation problem: make YᵀY well conditioned, inside all constraints."""
+"""The optimisation problem of a trajectory: make YᵀY well conditioned, inside all constraints."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,20 @@ from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
-from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.dynamics import RigidBody, gram_of
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.validity import Constraints
 
 HOPELESS = 1e12  # stands for an infinite condition number: optimisers take finite numbers only
 _LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
+_AT_ONCE = 2_000  # states whose regressor stays near the processor
 
 
 @dataclass(frozen=True)
 class Problem:
     """Condition number and constraints of trajectories of one arm.
+
+    A kind of trajectories that moves otherwise overrides ``motion``; everything else follows from it.
 
     Args:
         constraints: the arm and its workspace.
@@ -70,9 +73,11 @@ class Problem:
         """Joint motion at the problem's time points, (B, samples, J)."""
         return self.trajectory.roll_out(c, self.trajectory.grid(self.samples))
 
+    @torch.no_grad()
     def gram(self, c: Tensor) -> Tensor:
         """Gram matrices of the base regressor, (B, p, p); zero where a trajectory makes them non-finite."""
-        grams = gram(self.body, self.trajectory, c, self.samples)
+        pieces = zip(*(x.split(max(1, _AT_ONCE // self.samples)) for x in self.motion(c)[1:]))
+        grams = torch.cat([gram_of(self.body, *states) for states in pieces])
         finite = torch.isfinite(grams).all(2).all(1)
         return torch.where(finite[:, None, None], grams, 0.0)
 

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design import physics
-from sidegan.design.objective import Penalty
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.surrogates import Standard
 from sidegan.gan.variants import Exact
@@ -49,7 +49,7 @@ class ExactFeatures(Standard):
     """
 
     def __init__(self, problem: Problem, kind: str, seeds: Tensor) -> None:
-        self.information = physics.Information(problem)
+        self.information = physics.SetInformation(problem)
         self.of = physics.spectrum if kind == "spectrum" else physics.diagonal
         with torch.no_grad():
             features = self.of(self.information, seeds)

@@ -39,7 +39,7 @@ class Exact:
         ease: the violation's weight begins at this share of ``weights.success`` and grows to all of it.
     """
 
-    terms: tuple[Term, ...] = (Term(),)
+    terms: tuple[Term, ...] = (Term("log_condition"),)
     samples: int = 40
     reserve: float = 0.03
     ease: float = 0.1

@@ -1,4 +1,4 @@
-"""Trajectory libraries: sample, filter, keep, save, load."""
+"""Trajectory libraries: draw until enough are valid, measure, keep, save, load."""
 
 from sidegan.library.collection import Library
 

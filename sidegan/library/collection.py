@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import read_parquet, write_parquet
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.library import parquet
+from sidegan.library.parquet import MARGIN, OPTIONS, Content, Family, content_of, table_of
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from sidegan.robot import Arm
 
 
@@ -21,50 +24,37 @@ if TYPE_CHECKING:
 class Library:
     """N trajectories of one robot; tensors are kept as float64 (``valid``: bool) on the CPU.
 
-    Attributes:
-        coefficients: [rad/s], (N, J, H, 2).
-        valid: whether every constraint holds over the whole period, (N,).
-        margins: signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each.
-        fitness: eigenvalue fitness, (N,); infinite where a direction is not excited.
-        diagonal_fitness: (N,); infinite where a base parameter is not excited.
-        spectrum: eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p).
-        diagonal: diagonal of YᵀY / T over the base columns, (N, p).
-        source: where each trajectory comes from, such as ``"seeds"`` or ``"eigen"``, N of them.
-        robot: name of the arm.
-        digest: the arm's digest.
-        period: duration of a trajectory [s].
-        home: joint positions at both ends [rad or m], J of them.
-
     Raises:
         ShapeError: when a shape does not fit or a value is not a number.
     """
 
-    coefficients: Tensor
-    valid: Tensor
-    margins: dict[str, Tensor]
-    fitness: Tensor
-    diagonal_fitness: Tensor
-    spectrum: Tensor
-    diagonal: Tensor
-    source: list[str]
-    robot: str
-    digest: str
-    period: float
-    home: tuple[float, ...]
+    coefficients: Tensor  # [rad/s], (N, J, H, 2)
+    valid: Tensor  # whether every constraint holds over the whole period, (N,)
+    margins: dict[str, Tensor]  # signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each
+    fitness: Tensor  # eigenvalue fitness, (N,); infinite where a direction is not excited
+    diagonal_fitness: Tensor  # (N,); infinite where a base parameter is not excited
+    spectrum: Tensor  # eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p)
+    diagonal: Tensor  # diagonal of YᵀY / T over the base columns, (N, p)
+    source: list[str]  # where each trajectory comes from, such as "seeds" or "eigen", N of them
+    robot: str  # name of the arm
+    digest: str  # the arm's
+    period: float  # duration of a trajectory [s]
+    home: tuple[float, ...]  # joint positions at both ends [rad or m], J of them
 
     def __post_init__(self) -> None:
         c, diagonal = self.coefficients, self.diagonal
         if c.ndim != 4 or c.shape[3] != 2 or diagonal.ndim != 2:
-            shapes = f"coefficients {tuple(c.shape)} and diagonal {tuple(diagonal.shape)}"
-            raise ShapeError(f"{shapes}, expected (N, J, H, 2) and (N, p)")
+            both = f"coefficients {tuple(c.shape)} and diagonal {tuple(diagonal.shape)}"
+            raise ShapeError(f"{both}, expected (N, J, H, 2) and (N, p)")
         if len(self.source) != len(c) or len(self.home) != c.shape[1]:
-            found = f"{len(self.source)} sources and {len(self.home)} home positions"
-            raise ShapeError(f"{found} for coefficients {tuple(c.shape)}")
+            lengths = f"{len(self.source)} sources and {len(self.home)} home positions"
+            raise ShapeError(f"{lengths} for coefficients {tuple(c.shape)}")
         if not (np.isfinite(self.home).all() and np.isfinite(self.period) and self.period > 0):
             raise ShapeError(f"home {self.home} and period {self.period} s must be finite, period positive")
-        columns = {name: _column(name, x, self) for name, x in self.columns().items()}
+        columns, shapes = self.columns(), self.family().shapes()
+        checked = {name: _column(name, columns[name], (len(diagonal), *shapes[name])) for name in shapes}
         plain = {"home": tuple(map(float, self.home)), "period": float(self.period)}
-        for name, value in {**self._fields(columns), **plain}.items():
+        for name, value in (_fields(checked) | plain).items():
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -72,35 +62,19 @@ class Library:
 
     def columns(self) -> dict[str, Tensor]:
         """Every tensor, (N, …), under the name of its column in the file."""
-        return {
-            "coefficients": self.coefficients,
-            "valid": self.valid,
-            **{f"margin_{name}": self.margins[name] for name in sorted(self.margins)},
-            "fitness": self.fitness,
-            "diagonal_fitness": self.diagonal_fitness,
-            "spectrum": self.spectrum,
-            "diagonal": self.diagonal,
-        }
+        margins = {f"{MARGIN}{name}": x for name, x in self.margins.items()}
+        names = self.family().shapes()
+        return {name: margins[name] if name in margins else getattr(self, name) for name in names}
 
-    def family(self) -> dict[str, Any]:
-        """What two libraries must share to be merged, in plain values."""
-        return {
-            "robot": self.robot,
-            "digest": self.digest,
-            "joints": self.coefficients.shape[1],
-            "harmonics": self.coefficients.shape[2],
-            "period": self.period,
-            "home": list(self.home),
-            "parameters": self.diagonal.shape[1],
-            "margins": sorted(self.margins),
-        }
+    def family(self) -> Family:
+        """What two libraries must share to be merged."""
+        _, joints, harmonics, _ = self.coefficients.shape
+        home, margins = list(self.home), sorted(self.margins)
+        parameters = self.diagonal.shape[1]
+        return Family(self.robot, self.digest, joints, harmonics, self.period, home, parameters, margins)
 
     def take(self, indices: Tensor | Sequence[int]) -> "Library":
-        """The trajectories at ``indices``, (K,), in that order.
-
-        Raises:
-            ShapeError: when an index is not an integer in 0 … N − 1.
-        """
+        """The trajectories at ``indices``, (K,) integers in 0 … N − 1, in that order."""
         index = torch.as_tensor(indices, device="cpu")
         index = index.long() if index.numel() == 0 else index
         if index.ndim != 1 or index.is_floating_point() or index.dtype == torch.bool:
@@ -109,46 +83,28 @@ class Library:
         if len(outside):
             raise ShapeError(f"index {int(outside[0])} is outside a library of {len(self)} trajectories")
         columns = {name: x[index] for name, x in self.columns().items()}
-        return replace(self, **self._fields(columns), source=[self.source[i] for i in index.tolist()])
-
-    def filter(self, mask: Tensor) -> "Library":
-        """The trajectories where ``mask``, (N,), is true, such as ``library.filter(library.valid)``.
-
-        Raises:
-            ShapeError: when the mask is not boolean or not (N,).
-        """
-        if mask.dtype != torch.bool or mask.shape != (len(self),):
-            raise ShapeError(f"mask is {tuple(mask.shape)} {mask.dtype}, expected bool ({len(self)},)")
-        return self.take(mask.nonzero()[:, 0])
+        return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 
     def merge(self, *others: "Library") -> "Library":
-        """These trajectories followed by the others', each column put together once.
-
-        Raises:
-            ShapeError: when two differ in anything of ``family``.
-        """
-        mine = self.family()
+        """These trajectories followed by the others'; a ShapeError where two differ in their ``family``."""
+        mine = asdict(self.family())
         for other in others:
-            theirs = other.family()
+            theirs = asdict(other.family())
             differences = [f"{key} {mine[key]} and {theirs[key]}" for key in mine if mine[key] != theirs[key]]
             if differences:
                 raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
         parts = [other.columns() for other in (self, *others)]
         columns = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
         source = [name for other in (self, *others) for name in other.source]
-        return replace(self, **self._fields(columns), source=source)
+        return replace(self, **_fields(columns), source=source)
 
     def describe(self) -> dict[str, Any]:
-        """Summary in plain values; medians over the valid trajectories, None where there are none.
-
-        Raises:
-            ShapeError: when the library is empty.
-        """
+        """Summary in plain values; medians over the valid trajectories, None where there are none."""
         self._refuse_empty("described")
         scalars = {name: x[self.valid] for name, x in self.columns().items() if x.ndim == 1}
         medians = {f"median_{name}": _median(x) for name, x in scalars.items() if name != "valid"}
         return {
-            **self.family(),
+            **asdict(self.family()),
             "count": len(self),
             "valid": int(self.valid.sum()),
             "valid_share": float(self.valid.double().mean()),
@@ -156,67 +112,52 @@ class Library:
             **medians,
         }
 
-    def save(self, path: Path) -> None:
-        """Write one Parquet file, a row per trajectory, whole or not at all.
+    def table(self) -> "pa.Table":
+        """What the library's file, or a part of it, holds."""
+        return table_of(self.family(), self.columns(), self.source)
 
-        Raises:
-            ShapeError: when the library is empty.
-            StorageError: when the folder cannot be written or is full.
-        """
+    def save(self, path: Path) -> None:
+        """Write one Parquet file, a row per trajectory, whole or not at all; none of an empty library."""
         self._refuse_empty("saved")
-        parquet.write(path, self.columns(), self.source, self.family())
+        write_parquet(path, self.table(), **OPTIONS)
 
     @classmethod
     def load(cls, path: Path, arm: "Arm | None" = None) -> "Library":
-        """Library of a file that ``save`` wrote, to the last bit.
-
-        Args:
-            path: the file.
-            arm: the robot that it must have been made for; any when None.
+        """Library of a file that ``save`` wrote, to the last bit; of one arm, or of any when None.
 
         Raises:
             ArtifactError: when the file is missing, damaged, empty, of an unknown format, or for another arm.
         """
-        return cls.of(path, parquet.read(path), arm)
+        content = content_of(path, read_parquet(path))
+        family = content[0]
+        if arm is not None and arm.digest != family.digest:
+            made_for = f"{family.robot} (digest {family.digest})"
+            raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
+        return cls.of(path, content)
 
     @classmethod
-    def of(
-        cls,
-        path: Path,
-        content: tuple[dict[str, Tensor], list[str], dict[str, Any]],
-        arm: "Arm | None" = None,
-    ) -> "Library":
-        """Library of what was read from ``path``: columns, sources and metadata; errors as of ``load``."""
-        columns, source, family = content
-        if arm is not None and arm.digest != family["digest"]:
-            made_for = f"{family['robot']} (digest {family['digest']})"
-            raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
-        fields: dict[str, Any] = {name: x for name, x in columns.items() if not name.startswith("margin_")}
-        fields["margins"] = {name: columns[f"margin_{name}"] for name in family["margins"]}
-        fields |= {key: family[key] for key in ("robot", "digest", "period", "home")}
+    def of(cls, path: Path, content: Content) -> "Library":
+        """Library of what was read from ``path``; errors as of ``load``."""
+        family, columns, source = content
+        shared = {name: getattr(family, name) for name in ("robot", "digest", "period", "home")}
         try:
-            return cls(**fields, source=source)
+            return cls(**_fields(columns), **shared, source=source)
         except ShapeError as error:
             raise ArtifactError(f"{path} contradicts itself: {error}") from error
-
-    def _fields(self, columns: dict[str, Tensor]) -> dict[str, Any]:
-        """Constructor's arguments for these columns."""
-        prefixed = {f"margin_{name}": name for name in self.margins}
-        margins = {prefixed[key]: x for key, x in columns.items() if key in prefixed}
-        return {**{key: x for key, x in columns.items() if key not in prefixed}, "margins": margins}
 
     def _refuse_empty(self, what: str) -> None:
         if not len(self):
             raise ShapeError(f"an empty library of {self.robot} cannot be {what}")
 
 
-def _column(name: str, x: Tensor, library: Library) -> Tensor:
+def _fields(columns: dict[str, Tensor]) -> dict[str, Any]:
+    """Constructor's arguments for the columns of a file."""
+    margins = {name.removeprefix(MARGIN): x for name, x in columns.items() if name.startswith(MARGIN)}
+    return {name: x for name, x in columns.items() if not name.startswith(MARGIN)} | {"margins": margins}
+
+
+def _column(name: str, x: Tensor, shape: tuple[int, ...]) -> Tensor:
     """The column as it is kept, after a look at its shape, type and values."""
-    count, parameters = library.diagonal.shape
-    if name == "coefficients":
-        shape = (count, *library.coefficients.shape[1:])
-    else:
-        shape = (count, parameters) if name in ("spectrum", "diagonal") else (count,)
     if x.shape != shape:
         raise ShapeError(f"{name} is {tuple(x.shape)}, expected {shape}")
     if (x.dtype == torch.bool) != (name == "valid"):

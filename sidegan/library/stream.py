@@ -11,8 +11,8 @@ from torch import Tensor
 
 from sidegan.base.storage import opened_parquet, replacing
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.library import parquet
 from sidegan.library.collection import Library
+from sidegan.library.parquet import METADATA_KEY, OPTIONS, content_of
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
     import pyarrow.parquet as pq
@@ -29,33 +29,25 @@ def save_parts(path: Path, parts: Iterable[Library]) -> int:
     """
     import pyarrow.parquet as pq
 
-    count, family, writer = 0, None, None
-    with replacing(path) as neighbour:
-        try:
-            for part in parts:
-                family = family or part.family()
-                if part.family() != family:
-                    raise ShapeError(f"parts of a library differ: {family} and {part.family()}")
-                table = parquet.table_of(part.columns(), part.source, part.family())
-                if writer is None:
-                    options = {**parquet.OPTIONS, "write_page_checksum": True}
-                    writer = pq.ParquetWriter(neighbour, table.schema, **options)
-                writer.write_table(table)
-                count += len(part)
-            if not count:
-                raise ShapeError("an empty library cannot be saved")
-        finally:
-            if writer is not None:
-                writer.close()
+    rest = iter(parts)
+    first = next(rest, None)
+    if first is None:
+        raise ShapeError("an empty library cannot be saved")
+    options, table, count = {**OPTIONS, "write_page_checksum": True}, first.table(), len(first)
+    with replacing(path) as neighbour, pq.ParquetWriter(neighbour, table.schema, **options) as writer:
+        writer.write_table(table)
+        for part in rest:
+            if part.family() != first.family():
+                raise ShapeError(f"parts of a library differ: {first.family()} and {part.family()}")
+            writer.write_table(part.table())
+            count += len(part)
+        if not count:
+            raise ShapeError("an empty library cannot be saved")
     return count
 
 
 class Diagonals(Sequence[Tensor]):
-    """Diagonals of YᵀY / T of a library's file, (N_k, p) for each of its row groups, read when asked for.
-
-    Raises:
-        ArtifactError: when the file is missing, damaged or no library.
-    """
+    """Diagonals of YᵀY / T of a library's file, (N_k, p) for each of its row groups, read when needed."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -76,35 +68,30 @@ class Diagonals(Sequence[Tensor]):
 
 
 def take(path: Path, indices: Tensor | Sequence[int]) -> Library:
-    """The trajectories at ``indices``, (K,), of a library's file, in that order; one row group at a time.
-
-    Raises:
-        ArtifactError: when the file is missing, damaged or no library.
-        ShapeError: when an index is outside the library, or there is none.
-    """
-    wanted = torch.as_tensor(indices, dtype=torch.long).reshape(-1)
-    found: list[Library] = []
+    """The trajectories at ``indices``, (K,), of a library's file, in that order; one row group at a time."""
+    index = torch.as_tensor(indices, dtype=torch.long).reshape(-1)
+    parts: list[Library] = []
     order: list[Tensor] = []
     start = 0
     with _opened(path) as file:
         for group in range(file.num_row_groups):
             count = file.metadata.row_group(group).num_rows
-            here = ((wanted >= start) & (wanted < start + count)).nonzero()[:, 0]
+            here = ((index >= start) & (index < start + count)).nonzero()[:, 0]
             if len(here):
-                rows = file.read_row_group(group).take((wanted[here] - start).numpy())
-                found.append(Library.of(path, parquet.columns_of(path, rows)))
+                rows = file.read_row_group(group).take((index[here] - start).numpy())
+                parts.append(Library.of(path, content_of(path, rows)))
                 order.append(here)
             start += count
-    outside = wanted[(wanted < 0) | (wanted >= start)]
-    if len(outside) or not len(wanted):
+    outside = index[(index < 0) | (index >= start)]
+    if len(outside) or not len(index):
         which = f"index {int(outside[0])} is outside" if len(outside) else "no index was given for"
         raise ShapeError(f"{which} a library of {start} trajectories")
-    return found[0].merge(*found[1:]).take(torch.cat(order).argsort())
+    return parts[0].merge(*parts[1:]).take(torch.cat(order).argsort())
 
 
 @contextmanager
 def _opened(path: Path, metadata: "pq.FileMetaData | None" = None) -> "Iterator[pq.ParquetFile]":
     with opened_parquet(path, metadata) as file:
-        if parquet.METADATA_KEY not in (file.schema_arrow.metadata or {}) or not file.metadata.num_rows:
+        if METADATA_KEY not in (file.schema_arrow.metadata or {}) or not file.metadata.num_rows:
             raise ArtifactError(f"{path} is not a library of sidegan that holds trajectories")
         yield file

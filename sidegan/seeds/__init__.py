@@ -1,7 +1,8 @@
 """Conventional optimisers that make the seed set; the only door to pygmo."""
 
 from sidegan.seeds.gradient import Gradient
-from sidegan.seeds.make import Tasks, make_long, make_seeds, method_of
+from sidegan.seeds.make import Tasks, make_long, make_seeds
 from sidegan.seeds.result import SeedBatch
+from sidegan.seeds.settings import Long, Seeds
 
-__all__ = ["Gradient", "SeedBatch", "Tasks", "make_long", "make_seeds", "method_of"]
+__all__ = ["Gradient", "Long", "SeedBatch", "Seeds", "Tasks", "make_long", "make_seeds"]

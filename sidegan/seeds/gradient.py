@@ -8,9 +8,9 @@ from torch import Tensor
 
 from sidegan.design.coordinates import Coordinates, objective
 from sidegan.design.lbfgs import BatchedLbfgs
-from sidegan.design.objective import Penalty
-from sidegan.design.problem import HOPELESS, Problem
-from sidegan.seeds.result import SeedBatch, collect, torch_generator
+from sidegan.design.penalty import Penalty
+from sidegan.design.problem import Problem
+from sidegan.seeds.result import SeedBatch, collect
 
 # At first violations cost little and few samples do: the search moves freely. Then it becomes strict.
 _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty
@@ -25,42 +25,34 @@ class Gradient:
     Args:
         steps: evaluations per start.
         attempts: most rounds of starts.
-        ceiling: largest fitness of a seed.
-        memory: correction pairs of the L-BFGS.
         reserve: share of each position, velocity and torque limit that seeds keep free, and twice that
             share of 0.25 m as clearance. The more, the easier a generator trained on them stays valid,
             and the worse they are conditioned.
 
-    Example: ``Gradient(steps=200).optimise(problem, 100, np.random.SeedSequence(0))``.
+    Example: ``Gradient(200, 5, reserve=0.2).optimise(problem, 100, np.random.SeedSequence(0))``.
     """
 
-    steps: int = 200
-    attempts: int = 5
-    ceiling: float = HOPELESS
-    memory: int = 25
-    reserve: float = 0.2
+    steps: int
+    attempts: int
+    reserve: float
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
 
         def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
-            return self._descend(problem, missing, reach, torch_generator(source))
+            seed = int(source.generate_state(1, np.uint64)[0] >> 1)
+            return self._descend(problem, missing, reach, torch.Generator().manual_seed(seed))
 
-        return collect(problem, count, seed, self.attempts, propose, self.ceiling)
+        return collect(problem, count, seed, self.attempts, propose)
 
     def _descend(self, problem: Problem, count: int, reach: float, generator: torch.Generator) -> Tensor:
         few = max(int(_ROUGH_SAMPLES * problem.samples), 2 * problem.trajectory.harmonics + 1)
         coordinates = Coordinates.of(problem)
         x = coordinates.start(problem, count, generator, reach)
-        rough = objective(replace(problem, samples=few), self._penalty(_ROUGH), coordinates)
-        search = BatchedLbfgs(rough, x, self.memory)
+        rough, strict = (Penalty.reserving(weight, self.reserve) for weight in (_ROUGH, _STRICT))
+        search = BatchedLbfgs(objective(replace(problem, samples=few), rough, coordinates), x)
         first = round(_ROUGH_SHARE * self.steps)
-        for _ in range(first):
-            search.iterate()
-        search.restart(objective(problem, self._penalty(_STRICT), coordinates))
-        for _ in range(self.steps - first):
-            search.iterate()
+        search.run(first)
+        search.restart(objective(problem, strict, coordinates))
+        search.run(self.steps - first)
         return coordinates.coefficients(search.x)
-
-    def _penalty(self, weight: float) -> Penalty:
-        return Penalty(weight, limits=self.reserve, torque=self.reserve, distance=2 * self.reserve)

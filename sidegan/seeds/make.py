@@ -1,18 +1,17 @@
 """Seed sets and long trajectories, made task by task: parallel, resumable, the same however many workers."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from sidegan.base.parallel import Report, run_jobs
+from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.design.problem import Problem
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.errors import ArtifactError
 from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.result import SeedBatch
 
@@ -30,19 +29,12 @@ class Method(Protocol):
 
 @dataclass(frozen=True)
 class Tasks:
-    """How a seed set is cut into tasks.
+    """How a seed set is cut into tasks."""
 
-    Attributes:
-        count: seeds wanted.
-        batch: seeds of one task.
-        work: folder of the finished tasks' files, read again after an interrupt.
-        workers: processes; None: one per core.
-    """
-
-    count: int
-    batch: int
-    work: Path
-    workers: int | None = None
+    count: int  # seeds of the set
+    batch: int  # seeds of one task
+    work: Path  # folder of the finished tasks' files, read again after an interrupt
+    workers: int | None = None  # processes; None: one per core
 
 
 def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random.SeedSequence) -> SeedBatch:
@@ -52,56 +44,21 @@ def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random
         InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
     """
     problem.constraints.refuse_home(problem.trajectory.home or ())
-    made: list[SeedBatch] = []
-    number = 0
+    batches: list[SeedBatch] = []
     for _ in range(1 + _SPARE_ROUNDS):
-        missing = tasks.count - sum(map(len, made))
+        missing, number = tasks.count - sum(map(len, batches)), len(batches)
         if missing <= 0:
             break
         sizes = [min(tasks.batch, missing - i) for i in range(0, missing, tasks.batch)]
-        jobs: list[Callable[[Report], Any]] = []
-        for size in sizes:
-            seed = np.random.SeedSequence(random.entropy, spawn_key=(*random.spawn_key, number))
-            jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{number:05d}.pt"))
-            number += 1
-        made += run_jobs("seeds", jobs, tasks.workers, missing)
-    whole = SeedBatch.join(made)
+        jobs: list[Job] = []
+        for index, size in enumerate(sizes, number):
+            seed = np.random.SeedSequence(random.entropy, spawn_key=(*random.spawn_key, index))
+            jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{index:05d}.pt"))
+        batches += run_jobs("seeds", jobs, tasks.workers, missing)
+    whole = SeedBatch.join(batches)
     if len(whole) < tasks.count:
         raise whole.shortfall(tasks.count)
     return whole
-
-
-def make_long(
-    problem: Problem, steps: int, seconds: float, random: np.random.SeedSequence, progress: Report
-) -> SeedBatch:
-    """One long trajectory: the best of as many starts as fit into the CPU time, of at least one.
-
-    Args:
-        problem: with the long family, and as many samples as its bandwidth needs.
-        steps: evaluations per start.
-        seconds: CPU time [s] that is used up before no further start is made.
-        random: of the starts.
-        progress: told (done, total) in thousandths of the time.
-
-    Raises:
-        InfeasibleError: when no start becomes valid.
-    """
-    began = time.process_time()
-    best: SeedBatch | None = None
-    tried: list[SeedBatch] = []
-    for seed in random.spawn(_LONG_ROUNDS):
-        found = Gradient(steps=steps, attempts=1, reserve=_LONG_RESERVE).optimise(problem, 1, seed)
-        tried.append(found)
-        if len(found) and (best is None or float(found.fitness[0]) < float(best.fitness[0])):
-            best = found
-        spent = time.process_time() - began
-        progress(min(1000, round(1000 * spent / seconds)) if seconds > 0 else 1000, 1000)
-        if spent >= seconds and best is not None:
-            break
-    whole = SeedBatch.join(tried)
-    if best is None:
-        raise whole.shortfall(1)
-    return SeedBatch(best.coefficients, best.fitness, whole.attempts, whole.failed, whole.faults, spent)
 
 
 def _task(
@@ -116,16 +73,30 @@ def _task(
     return batch
 
 
-def method_of(name: str, steps: int, attempts: int, **options: Any) -> Method:
-    """The optimiser called ``gradient`` or ``paper``; options are further fields of its class.
+def make_long(
+    problem: Problem, steps: int, seconds: float, random: np.random.SeedSequence, progress: Report
+) -> SeedBatch:
+    """One long trajectory: the best of as many starts as fit into the CPU time, of at least one.
+
+    Args:
+        problem: with the long family, and as many samples as its bandwidth needs.
+        steps: evaluations per start.
+        seconds: CPU time [s] that is used up before no further start is made.
+        random: of the starts.
+        progress: given (done, total) in thousandths of the time.
 
     Raises:
-        ConfigError: for another name.
+        InfeasibleError: when no start becomes valid.
     """
-    if name == "gradient":
-        return Gradient(steps=steps, attempts=attempts, **options)
-    if name == "paper":
-        from sidegan.seeds.paper import Paper
-
-        return Paper(generations=steps, attempts=attempts, **options)
-    raise ConfigError(f"there is no seed optimiser {name!r}, expected gradient or paper")
+    began, spent = time.process_time(), 0.0
+    method, batches = Gradient(steps, attempts=1, reserve=_LONG_RESERVE), list[SeedBatch]()
+    for seed in random.spawn(_LONG_ROUNDS):
+        batches.append(method.optimise(problem, 1, seed))
+        spent = time.process_time() - began
+        progress(min(1000, round(1000 * spent / seconds)) if seconds > 0 else 1000, 1000)
+        if spent >= seconds and any(map(len, batches)):
+            break
+    whole = SeedBatch.join(batches)
+    if not len(whole):
+        raise whole.shortfall(1)
+    return replace(whole.best(1), cpu_seconds=spent)

@@ -71,19 +71,12 @@ class ConditionProblem:
 
 @dataclass(frozen=True)
 class Paper:
-    """Ant colony, then compass search, one trajectory after the other.
+    """Ant colony, then compass search, one trajectory after the other."""
 
-    Args:
-        generations: of the colony.
-        ants: size of the colony.
-        evaluations: most evaluations of the compass search.
-        attempts: most starts per seed.
-    """
-
-    generations: int = 100
-    ants: int = 100
-    evaluations: int = 20_000
-    attempts: int = 5
+    generations: int  # of the colony
+    ants: int  # size of the colony
+    evaluations: int  # most of the compass search
+    attempts: int  # most starts per seed
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""

@@ -22,23 +22,14 @@ _ILL = "the condition number"
 
 @dataclass(frozen=True)
 class SeedBatch:
-    """Seeds and how they came about.
+    """Seeds and how they came about."""
 
-    Attributes:
-        coefficients: valid seeds [rad/s], (n, J, H, 2).
-        fitness: their condition number of YᵀY, or the diagonal fitness, (n,).
-        attempts: starts that were optimised.
-        failed: starts that did not become valid seeds.
-        faults: how many of the failed starts violated what.
-        cpu_seconds: CPU time that all this took, failures included.
-    """
-
-    coefficients: Tensor
-    fitness: Tensor
-    attempts: int = 0
-    failed: int = 0
-    faults: dict[str, int] = field(default_factory=dict)
-    cpu_seconds: float = 0.0
+    coefficients: Tensor  # of valid seeds [rad/s], (n, J, H, 2)
+    fitness: Tensor  # their condition number of YᵀY, or the diagonal fitness, (n,)
+    attempts: int = 0  # starts that were optimised
+    failed: int = 0  # starts that did not become valid seeds
+    faults: dict[str, int] = field(default_factory=dict)  # how many of the failed starts violated what
+    cpu_seconds: float = 0.0  # failures included
 
     def __len__(self) -> int:
         return len(self.coefficients)
@@ -47,17 +38,19 @@ class SeedBatch:
     def join(cls, batches: Iterable["SeedBatch"]) -> "SeedBatch":
         """One batch of at least one, in order."""
         parts = list(batches)
-        faults: Counter[str] = Counter()
-        for part in parts:
-            faults.update(part.faults)
         return cls(
             torch.cat([part.coefficients for part in parts]),
             torch.cat([part.fitness for part in parts]),
             sum(part.attempts for part in parts),
             sum(part.failed for part in parts),
-            dict(faults),
+            dict(sum((Counter(part.faults) for part in parts), Counter[str]())),
             sum(part.cpu_seconds for part in parts),
         )
+
+    def best(self, count: int) -> "SeedBatch":
+        """At most ``count`` seeds, those with the least fitness, in their order."""
+        kept = torch.argsort(self.fitness)[:count].sort().values
+        return replace(self, coefficients=self.coefficients[kept], fitness=self.fitness[kept])
 
     def shortfall(self, count: int) -> InfeasibleError:
         """The error that says why there are fewer than ``count`` seeds."""
@@ -68,29 +61,22 @@ class SeedBatch:
         )
 
 
-def settle(problem: Problem, c: Tensor, ceiling: float = HOPELESS) -> SeedBatch:
-    """The valid ones among candidates (B, J, H, 2), after shrinking towards home where that helps.
-
-    Args:
-        problem: whose constraints are checked, with nothing missed between samples.
-        c: candidates [rad/s].
-        ceiling: largest fitness of a seed.
-    """
+def settle(problem: Problem, c: Tensor) -> SeedBatch:
+    """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps."""
     c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
     valid = torch.zeros(len(c), dtype=torch.bool)
     scale = 1.0
     while scale >= _SMALLEST and not valid.all():
-        tried = torch.nonzero(~valid)[:, 0]
-        verdict = check(problem.constraints, problem.trajectory, c[tried] * scale)
-        c[tried[verdict.valid]] *= scale
-        valid[tried[verdict.valid]] = True
+        left = torch.nonzero(~valid)[:, 0]
+        verdict = check(problem.constraints, problem.trajectory, c[left] * scale)
+        c[left[verdict.valid]] *= scale
+        valid[left[verdict.valid]] = True
         scale *= _SHRINK
     fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)
-    exciting = fitness < min(ceiling, HOPELESS)
-    faults = Counter({_ILL: int((valid & ~exciting).sum())})
+    good = valid & (fitness < HOPELESS)
+    faults = Counter({_ILL: int((valid & ~good).sum())})
     if not valid.all():
         faults.update(verdict.faults())
-    good = valid & exciting
     return SeedBatch(c[good], fitness[good], len(c), int((~good).sum()), dict(+faults))
 
 
@@ -100,44 +86,33 @@ def collect(
     seed: np.random.SeedSequence,
     attempts: int,
     propose: Callable[[int, float, np.random.SeedSequence], Tensor],
-    ceiling: float = HOPELESS,
 ) -> SeedBatch:
     """Up to ``count`` seeds from a proposer of candidates; those that fail are proposed anew.
 
     Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end
-    it. Where there are more valid candidates than wanted, the best conditioned are kept.
+    it. Where there are more valid candidates than are missing, the best conditioned are kept.
 
     Args:
         problem: what is optimised.
-        count: number of seeds wanted.
+        count: number of seeds.
         seed: source of all random numbers.
         attempts: most rounds.
         propose: optimised candidates (B, J, H, 2), from how many are missing, the share of the
             limits that their starts use, and a source of random numbers.
-        ceiling: largest fitness of a seed.
 
     Raises:
         InfeasibleError: when the arm cannot rest at home.
     """
     problem.constraints.refuse_home(problem.trajectory.home or ())
     began = time.process_time()
-    batches = [
-        SeedBatch(torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64), torch.zeros(0).double())
-    ]
+    nothing = torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64)
+    batches = [SeedBatch(nothing, nothing[:, 0, 0, 0])]
     missing, barren = count, 0
     for index in range(attempts):
         source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-        candidates = propose(missing, _REACH ** (index + 1), source)
-        found = settle(problem, candidates, ceiling)
-        best = torch.argsort(found.fitness)[:missing].sort().values
-        batches.append(replace(found, coefficients=found.coefficients[best], fitness=found.fitness[best]))
-        missing -= len(best)
-        barren = 0 if len(best) else barren + 1
+        batches.append(settle(problem, propose(missing, _REACH ** (index + 1), source)).best(missing))
+        missing -= len(batches[-1])
+        barren = 0 if len(batches[-1]) else barren + 1
         if not missing or barren == 2:
             break
     return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)
-
-
-def torch_generator(seed: np.random.SeedSequence) -> torch.Generator:
-    """Random numbers for torch from a seed sequence."""
-    return torch.Generator().manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))

@@ -8,7 +8,7 @@ from sidegan.conditional.problem import ConditionedProblem, variances, worth
 from sidegan.conditional.surroundings import family as family_of
 from sidegan.conditional.surroundings import regions
 from sidegan.design.excitation import excitation_of
-from sidegan.design.objective import Penalty
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.motion.dynamics import gram
 from sidegan.validity import Constraints

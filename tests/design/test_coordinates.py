@@ -38,5 +38,5 @@ def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach):
 
 def test_a_long_trajectory_of_many_harmonics_becomes_well_conditioned(lwr_problem):
     problem = Problem(lwr_problem.constraints, Trajectory(7, 60, 160.0), 240)
-    batch = Gradient(steps=60, reserve=0.05).optimise(problem, 1, np.random.SeedSequence(0))
+    batch = Gradient(60, attempts=5, reserve=0.05).optimise(problem, 1, np.random.SeedSequence(0))
     assert float(batch.fitness[0]) < 400  # in plain coefficients: 10⁶

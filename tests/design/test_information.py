@@ -78,7 +78,7 @@ def test_what_is_done_in_parts_does_not_depend_on_their_size(monkeypatch):
 
 def test_a_prior_is_a_share_of_the_mean():
     information = Information.of(semidefinite(0, 9))
-    torch.testing.assert_close(information.prior(0.01), 0.01 * information.mean)
+    torch.testing.assert_close(information.prior(), 1e-3 * information.mean)
 
 
 @pytest.mark.parametrize("joints", [0, 1, 3])
@@ -148,29 +148,11 @@ def test_packed_numbers_of_a_wrong_shape_are_refused(packed):
         Information(packed)
 
 
-def test_what_is_not_symmetric_is_refused():
-    matrices = semidefinite(0)
-    matrices[3, 0, 1] += 1e-6
-    with pytest.raises(ShapeError, match="trajectory 3 is not finite and symmetric"):
-        Information.of(matrices)
-
-
-@pytest.mark.parametrize("value", [-1e-3, math.nan, math.inf])
-def test_what_is_not_semidefinite_is_refused(value):
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_finite_is_refused(value):
     matrices = torch.diag_embed(torch.rand(5, 4, dtype=torch.float64))
     matrices[2, 1, 1] = value
-    with pytest.raises(ShapeError, match="trajectory 2 is not finite"):
-        Information.of(matrices)
-    with pytest.raises(ShapeError, match="trajectory 2 is not finite and positive semidefinite"):
-        Information(pack(matrices))
-
-
-def test_no_information_is_information():
-    matrices = semidefinite(0)
-    matrices[1] = 0.0
-    assert len(Information.of(matrices)) == 6
-    matrices[1, 0, 1] = matrices[1, 1, 0] = 1e-3
-    with pytest.raises(ShapeError, match="trajectory 1"):
+    with pytest.raises(ShapeError, match="information of trajectory 2 is not finite"):
         Information.of(matrices)
 
 
@@ -186,9 +168,6 @@ def test_a_prior_that_cannot_be_is_refused():
     flat = Information.of(semidefinite(0, count=1))
     with pytest.raises(ShapeError, match="no trajectory excites some direction"):
         flat.prior()
-    for share in (0.0, -1.0, math.inf, math.nan):
-        with pytest.raises(ShapeError, match="share is"):
-            Information.of(semidefinite(0)).prior(share)
 
 
 @pytest.mark.parametrize("value", [0.0, -2.0, math.nan, math.inf])

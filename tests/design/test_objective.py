@@ -1,11 +1,14 @@
+import math
 from dataclasses import replace
 
 import pytest
 import torch
 
 from sidegan.design.excitation import excite
-from sidegan.design.objective import Penalty, value_and_gradient
-from sidegan.design.problem import Problem
+from sidegan.design.objective import smooth_condition, value_and_gradient
+from sidegan.design.objectives import log_condition
+from sidegan.design.penalty import Penalty
+from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_chain
@@ -46,6 +49,21 @@ def test_without_violation_the_value_is_a_smooth_log_condition_number(planar_pro
     assert (value <= log_condition + 1.0).all()
 
 
+@pytest.mark.parametrize("count", [1, 3, 4, 9])
+def test_the_slopes_of_the_smooth_condition_number_agree_with_finite_differences(random, count):
+    values = (1 + torch.rand(5, count, generator=random, dtype=torch.float64)).cumsum(1)
+    assert torch.autograd.gradcheck(log_condition, values.requires_grad_(True))
+    value, slopes = smooth_condition(values.detach())
+    assert (value >= (values[:, -1] / values[:, 0]).log() - 1e-12).all()
+    torch.testing.assert_close((values * slopes).sum(1), torch.zeros(5).double())  # units do not matter
+
+
+def test_what_is_not_excited_counts_as_hopeless():
+    value, slopes = smooth_condition(torch.tensor([[0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5]).double())
+    assert value[0] == pytest.approx(math.log(2 * HOPELESS / 2), abs=0.2) and value.isfinite().all()
+    assert slopes[0, 0] == pytest.approx(-HOPELESS / 2) and slopes.isfinite().all()
+
+
 def test_a_violation_costs(planar_problem, random):
     c = planar_problem.start(3, random, 2.0)
     free, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
@@ -62,16 +80,20 @@ def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
         torch.testing.assert_close(gradient[0], gradients[k])
 
 
+def assert_plain_code_agrees(problem, c, penalty, monkeypatch):
+    compiled = value_and_gradient(problem, c, penalty)
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
+    plain = value_and_gradient(problem, c, penalty)
+    torch.testing.assert_close(compiled[0], plain[0], rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(compiled[1], plain[1], rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.parametrize("regions", [[Plane((0, 0, 1), 0.1)], [Plane((0, 0.6, 0.8), -0.2)], []])
 def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch, regions):
     pytest.importorskip("numba")
     problem = Problem(Constraints(arm, regions), Trajectory(7), 40)
     c = problem.start(6, random, 1.3)
-    found = value_and_gradient(problem, c, Penalty(300.0, distance=1.0))
-    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
-    expected = value_and_gradient(problem, c, Penalty(300.0, distance=1.0))
-    torch.testing.assert_close(found[0], expected[0], rtol=1e-9, atol=1e-9)
-    torch.testing.assert_close(found[1], expected[1], rtol=1e-6, atol=1e-6)
+    assert_plain_code_agrees(problem, c, Penalty(300.0, distance=1.0), monkeypatch)
 
 
 @pytest.mark.parametrize("joints", [3, 6])
@@ -80,11 +102,7 @@ def test_the_compiled_penalty_knows_sliding_joints(joints, random, monkeypatch):
     constraints = Constraints(random_chain(joints, 0)[0], [Plane((0, 0, 1), -0.3)])
     problem = Problem(constraints, Trajectory(joints, 2, 8.0, [0.0] * joints), 20)
     c = problem.start(4, random, 1.0)
-    found = value_and_gradient(problem, c, Penalty(10.0, distance=2.0))
-    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
-    expected = value_and_gradient(problem, c, Penalty(10.0, distance=2.0))
-    torch.testing.assert_close(found[0], expected[0], rtol=1e-9, atol=1e-9)
-    torch.testing.assert_close(found[1], expected[1], rtol=1e-6, atol=1e-6)
+    assert_plain_code_agrees(problem, c, Penalty(10.0, distance=2.0), monkeypatch)
 
 
 def test_boxes_take_the_plain_code_for_distances(planar, random):

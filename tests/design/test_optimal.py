@@ -266,15 +266,15 @@ def test_it_follows_the_device(device):
     assert exchange(there, chosen).device.type == device.type
 
 
-def test_ten_thousand_trajectories_in_seconds():
+def test_four_thousand_trajectories_in_seconds():
     packed = Information.of(candidates(0, 200, size=43, rank=80)).packed
     generator = torch.Generator().manual_seed(0)
-    shares = torch.rand(10_000, 200, generator=generator, dtype=torch.float64) ** 8
+    shares = torch.rand(4_000, 200, generator=generator, dtype=torch.float64) ** 8
     information = Information(shares @ packed)
-    start = time.perf_counter()
+    start = time.process_time()
     for pick in (d_optimal, a_optimal):
         assert len(pick(information, 35)) == 35
-    assert time.perf_counter() - start < 15  # about one second on an idle core
+    assert time.process_time() - start < 10  # half a second on an idle core
 
 
 @pytest.mark.parametrize("pick", [d_optimal, a_optimal])

@@ -10,6 +10,7 @@ from experiments import beyond_sections as sections
 from experiments.beyond_evidence import Evidence, arrival
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library import Library
+from sidegan.library.measure import effort
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.plan import SEEDS, Task
@@ -125,8 +126,8 @@ def test_the_determinants_pick_has_the_larger_determinant(evidence):
 def test_effort_of_a_motion_that_is_known(evidence):
     task = evidence.task
     c = load(task, task.seeds).coefficients[:3]
-    energy, speed = best.effort(task, c)
-    double, faster = best.effort(task, 1.5 * c)
+    energy, speed = effort(task.body, task.trajectory, c)
+    double, faster = effort(task.body, task.trajectory, 1.5 * c)
     torch.testing.assert_close(faster, 1.5 * speed)
     assert (speed > 0).all() and (speed <= 1).all() and (double > energy).all()
     times = task.trajectory.times(2000.0)

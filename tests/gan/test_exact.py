@@ -161,7 +161,7 @@ def test_what_is_missing_or_impossible_is_refused(exact):
     with pytest.raises(ConfigError, match="ease is 0"):
         Exact(ease=0.0)
     with pytest.raises(ConfigError, match="objective of exact is of 100 trajectories, its batch 64"):
-        replace(exact, exact=Exact((Term(together=100),)))
+        replace(exact, exact=Exact((Term("log_condition", together=100),)))
     with pytest.raises(ConfigError, match="batch of exact must be at least 2"):
         replace(exact, batch=1)
 

@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.design.greedy import greedy, greedy_in_parts
+from sidegan.design.greedy import greedy
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
@@ -52,7 +52,7 @@ def test_diagonals_come_one_row_group_at_a_time(parts, stored):
 
 def test_the_pick_from_a_file_is_the_pick_from_memory(stored):
     everything = Library.load(stored).diagonal
-    assert greedy_in_parts(Diagonals(stored), 6).tolist() == greedy(everything, 6).tolist()
+    assert greedy(Diagonals(stored), 6).tolist() == greedy(everything, 6).tolist()
 
 
 @settings(max_examples=50, deadline=None)
@@ -64,12 +64,12 @@ def test_the_cut_into_parts_does_not_matter(sizes, seed):
     generator = torch.Generator().manual_seed(seed)
     whole = torch.randint(0, 3, (sum(sizes), 3), generator=generator).double()  # full of ties
     expected = greedy(whole, len(whole))
-    assert torch.equal(greedy_in_parts(list(whole.split(sizes)), len(whole)), expected)
+    assert torch.equal(greedy(list(whole.split(sizes)), len(whole)), expected)
 
 
 def test_many_random_diagonals_in_parts():
     whole = torch.rand(5000, 43, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
-    assert torch.equal(greedy_in_parts(whole.split(617), 40), greedy(whole, 40))
+    assert torch.equal(greedy(whole.split(617), 40), greedy(whole, 40))
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_many_random_diagonals_in_parts():
 )
 def test_impossible_parts_are_refused(parts, count, message):
     with pytest.raises(ShapeError, match=message):
-        greedy_in_parts(parts, count)
+        greedy(parts, count)
 
 
 def test_parts_that_do_not_fit_leave_no_file(parts, tmp_path):

@@ -22,11 +22,12 @@ import torch
 from sidegan.base import parallel
 from sidegan.base.engines import Dask
 from sidegan.base.progress import Bar
+from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.tracking import Tracker
-from sidegan.seeds import Gradient, gradient
+from sidegan.seeds import Gradient
 from tests import small_job
 
 ROOT = Path(__file__).parents[2]
@@ -216,7 +217,7 @@ def not_a_number(every):
 
 @pytest.mark.parametrize("every", [2, 1])
 def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, monkeypatch, every):
-    monkeypatch.setattr(gradient, "value_and_gradient", not_a_number(every))
+    monkeypatch.setattr(coordinates, "value_and_gradient", not_a_number(every))
     made = small_job.read_torch(small_job.run(tmp_path) / "seeds.pt")
     assert len(made["c"]) == small_job.COUNT
     assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()

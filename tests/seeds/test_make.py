@@ -6,10 +6,11 @@ import torch
 
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds import Gradient, Tasks, make_long, make_seeds, method_of
+from sidegan.seeds import Gradient, Seeds, Tasks, make_long, make_seeds, result
+from sidegan.seeds.paper import Paper
 from sidegan.validity import check
 
-METHOD = Gradient(steps=10)
+METHOD = Gradient(10, attempts=5, reserve=0.2)
 
 
 def made(problem, work, workers=1, method=METHOD, count=5):
@@ -59,9 +60,10 @@ def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path
     assert method.calls == 3
 
 
-def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path):
+def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path, monkeypatch):
+    monkeypatch.setattr(result, "HOPELESS", 1.0)
     with pytest.raises(InfeasibleError, match=r"only 0 of 2 seeds became valid .* condition number"):
-        made(planar_problem, tmp_path, method=Gradient(steps=5, ceiling=1.0), count=2)
+        made(planar_problem, tmp_path, method=Gradient(5, attempts=5, reserve=0.2), count=2)
 
 
 def test_the_long_trajectory_uses_its_time_and_is_the_best_of_its_starts(planar_problem):
@@ -76,9 +78,28 @@ def test_the_long_trajectory_uses_its_time_and_is_the_best_of_its_starts(planar_
     assert float(longer.fitness[0]) <= float(quick.fitness[0])
 
 
-def test_methods_go_by_name():
-    assert method_of("gradient", 7, 2) == Gradient(steps=7, attempts=2)
-    assert method_of("gradient", 7, 2, reserve=0.3) == Gradient(steps=7, attempts=2, reserve=0.3)
-    assert method_of("paper", 7, 2, ants=30, evaluations=9).generations == 7
-    with pytest.raises(ConfigError, match="'adam'"):
-        method_of("adam", 1, 1)
+COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
+
+
+def test_settings_give_the_optimiser_and_its_problem(planar_problem):
+    gradient = Seeds("gradient", **COMMON, reserve=0.3)
+    assert gradient.optimiser == Gradient(7, 2, 0.3)
+    paper = Seeds("paper", **{**COMMON, "fitness": "diagonal"}, ants=30, evaluations=9)
+    assert paper.optimiser == Paper(generations=7, ants=30, evaluations=9, attempts=2)
+    of = planar_problem.constraints, planar_problem.trajectory
+    assert [x.problem(*of).diagonal for x in (gradient, paper)] == [False, True]
+    assert gradient.problem(*of).samples == 20
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "message"),
+    [
+        ("paper", {"ants": 30}, "method paper needs ants and evaluations"),
+        ("gradient", {"reserve": 0.2, "ants": 30}, "ants and evaluations are of method paper"),
+        ("gradient", {}, "method gradient, and no other, needs reserve"),
+        ("paper", {"ants": 3, "evaluations": 9, "reserve": 0.2}, "method gradient, and no other"),
+    ],
+)
+def test_settings_of_another_method_are_refused(method, options, message):
+    with pytest.raises(ConfigError, match=message):
+        Seeds(method, **COMMON, **options)

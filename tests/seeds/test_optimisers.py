@@ -7,14 +7,14 @@ import torch
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds import Gradient
+from sidegan.seeds import Gradient, result
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import settle
 from sidegan.validity import Box, Constraints, check
 
 METHODS = {
-    "gradient": Gradient(steps=30),
-    "paper": Paper(generations=6, ants=20, evaluations=150),
+    "gradient": Gradient(30, attempts=5, reserve=0.2),
+    "paper": Paper(generations=6, ants=20, evaluations=150, attempts=5),
 }
 
 
@@ -31,21 +31,23 @@ def test_seeds_are_valid_and_better_than_random_ones(planar_problem, random, nam
 
 @pytest.mark.parametrize("name", METHODS)
 def test_the_same_random_numbers_give_the_same_seeds(planar_problem, name):
-    one, two = (METHODS[name].optimise(planar_problem, 2, np.random.SeedSequence(5)) for _ in range(2))
+    one, two, other = (
+        METHODS[name].optimise(planar_problem, 1, np.random.SeedSequence(k)) for k in (5, 5, 6)
+    )
+    assert len(one) == len(other) == 1
     assert torch.equal(one.coefficients, two.coefficients)
-    other = METHODS[name].optimise(planar_problem, 2, np.random.SeedSequence(6))
     assert not torch.equal(one.coefficients, other.coefficients)
 
 
 def test_lwr_seeds_are_valid_and_well_conditioned(lwr_problem):
-    batch = Gradient(steps=60).optimise(lwr_problem, 6, np.random.SeedSequence(0))
+    batch = Gradient(60, attempts=5, reserve=0.2).optimise(lwr_problem, 6, np.random.SeedSequence(0))
     assert check(lwr_problem.constraints, lwr_problem.trajectory, batch.coefficients).valid.all()
     assert float(batch.fitness.median()) < 400  # random starts: 10⁵ and more
 
 
 def test_the_diagonal_fitness_is_optimised_when_asked(planar_problem):
     problem = replace(planar_problem, diagonal=True)
-    batch = Gradient(steps=40).optimise(problem, 4, np.random.SeedSequence(2))
+    batch = Gradient(40, attempts=5, reserve=0.2).optimise(problem, 4, np.random.SeedSequence(2))
     start = problem.fitness(problem.start(20, torch.Generator().manual_seed(0)))
     assert batch.fitness.median() < start.median()
 
@@ -54,11 +56,12 @@ def test_an_infeasible_home_is_refused(planar):
     around = Box((-0.5, -0.5, 0.2), (0.5, 0.5, 3.0))
     problem = Problem(Constraints(planar, [around]), Trajectory(planar.joints, 3, 8.0), 24)
     with pytest.raises(InfeasibleError, match="home position"):
-        Gradient(steps=5).optimise(problem, 2, np.random.SeedSequence(0))
+        Gradient(5, attempts=5, reserve=0.2).optimise(problem, 2, np.random.SeedSequence(0))
 
 
-def test_a_ceiling_nobody_reaches_ends_after_two_barren_rounds(planar_problem):
-    batch = Gradient(steps=5, ceiling=1.0).optimise(planar_problem, 3, np.random.SeedSequence(0))
+def test_a_fitness_nobody_reaches_ends_after_two_barren_rounds(planar_problem, monkeypatch):
+    monkeypatch.setattr(result, "HOPELESS", 1.0)
+    batch = Gradient(5, attempts=5, reserve=0.2).optimise(planar_problem, 3, np.random.SeedSequence(0))
     assert len(batch) == 0
     assert batch.failed == batch.attempts == 6
     assert "only 0 of 3 seeds" in str(batch.shortfall(3))
@@ -122,8 +125,8 @@ def test_a_long_trajectory_is_not_a_straw_man(planar):
     constraints = Constraints(planar, [])
     short = Problem(constraints, Trajectory(2, 3, 8.0), 24)
     long = Problem(constraints, Trajectory(2, 36, 96.0), 288)
-    shorts = Gradient(steps=40).optimise(short, 6, np.random.SeedSequence(0))
-    one = Gradient(steps=60).optimise(long, 1, np.random.SeedSequence(0))
+    shorts = Gradient(40, attempts=5, reserve=0.2).optimise(short, 6, np.random.SeedSequence(0))
+    one = Gradient(60, attempts=5, reserve=0.2).optimise(long, 1, np.random.SeedSequence(0))
     assert float(one.fitness) < 3 * float(shorts.fitness.median())
 
 
@@ -131,7 +134,7 @@ def test_a_larger_reserve_leaves_more_room_and_conditions_worse(lwr_problem):
     trajectory = lwr_problem.trajectory
     margins, fitness = [], []
     for reserve in (0.05, 0.3):
-        batch = Gradient(steps=60, reserve=reserve).optimise(lwr_problem, 6, np.random.SeedSequence(0))
+        batch = Gradient(60, attempts=5, reserve=reserve).optimise(lwr_problem, 6, np.random.SeedSequence(0))
         found = check(lwr_problem.constraints, trajectory, batch.coefficients).margins
         margins.append(float(found["velocity"].median()))
         fitness.append(float(batch.fitness.median()))

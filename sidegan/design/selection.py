@@ -1,0 +1,54 @@
+"""The pick of an excitation set from a pool, by the configured method."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from sidegan.base.typed import Count, Positive
+from sidegan.design.greedy import greedy
+from sidegan.design.information import information_of
+from sidegan.design.optimal import a_optimal, d_optimal, exchange
+from sidegan.errors import ConfigError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Selection:
+    """How many trajectories are picked from a pool, and by what."""
+
+    count: Count
+    method: Literal["greedy", "d_optimal", "a_optimal", "d_exchange", "prediction"]
+    noise: list[Positive] | None  # of each joint's torque [N·m], by which the joints count; not for greedy
+
+    def __post_init__(self) -> None:
+        if self.method == "greedy" and self.noise is not None:
+            raise ConfigError("the paper's greedy score knows no noise: choose another method")
+
+
+def choose(
+    settings: Selection, body: RigidBody, trajectory: Trajectory, c: Tensor, diagonal: Tensor
+) -> Tensor:
+    """Indices of the trajectories picked from a pool, in the order of choice, (count,).
+
+    Args:
+        settings: how many, and by what.
+        body: the arm's dynamics.
+        trajectory: the family of the pool.
+        c: coefficients of the pool [rad/s], (N, J, H, 2).
+        diagonal: of each YᵀY / T over the base columns, (N, p); all that the paper's score looks at.
+
+    Raises:
+        ShapeError: when the pool is smaller than the pick, or something does not fit.
+    """
+    if settings.method == "greedy":
+        return greedy(diagonal, settings.count)
+    noise = None if settings.noise is None else torch.tensor(settings.noise, dtype=torch.float64)
+    information = information_of(body, trajectory, c, deviation=noise)
+    if settings.method in ("a_optimal", "prediction"):
+        target = information.mean if settings.method == "prediction" else None
+        return a_optimal(information, settings.count, target=target)
+    chosen = d_optimal(information, settings.count)
+    return exchange(information, chosen) if settings.method == "d_exchange" else chosen

@@ -1,0 +1,94 @@
+"""Drawing until enough trajectories are valid."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.base.parallel import Report
+from sidegan.base.typed import Count, Natural, Share
+from sidegan.errors import InfeasibleError
+from sidegan.validity import Validity, told
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """How the library grows from the generator."""
+
+    count: Count
+    batch: Count
+    draws: Count  # most samples drawn before giving up
+    polish: Natural  # gradient steps on every sample; 0: none
+    reserve: Share  # of each limit, and twice that share of 0.25 m, that polished samples keep free
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Valid trajectories, and how many had to be drawn for them."""
+
+    coefficients: Tensor  # the first valid ones [rad/s], (n, J, H, 2), n ≤ count
+    count: int  # how many there should be
+    drawn: int  # trajectories that were drawn
+    valid: int  # how many of those are valid; may be more than were kept
+    last: int  # size of the last batch
+    faults: Mapping[str, int]  # how many of the last batch violate what, where not enough are valid
+
+    def require(self, least: int, origin: str) -> "Draws":
+        """These draws, after a warning where fewer than ``count`` are valid.
+
+        Args:
+            least: with fewer there is nothing to go on with.
+            origin: what was drawn, for people, such as ``"drawn from eigen"``.
+
+        Raises:
+            InfeasibleError: when fewer than ``least`` are valid; says what the others violate.
+        """
+        if self.valid < least:
+            valid = f"only {self.valid}" if self.valid else "none"
+            verb = "are" if self.valid > 1 else "is"
+            raise InfeasibleError(
+                f"{valid} of {self.drawn} trajectories {origin} {verb} valid; "
+                f"of the last {self.last}, {told(self.faults)}"
+            )
+        if self.valid < self.count:
+            numbers = f"{self.valid} valid trajectories in {self.drawn} draws, {self.count} were wanted"
+            log.warning("%s: %s", numbers, origin)
+        return self
+
+
+def draw_valid(
+    sample: Callable[[int], Tensor],
+    check: Callable[[Tensor], Validity],
+    count: int,
+    batch: int,
+    most: int,
+    spare: int | None = None,
+    report: Report | None = None,
+) -> Draws:
+    """Draw trajectories until ``count`` are valid, or ``most`` are drawn.
+
+    Args:
+        sample: coefficients [rad/s], (B, J, H, 2), from how many.
+        check: whether they are valid.
+        count: number of valid trajectories to draw, positive.
+        batch: most drawn at once.
+        most: most drawn in all, positive.
+        spare: draw no more at once than are missing and so many; None: always a batch.
+        report: given (done, total) after each batch.
+    """
+    kept: list[Tensor] = []
+    drawn = valid = 0
+    while valid < count and drawn < most:
+        few = batch if spare is None else min(batch, spare + count - valid)
+        c = sample(min(few, most - drawn))
+        verdict = check(c)
+        kept.append(c[verdict.valid])
+        drawn, valid = drawn + len(c), valid + len(kept[-1])
+        if report is not None:
+            report(max(min(valid, count), drawn * count // most), count)
+    faults = verdict.faults() if valid < count else {}
+    return Draws(torch.cat(kept)[:count], count, drawn, valid, len(c), faults)

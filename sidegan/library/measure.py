@@ -1,0 +1,63 @@
+"""What is measured about trajectories: a library with all of it, and its summary."""
+
+from torch import Tensor
+
+from sidegan.design.excitation import Excitation, diversity, excite
+from sidegan.library.collection import Library
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Constraints, check
+
+RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
+_POWER_RATE = 50.0  # [Hz]
+_AT_ONCE = 250  # trajectories
+
+
+def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
+    """A library of coefficients (N, J, H, 2) with everything measured about them."""
+    parts = []
+    for batch in c.split(_AT_ONCE):
+        validity = check(constraints, trajectory, batch)
+        excitation = excite(constraints.body, trajectory, batch, round(RATE * trajectory.period))
+        part = Library(
+            coefficients=batch,
+            valid=validity.valid,
+            margins=validity.margins,
+            fitness=excitation.eigenvalue_fitness,
+            diagonal_fitness=excitation.diagonal_fitness,
+            spectrum=excitation.spectrum,
+            diagonal=excitation.diagonal,
+            source=[source] * len(batch),
+            robot=constraints.arm.name,
+            digest=constraints.arm.digest,
+            period=trajectory.period,
+            home=tuple(trajectory.home or ()),
+        )
+        parts.append(part)
+    return parts[0].merge(*parts[1:])
+
+
+def summary(library: Library) -> dict[str, float]:
+    """Validity, fitness and diversity of a library."""
+    return {
+        "count": len(library),
+        "valid": float(library.valid.double().mean()),
+        "condition": float(library.fitness.median()),
+        "diagonal_ratio": float(library.diagonal_fitness.median()),
+        **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
+    }
+
+
+def effort(body: RigidBody, trajectory: Trajectory, c: Tensor) -> tuple[Tensor, Tensor]:
+    """Mechanical energy ∫ Σ |τ dq| dt [J] and largest share of a velocity limit, (N,) each.
+
+    Args:
+        body: the arm's dynamics.
+        trajectory: the family of trajectories.
+        c: coefficients [rad/s], (N, J, H, 2).
+    """
+    times = trajectory.grid(round(trajectory.period * _POWER_RATE))
+    _, q, dq, ddq = trajectory.roll_out(c, times)
+    power = (body.torque(q, dq, ddq) * dq).abs().sum(2)
+    speed = (dq.abs() / body.arm.velocity_limit).amax((1, 2))
+    return power.mean(1) * trajectory.period, speed

@@ -1,0 +1,59 @@
+"""Settings of the seed set and of the single long trajectory."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from sidegan.base.typed import Bound, Count, Positive, Share
+from sidegan.design.problem import Problem
+from sidegan.errors import ConfigError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.seeds.gradient import Gradient
+from sidegan.seeds.make import Method
+from sidegan.seeds.paper import Paper
+from sidegan.validity import Constraints
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """The conventional optimiser that makes the seed set."""
+
+    method: Literal["gradient", "paper"]
+    fitness: Literal["eigenvalue", "diagonal"]
+    count: Count
+    samples: Count  # time points per period
+    batch: Count  # trajectories per task
+    steps: Count  # gradient: evaluations; paper: generations of the colony
+    attempts: Count  # starts per seed before giving up
+    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
+    ants: Count | None = None  # paper only: size of the colony
+    evaluations: Count | None = None  # paper only: of the compass search
+
+    def __post_init__(self) -> None:
+        if self.method == "paper" and None in (self.ants, self.evaluations):
+            raise ConfigError("method paper needs ants and evaluations; choose it by seeds=paper")
+        if self.method != "paper" and (self.ants, self.evaluations) != (None, None):
+            raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
+        if (self.method == "gradient") == (self.reserve is None):
+            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
+
+    @property
+    def optimiser(self) -> Method:
+        """The configured method."""
+        if self.ants is not None and self.evaluations is not None:
+            return Paper(self.steps, self.ants, self.evaluations, self.attempts)
+        return Gradient(self.steps, self.attempts, self.reserve or 0.0)
+
+    def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
+        """What the optimiser works on."""
+        return Problem(constraints, trajectory, self.samples, diagonal=self.fitness == "diagonal")
+
+
+@dataclass(frozen=True)
+class Long:
+    """The single long trajectory that the short ones are compared with."""
+
+    period: Positive  # [s]
+    harmonics: list[Count]  # one trajectory for each
+    samples: Count
+    steps: Count  # evaluations, at least
+    factor: Annotated[float, Bound("≥", 1)]  # CPU time, in that of all short ones of a selection together

@@ -1,0 +1,52 @@
+"""What is measured about trajectories, beside the functions that measure it."""
+
+import pytest
+import torch
+
+from sidegan.design.excitation import diversity, excite
+from sidegan.library.measure import RATE, effort, measured, summary
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import load_robot
+from sidegan.validity import Constraints, Plane, check
+
+
+@pytest.fixture(scope="module")
+def pool():
+    """Constraints, a family, and more random trajectories than are measured at once."""
+    constraints, family = Constraints(load_robot("planar2"), [Plane((0, 0, 1), 0.1)]), Trajectory(2, 3, 8.0)
+    c = torch.randn(260, *family.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    return constraints, family, 0.5 * c
+
+
+def test_a_library_holds_what_checks_and_excitation_say(pool):
+    constraints, family, c = pool
+    library = measured(*pool, "random")
+    verdict = check(*pool)
+    excitation = excite(constraints.body, family, c, round(RATE * family.period))
+    assert library.valid.tolist() == verdict.valid.tolist() and 0 < int(library.valid.sum()) < len(c)
+    for name, margin in verdict.margins.items():
+        torch.testing.assert_close(library.margins[name], margin)
+    torch.testing.assert_close(library.fitness, excitation.eigenvalue_fitness)
+    torch.testing.assert_close(library.spectrum, excitation.spectrum)
+    torch.testing.assert_close(library.diagonal, excitation.diagonal)
+    assert library.source == ["random"] * len(c) and library.digest == constraints.arm.digest
+    assert (library.period, library.home) == (8.0, (0.0, 0.0))
+
+
+def test_a_summary_has_shares_medians_and_diversity(pool):
+    constraints, family, c = pool
+    facts = summary(measured(*pool, "random"))
+    excitation = excite(constraints.body, family, c, round(RATE * family.period))
+    assert facts["count"] == len(c) and 0 < facts["valid"] < 1
+    assert facts["condition"] == pytest.approx(float(excitation.eigenvalue_fitness.median()))
+    assert {key: facts[key] for key in diversity(c, excitation)} == pytest.approx(diversity(c, excitation))
+
+
+def test_effort_is_work_and_speed(pool):
+    constraints, family, c = pool
+    energy, speed = effort(constraints.body, family, c[:4])
+    double, faster = effort(constraints.body, family, 2 * c[:4])
+    torch.testing.assert_close(faster, 2 * speed)
+    assert (energy > 0).all() and (double > energy).all()
+    peak = family.roll_out(c[:4], family.times(500.0)).velocity.abs() / constraints.arm.velocity_limit
+    torch.testing.assert_close(speed, peak.amax((1, 2)), rtol=0.02, atol=0)
