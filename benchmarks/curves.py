@@ -19,7 +19,8 @@ from sidegan.design.excitation import Excitation, excite
 from sidegan.design.greedy import greedy_in_parts
 from sidegan.design.objective import Penalty, value_and_gradient
 from sidegan.design.problem import Problem
-from sidegan.identification import Measurements, identify
+from sidegan.identification import RIGID, Measurements, TorqueModel
+from sidegan.identification.gather import gather
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
 from sidegan.motion.dynamics import gram
@@ -92,8 +93,9 @@ def rls(count: int) -> Point:
     motion = setting.trajectory.roll_out(c, times)
     torque = setting.body.torque(*motion[1:])
     known = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
-    identify(setting.body, known[0])
-    run = timed(lambda: identify(setting.body, (known[k % len(known)] for k in range(count))))
+    model = TorqueModel(setting.body, RIGID)
+    gather(model, known[0])
+    run = timed(lambda: gather(model, (known[k % len(known)] for k in range(count))))
     each = 1e6 / (count * _SAMPLES)
     return {"cpu_us_per_sample": each * run.cpu, "cpu_s": run.cpu, "wall_s": run.wall, "peak_mb": _peak()}
 

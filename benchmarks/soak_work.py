@@ -15,7 +15,7 @@ from sidegan.design.excitation import excite
 from sidegan.design.greedy import greedy_in_parts
 from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.training import train_variant
-from sidegan.identification import Noise, identify, measure
+from sidegan.identification import RIGID, Noise, TorqueModel, estimate, measure
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
 from sidegan.seeds import Gradient
@@ -85,4 +85,5 @@ class Work:
         """A model from what noisy sensors would see on a few trajectories."""
         family, body = self.setting.trajectory, self.setting.body
         motion = family.roll_out(c, family.times(_RATE))
-        identify(body, measure(body, motion, Noise(level=0.1), np.random.default_rng(number)))
+        noise = Noise("multiplicative", 0.1, torque=True, state=False)
+        estimate("ols", TorqueModel(body, RIGID), measure(body, motion, noise, number))

@@ -31,7 +31,7 @@ from torch import Tensor
 from benchmarks.setting import Setting
 from sidegan.base.parallel import Report, engine, run_jobs
 from sidegan.design.problem import Problem
-from sidegan.identification import Noise, identify_weighted, measure
+from sidegan.identification import RIGID, Noise, TorqueModel, estimate, measure
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient
@@ -129,9 +129,9 @@ def _filter(
 
 def _identify(body: RigidBody, family: Trajectory, c: Tensor, seed: np.random.SeedSequence) -> Tensor:
     motion = family.roll_out(c, family.times(_RATE))
-    return identify_weighted(
-        body, measure(body, motion, Noise(level=0.1), np.random.default_rng(seed))
-    ).parameters
+    noise = Noise("multiplicative", 0.1, torque=True, state=False)
+    data = measure(body, motion, noise, np.random.default_rng(seed))
+    return estimate("weighted", TorqueModel(body, RIGID), data).parameters
 
 
 def _timed(task: Task, report: Report) -> tuple[Any, float]:

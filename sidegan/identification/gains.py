@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.gather import SAMPLES_AT_ONCE, Samples, gather
-from sidegan.identification.model import Model
+from sidegan.identification.gather import gather
+from sidegan.identification.measurements import SAMPLES_AT_ONCE, Samples
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, solve
 
 _LEAST = 1e-6  # information on each parameter beside the samples'
@@ -35,7 +36,7 @@ class Gains:
 class _Loaded:
     """The arm's model with one more column: the torque of the known load, where it is carried."""
 
-    def __init__(self, model: Model, payload: Tensor, carried: bool) -> None:
+    def __init__(self, model: TorqueModel, payload: Tensor, carried: bool) -> None:
         self._model, self._payload, self._carried = model, payload, carried
         self.joints, self.count = model.joints, model.count + 1
         self.names = [*model.names, "load"]
@@ -47,7 +48,7 @@ class _Loaded:
 
 
 def drive_gains(
-    model: Model,
+    model: TorqueModel,
     unloaded: Samples,
     loaded: Samples,
     payload: Tensor,
@@ -87,7 +88,7 @@ def drive_gains(
     return _solve(sums, model)
 
 
-def _solve(sums: Sums, model: Model) -> Gains:
+def _solve(sums: Sums, model: TorqueModel) -> Gains:
     inverse_gains, parameters = _start(sums)
     for _ in range(_REPETITIONS):
         system = _System(sums, inverse_gains, parameters)

@@ -9,11 +9,10 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
-from sidegan.identification.gather import Samples, pieces, residual_of
-from sidegan.identification.inertia import least_eigenvalues
-from sidegan.identification.measurements import Measurements
-from sidegan.identification.model import Model
-from sidegan.identification.program import Task, most_likely
+from sidegan.identification.gather import residual_of
+from sidegan.identification.measurements import Measurements, Samples, pieces
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.program import Task, least_eigenvalues, most_likely
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 
 _LEAST_MASS, _LEAST_LENGTH = 1e-3, 1e-2  # [kg], [m] of a load that is hardly there
@@ -68,7 +67,7 @@ class Payload:
 
 
 def identify_payload(
-    model: Model, parameters: Tensor, measurements: Samples, method: str = "weighted", **settings: Any
+    model: TorqueModel, parameters: Tensor, measurements: Samples, method: str = "weighted", **settings: Any
 ) -> Payload:
     """Mass, centre and inertia of a load from a recording with it, the arm's own model being fixed.
 
@@ -89,24 +88,24 @@ def identify_payload(
         raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {model.count}")
     left = _Left(model, parameters, measurements)
     rest: Samples = iter(left) if isinstance(measurements, Iterator) else left
-    found = estimate(method, PayloadModel(model.body), rest, **settings)
-    mass = found.parameters[:1].clamp_min(_LEAST_MASS)
-    length = (found.parameters[[4, 6, 9]].sum() / 2 / mass).clamp_min(_LEAST_LENGTH**2).sqrt()
-    exists = bool((least_eigenvalues(found.parameters[None], mass, length) > 0).all())
-    possible = found.parameters
+    load = estimate(method, PayloadModel(model.body), rest, **settings)
+    mass = load.parameters[:1].clamp_min(_LEAST_MASS)
+    length = (load.parameters[[4, 6, 9]].sum() / 2 / mass).clamp_min(_LEAST_LENGTH**2).sqrt()
+    exists = bool((least_eigenvalues(load.parameters[None], mass, length) > 0).all())
+    possible = load.parameters
     if not exists:
         nothing = torch.zeros(1, 10, dtype=torch.float64)
         possible = most_likely(
-            Task(found.information, found.moment, _SAME, mass, length, nothing, "none", 0.0, _MARGIN)
+            Task(load.information, load.moment, _SAME, mass, length, nothing, "none", 0.0, _MARGIN)
         )
-    return Payload(found.parameters, found.deviation, exists, possible, found)
+    return Payload(load.parameters, load.deviation, exists, possible, load)
 
 
 @dataclass(frozen=True, eq=False)
 class _Left:
     """Measurements whose torque is what the arm's model leaves unexplained; read anew at every walk."""
 
-    model: Model
+    model: TorqueModel
     parameters: Tensor
     measurements: Samples
 

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.identification.inertia import BACK, pseudo_inertia, scaled, units
 from sidegan.identification.sums import rows_of
+from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -70,9 +70,9 @@ def most_likely(task: Task) -> Tensor:
         if problem.status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
             break
     if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        wanted = f"margin {task.margin:g}"
-        wanted += "" if task.total_mass is None else f", {task.total_mass:g} kg in all"
-        raise InfeasibleError(f"no bodies that can exist meet the conditions ({wanted}): {problem.status}")
+        bounds = f"margin {task.margin:g}"
+        bounds += "" if task.total_mass is None else f", {task.total_mass:g} kg in all"
+        raise InfeasibleError(f"no bodies that can exist meet the conditions ({bounds}): {problem.status}")
     if problem.status == cp.OPTIMAL_INACCURATE:
         _log.warning("the consistent fit is less accurate than asked for")
     return torch.from_numpy(np.asarray(unknowns.standard.value, dtype=np.float64))
@@ -84,11 +84,12 @@ class _Unknowns:
     def __init__(self, task: Task) -> None:
         import cvxpy as cp
 
-        unit = units(task.mass, task.length)
+        unit = _units(task.mass, task.length)
         self.links = [cp.Variable((4, 4), symmetric=True) for _ in task.mass]
         outer = (unit[:, :, None] * unit[:, None]).reshape(-1, 16).numpy()
         parts: list[cp.Expression] = [
-            BACK.numpy() @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, self.links)
+            FROM_PSEUDO_INERTIA.numpy() @ cp.multiply(o, cp.vec(p, order="C"))
+            for o, p in zip(outer, self.links)
         ]
         count = task.mapping.shape[1] - 10 * len(task.mass)
         if count:
@@ -100,7 +101,7 @@ class _Unknowns:
 def _pull(task: Task, unknowns: _Unknowns) -> "cp.Expression | float":
     import cvxpy as cp
 
-    nominal = scaled(pseudo_inertia(task.nominal), task.mass, task.length).numpy()
+    nominal = _scaled(task.nominal, task.mass, task.length).numpy()
     if task.pull == "none":
         return 0.0
     if task.pull == "euclid":
@@ -110,11 +111,11 @@ def _pull(task: Task, unknowns: _Unknowns) -> "cp.Expression | float":
 
 
 def _constraints(task: Task, unknowns: _Unknowns) -> "list[cp.Constraint]":
-    found = [p >> task.margin * np.eye(4) for p in unknowns.links]
-    found += [unknowns.standard[where] >= 0 for where in task.not_negative]
+    constraints = [p >> task.margin * np.eye(4) for p in unknowns.links]
+    constraints += [unknowns.standard[where] >= 0 for where in task.not_negative]
     if task.total_mass is not None:
-        found.append(unknowns.mass == task.total_mass)
-    return found
+        constraints.append(unknowns.mass == task.total_mass)
+    return constraints
 
 
 def _run(problem: "cp.Problem") -> None:
@@ -126,3 +127,26 @@ def _run(problem: "cp.Problem") -> None:
             problem.solve(solver=cp.CLARABEL)
         except cp.error.SolverError as error:
             _log.info("Clarabel: %s", error)
+
+
+def least_eigenvalues(links: Tensor, mass: Tensor, length: Tensor) -> Tensor:
+    """Smallest eigenvalue of each link's pseudo-inertia in units of its mass and length, (L,).
+
+    Args:
+        links: link parameters, (L, 10).
+        mass: typical of each link [kg], (L,).
+        length: typical of each link [m], (L,).
+    """
+    return torch.linalg.eigvalsh(_scaled(links, mass, length))[:, 0]
+
+
+def _scaled(links: Tensor, mass: Tensor, length: Tensor) -> Tensor:
+    """Pseudo-inertias (L, 4, 4) in units of masses and lengths: D⁻¹ P D⁻¹."""
+    unit = 1 / _units(mass, length)
+    return pseudo_inertia(links) * unit[:, :, None] * unit[:, None]
+
+
+def _units(mass: Tensor, length: Tensor) -> Tensor:
+    """Diagonal of D, (L, 4): √m (l, l, l, 1)."""
+    one = torch.ones_like(length)
+    return mass.sqrt()[:, None] * torch.stack([length, length, length, one], 1)

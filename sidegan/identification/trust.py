@@ -7,12 +7,12 @@ from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.gather import Samples
-from sidegan.identification.model import Model, states_within
+from sidegan.identification.measurements import Samples
+from sidegan.identification.model import TorqueModel, states_within
 from sidegan.identification.next_runs import NextRuns, most_informative
 from sidegan.identification.score import Folds, Score, score, score_of_sums
 from sidegan.identification.sums import solve
-from sidegan.identification.verdict import Evidence, Limits, judge
+from sidegan.identification.verdict import Evidence, Thresholds, judge
 
 _LEAST = 1e-6  # information on each term beside the samples'
 _STATES = 400
@@ -69,14 +69,14 @@ class Trust:
 
 
 def trust(
-    model: Model,
+    model: TorqueModel,
     estimate: Estimate,
     validation: Samples | None = None,
     folds: Folds | None = None,
     grams: Tensor | None = None,
     samples_each: int = 1000,
     count: int = 5,
-    limits: Limits | None = None,
+    limits: Thresholds | None = None,
 ) -> Trust:
     """Whether an estimate of a model can be trusted, and why.
 
@@ -96,7 +96,7 @@ def trust(
     """
     if estimate.names != tuple(model.names):
         raise ShapeError("the estimate has other parameters than the model")
-    limits = limits or Limits()
+    limits = limits or Thresholds()
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
     order = [i for i in effect.argsort(descending=True).tolist() if effect[i] > limits.effect]
@@ -109,8 +109,8 @@ def trust(
     verdict, reasons = judge(evidence, limits)
     runs = None
     if grams is not None:
-        wanted = torch.where(effect > limits.effect, per_unit, 0.0) if order else per_unit
-        runs = most_informative(estimate, grams, wanted, samples_each, count)
+        targets = torch.where(effect > limits.effect, per_unit, 0.0) if order else per_unit
+        runs = most_informative(estimate, grams, targets, samples_each, count)
     return Trust(
         names=estimate.names,
         formulas=tuple(model.formulas),
@@ -134,7 +134,7 @@ def trust(
     )
 
 
-def _effects(model: Model, estimate: Estimate) -> tuple[Tensor, Tensor]:
+def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
     """Largest share of a joint's usual torque per unit of each parameter, (P,), and of its deviation, (J,).
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
@@ -147,7 +147,7 @@ def _effects(model: Model, estimate: Estimate) -> tuple[Tensor, Tensor]:
     return share.amax(0), variance.sqrt() / usual
 
 
-def _nominal_fit(model: Model, estimate: Estimate) -> Tensor:
+def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
     """The description's link parameters with everything else fitted, (P,)."""
     r, nominal = model.rigid, model.nominal.clone()
     information, moment = estimate.information, estimate.moment

@@ -19,7 +19,7 @@ _MOST = 10.0  # a larger share says no more
 
 
 @dataclass(frozen=True)
-class Limits:
+class Thresholds:
     """What counts as good and as usable; nMSE are of validation, or of training without it.
 
     Attributes:
@@ -94,7 +94,7 @@ class Evidence(NamedTuple):
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
-def judge(evidence: Evidence, limits: Limits) -> tuple[str, list[str]]:
+def judge(evidence: Evidence, limits: Thresholds) -> tuple[str, list[str]]:
     """Verdict and its reasons, the gravest first."""
     findings = [*_held_out(evidence, limits), *_misfits(evidence, limits), *_excitation(evidence, limits)]
     if not findings:
@@ -104,7 +104,7 @@ def judge(evidence: Evidence, limits: Limits) -> tuple[str, list[str]]:
     return BAD if grave else USABLE, grave + [f.text for f in findings if f.level == USABLE]
 
 
-def _held_out(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
+def _held_out(evidence: Evidence, limits: Thresholds) -> Iterator[Finding]:
     train, validation, folds = evidence.train, evidence.held_out, evidence.folds
     if validation is None:
         yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
@@ -125,7 +125,7 @@ def _held_out(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
         yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
 
 
-def _misfits(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
+def _misfits(evidence: Evidence, limits: Thresholds) -> Iterator[Finding]:
     judged, where = evidence.judged, evidence.where
     if judged.nmse_mean > limits.good_nmse:
         level = BAD if judged.nmse_mean > limits.usable_nmse else USABLE
@@ -138,7 +138,7 @@ def _misfits(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
             yield Finding(level, f"{evidence.joint(j)}: {text} on {where}")
 
 
-def _excitation(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
+def _excitation(evidence: Evidence, limits: Thresholds) -> Iterator[Finding]:
     condition = evidence.estimate.condition
     if math.isinf(condition):
         yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")

@@ -14,9 +14,11 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
 from sidegan.errors import ConfigError
+from sidegan.identification import EstimationSettings, Noise, ReplicationSettings, StudySettings, Terms
 from sidegan.pipeline.config_beyond import Beyond
 from sidegan.pipeline.config_conditional import Conditional
-from sidegan.pipeline.config_identify import Identify, Model, Recording, check_files
+from sidegan.pipeline.config_identify import Recording, check_files
+from sidegan.plant import PlantSettings
 
 Vector = tuple[float, float, float]
 
@@ -270,63 +272,10 @@ class Long:
 
 
 @dataclass(frozen=True)
-class NoiseModel:
-    """Measurement noise."""
-
-    kind: Literal["multiplicative", "additive"]
-    level: NonNegative
-    torque: bool
-    state: bool
-
-
-@dataclass(frozen=True)
-class Identification:
-    """Simulated measurements and recursive least squares."""
-
-    rate: Positive  # [Hz]
-    prior: Positive  # P₀ = prior · I
-    forgetting: Annotated[float, Bound(">", 0), Bound("≤", 1)]
-    weighted: bool  # also with one weight per joint, beside the paper's unweighted
-    noise: NoiseModel
-    repeats: Count
-    tests: Count
-
-
-@dataclass(frozen=True)
-class Plant:
-    """The arm in MuJoCo; a list holds a value per joint, or one for all."""
-
-    rate: Positive  # [Hz]
-    viscous: list[NonNegative]
-    coulomb: list[NonNegative]
-    rotor_inertia: list[NonNegative]
-    bandwidth: list[Positive]  # [Hz]
-    damping_ratio: list[Positive]
-    feed_forward: Share
-    tolerance: Positive
-    encoder_resolution: list[NonNegative]
-    torque_noise: list[NonNegative]
-    torque_bias: list[float]
-
-
-@dataclass(frozen=True)
-class Replication:
-    """Whole sets measured with noise on everything, the seeds several times over."""
-
-    replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
-    noise: NoiseModel
-    repeats: Count
-
-    def __post_init__(self) -> None:
-        if not self.replicas or len(set(self.replicas)) < len(self.replicas):
-            raise ConfigError(f"replicas is {self.replicas}, expected one number or more, each once")
-
-
-@dataclass(frozen=True)
 class Sensitivity:
     """What the comparison of excitation sets is repeated with, one change at a time."""
 
-    noises: dict[str, NoiseModel]
+    noises: dict[str, Noise]
     priors: list[Positive]
     counts: list[Count]  # selected trajectories
     repeats: Count  # noise realisations of each
@@ -398,9 +347,9 @@ class Config:
     selection: Selection
     excite: list[str]  # pools that stage excite picks from: seeds, random, variants
     long: Long
-    identification: Identification
-    plant: Plant
-    replication: Replication
+    identification: StudySettings
+    plant: PlantSettings
+    replication: ReplicationSettings
     kinds: dict[str, Seeds]  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity
     discussion: Discussion
@@ -412,8 +361,8 @@ class Config:
     recordings: list[str]  # files to identify from
     validation: list[str]  # files that are held out
     recording: Recording
-    model: Model
-    identify: Identify
+    model: Terms
+    identify: EstimationSettings
     tracking: Tracking
     parallel: Parallel
 

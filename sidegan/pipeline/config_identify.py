@@ -43,32 +43,6 @@ class Recording:
     rows: Annotated[int, Bound("≥", 1000)]  # that are read at once
 
 
-@dataclass(frozen=True)
-class Model:
-    """What torque is explained with, beside rigid bodies."""
-
-    rotor_inertia: bool
-    viscous: bool
-    coulomb: bool
-    offset: bool
-    stribeck: bool
-    sign_width: Positive  # [rad/s or m/s]
-
-
-@dataclass(frozen=True)
-class Identify:
-    """How parameters are found."""
-
-    method: Literal["ols", "weighted", "huber", "tls", "rls", "ridge", "essential"]
-    settings: dict[str, float]  # of the method
-    pull: Literal["logdet", "euclid"]
-    strength: Positive
-    margin: Positive
-    total_mass: Positive | None  # [kg]
-    library: str | None  # of trajectories to recommend from
-    recommend: Count
-
-
 def check_files(recordings: list[str], validation: list[str]) -> None:
     """Refuse a recording that is named twice, or that a model would be validated on after training.
 

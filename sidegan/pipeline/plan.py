@@ -9,7 +9,7 @@ import numpy as np
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.variants import Exact, Variant, Weights
-from sidegan.identification import Noise, study
+from sidegan.identification import Noise, StudySettings
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline import config
@@ -24,7 +24,7 @@ RESULTS, FACTS, SUMS = "results.parquet", "facts.parquet", "sums.pt"
 SEEDS, RANDOM, LONG = "seeds", "random", "long-"  # sets that no generator made
 NEGATIVES_TRAINING = 0  # whose output the surrogates learn from
 IDENTIFICATION = [
-    f"identification.{name}" for name in ("identify", "measurements", "metrics", "rls", "study", "sums")
+    f"identification.{name}" for name in ("fit", "gather", "measurements", "score", "study", "sums")
 ]
 # Not the kernels: tests hold them to the plain code, and either may be used.
 _PHYSICS = ("trajectory", "dynamics", "excitation", "validity")
@@ -163,7 +163,7 @@ class Task:
         wanted = asdict(self.cfg.replication)
         wanted["replicas"] = max(wanted["replicas"]) if name == SEEDS else 1
         values = {**wanted, "rate": self.cfg.identification.rate}
-        code = [*IDENTIFICATION, "identification.replication", "stages.replication"]
+        code = [*IDENTIFICATION, "stages.replication"]
         return self.stamp("sums", name, values, inputs, code, self._trained(name, training))
 
     @property
@@ -171,7 +171,7 @@ class Task:
         """Of the identification from whole sets."""
         inputs = {f"{name} {k}": self.sums(name, k).digest for name, k in self.measured_sets()}
         values = {**asdict(self.cfg.replication), **asdict(self.cfg.identification)}
-        code = [*IDENTIFICATION, "identification.replication", "stages.replication"]
+        code = [*IDENTIFICATION, "stages.replication"]
         return self.stamp("replication", "-".join(self.cfg.gan), values, inputs, code)
 
     @property
@@ -247,13 +247,9 @@ class Task:
         return self.store.stamp(stage, "-".join(parts), {**shared, **values}, inputs, code, self.cfg.seed)
 
 
-def study_settings(
-    settings: config.Identification, noise_model: config.NoiseModel | None = None
-) -> study.Settings:
-    """The comparison's settings as plain values; with another noise model when one is given."""
-    noise = Noise(**asdict(noise_model or settings.noise))
-    common = (settings.rate, settings.prior, settings.forgetting, settings.weighted)
-    return study.Settings(*common, noise, settings.repeats)
+def study_settings(settings: StudySettings, noise: Noise | None = None) -> StudySettings:
+    """The comparison's settings; with another noise model when one is given."""
+    return settings if noise is None else replace(settings, noise=noise)
 
 
 def replace_seeds(task: Task, seeds: config.Seeds) -> Task:

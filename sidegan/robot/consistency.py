@@ -12,18 +12,23 @@ _ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the t
 
 
 def pseudo_inertia(parameters: Tensor) -> Tensor:
-    """Pseudo-inertia [kg, kg·m, kg·m²], (J, 4, 4), of parameters (J, 10); positive definite for a real link.
+    """Pseudo-inertias [kg, kg·m, kg·m²], (…, 4, 4), of link parameters (…, 10) in Pinocchio's order.
 
-    It is [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h.
+    [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h. It is positive
+    definite exactly when mass and inertia about the centre of mass are, and the principal moments meet the
+    triangle inequality: for a real link.
 
     Source: Wensing, Kim, Slotine 2018, Linear matrix inequalities for physically consistent inertial
     parameter identification, eq. 13.
     """
-    inertia = inertia_matrices(parameters)
-    unit = torch.eye(3, dtype=parameters.dtype, device=parameters.device)
-    second = inertia.diagonal(dim1=-2, dim2=-1).sum(-1)[:, None, None] / 2 * unit - inertia
-    first = parameters[:, 1:4, None]
-    return torch.cat([torch.cat([second, first], 2), torch.cat([first.mT, parameters[:, :1, None]], 2)], 1)
+    m, x, y, z, xx, xy, yy, xz, yz, zz = parameters.unbind(-1)
+    half = (xx + yy + zz) / 2
+    rows = [half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m]
+    return torch.stack(rows, -1).reshape(*parameters.shape[:-1], 4, 4)
+
+
+# The linear map from a flattened pseudo-inertia back to link parameters, (10, 16).
+FROM_PSEUDO_INERTIA = torch.linalg.pinv(pseudo_inertia(torch.eye(10, dtype=torch.float64)).reshape(10, 16).T)
 
 
 def inertia_matrices(parameters: Tensor) -> Tensor:

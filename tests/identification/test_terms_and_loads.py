@@ -6,14 +6,15 @@ import torch
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import Measurements, drive_gains, estimate, identify_payload, stribeck_velocities
-from sidegan.identification.inertia import from_pseudo_inertia, pseudo_inertia
+from sidegan.robot import pseudo_inertia
+from sidegan.robot.consistency import FROM_PSEUDO_INERTIA
 from tests.identification.recordings import model_of, multisine, recorded, truth_of
 
 _POINTS = torch.tensor(  # of 0.75 kg each, in the last joint's frame
     [[0.1, 0.05, 0.1, 1.0], [-0.05, 0.08, 0.05, 1.0], [0.02, -0.1, 0.15, 1.0], [0.06, 0.04, 0.02, 1.0]],
     dtype=torch.float64,
 )
-LOAD = from_pseudo_inertia(0.75 * _POINTS.T @ _POINTS)
+LOAD = FROM_PSEUDO_INERTIA @ (0.75 * _POINTS.T @ _POINTS).flatten()
 GAINS = torch.tensor([14.0, 13.0, 11.0, 10.0, 9.0, 12.0, 8.0], dtype=torch.float64)
 
 
@@ -43,7 +44,7 @@ class TestPayload:
         model = model_of(arm)
         states, torque = loaded(model, 600)
         ratios = []
-        for seed in range(40):
+        for seed in range(25):
             data = Measurements(*states, torque + 0.5 * noise_like(torque, seed))
             found = identify_payload(model, truth_of(model), data)
             ratios.append((found.parameters - LOAD) / found.deviation)
@@ -117,14 +118,14 @@ class TestDriveGains:
 
 class TestStribeck:
     def test_velocities_are_found(self, planar):
-        truth = model_of(planar, stribeck=(0.05, 0.2))
+        truth = model_of(planar, (0.05, 0.2))
         states = multisine(2, 3000)
         terms = {n: torch.tensor([2.0, 1.0]) for n in ("viscous", "coulomb", "stribeck")}
         torque = truth.torque(truth.base_of(planar.inertial_parameters, terms), *states)
         data = Measurements(*states, torque + 0.05 * noise_like(torque, 0))
         found = stribeck_velocities(model_of(planar), iter([data]), (0.02, 0.05, 0.1, 0.2, 0.4))
         assert found == [0.05, 0.2]
-        better = estimate("weighted", model_of(planar, stribeck=found), data)
+        better = estimate("weighted", model_of(planar, found), data)
         assert (better.residual_rms < estimate("weighted", model_of(planar), data).residual_rms).all()
 
     @pytest.mark.parametrize("candidates", [(), (0.1, 0.0)])

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from sidegan.design.problem import Problem
-from sidegan.identification import Measurements, Model, estimate, nmse
+from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import execute_all
@@ -31,7 +31,7 @@ def executions(arm, standard):
 
 
 def test_friction_rotors_and_bias_come_back(arm, standard, executions):
-    model = Model(RigidBody(arm))
+    model = TorqueModel(RigidBody(arm))
     found = estimate("weighted", model, [part for parts in executions[:6] for part in parts])
     values = dict(zip(model.names, found.parameters.tolist()))
     for name, setting, error in (("fv", "viscous", 0.2), ("fc", "coulomb", 0.1), ("fo", "torque_bias", 0.05)):
@@ -40,5 +40,4 @@ def test_friction_rotors_and_bias_come_back(arm, standard, executions):
     rotors = [value for name, value in values.items() if name.startswith("Ia")]
     assert rotors == pytest.approx([standard.rotor_inertia[0]] * len(rotors), abs=0.03)
     tests = [part for parts in executions[6:] for part in parts]
-    pairs = [(part.torque, model.torque(found.parameters, *part.inputs)) for part in tests]
-    assert float(nmse(*(torch.cat(x) for x in zip(*pairs))).mean()) < 0.02
+    assert score(model, found.parameters, tests).nmse_mean < 0.02

@@ -1,12 +1,14 @@
 """Sets of trajectories in worker processes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant import Plant, PlantSettings, execute_all
+from sidegan.plant import IDEAL, Plant, execute_all
 
 FAMILY = Trajectory(2, 3, 1.0)
 
@@ -40,7 +42,7 @@ def test_each_trajectory_is_executed_with_its_own_noise(planar, standard, coeffi
 
 
 def test_a_trajectory_that_cannot_be_followed_is_an_error(planar, coefficients):
-    settings = PlantSettings(tolerance=1e-9)
+    settings = replace(IDEAL, tolerance=1e-9)
     with pytest.raises(InfeasibleError, match="does not follow"):
         execute_all(planar, settings, FAMILY, coefficients, np.random.SeedSequence(0), every_tenth, 1)
 

@@ -1,15 +1,14 @@
 """From configured files to estimates and their test: the rooms in the order in which an arm is identified."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor
 
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.identification import Measurements
+from sidegan.identification import Measurements, Terms, TorqueModel
 from sidegan.identification.estimate import Estimate, estimate
-from sidegan.identification.model import Model, Terms
 from sidegan.identification.next_runs import grams_of
 from sidegan.identification.score import Folds, Score, folds, score
 from sidegan.identification.stribeck import stribeck_velocities
@@ -17,7 +16,6 @@ from sidegan.identification.trust import Trust, trust
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline import config_identify
 from sidegan.pipeline.config import Config
 from sidegan.pipeline.stages.identify_read import Examined
 from sidegan.robot import Arm
@@ -58,11 +56,11 @@ class Fitted:
         estimates: by method: the one that was chosen, first, then equal weights and the consistent one.
         tests: of each of them on what it had not seen, where there was something.
         trained: of each of them on what it was identified from.
-        standard: physically consistent parameters in ``Model.standard_names``' order, (F,).
+        standard: physically consistent parameters in ``TorqueModel.standard_names``' order, (F,).
         trust: whether to trust the estimate of the chosen method.
     """
 
-    model: Model
+    model: TorqueModel
     training: list[Examined]
     validation: list[Examined]
     kind: str
@@ -125,7 +123,7 @@ def fitted(cfg: Config, arm: Arm, training: list[Examined], validation: list[Exa
     return Fitted(model, training, validation, kind, estimates, tests, trained, standard, judged)
 
 
-def next_runs(cfg: Config, model: Model, chosen: Estimate, rate: float) -> dict[str, Any]:
+def next_runs(cfg: Config, model: TorqueModel, chosen: Estimate, rate: float) -> dict[str, Any]:
     """What ``trust`` needs to recommend trajectories, recorded at ``rate`` [Hz]; nothing without a library.
 
     Raises:
@@ -141,16 +139,15 @@ def next_runs(cfg: Config, model: Model, chosen: Estimate, rate: float) -> dict[
     return {"grams": grams, "samples_each": samples, "count": cfg.identify.recommend}
 
 
-def model_of(settings: config_identify.Model, arm: Arm, samples: list[Measurements]) -> Model:
+def model_of(terms: Terms, arm: Arm, samples: list[Measurements]) -> TorqueModel:
     """The model of an arm that is configured; velocities of a Stribeck term are found from the samples."""
-    terms = {k: v for k, v in asdict(settings).items() if k != "stribeck"}
-    plain = Model(RigidBody(arm), Terms(**terms))
-    if not settings.stribeck:
+    plain = TorqueModel(RigidBody(arm), replace(terms, stribeck=False))
+    if not terms.stribeck:
         return plain
-    return Model(plain.body, Terms(**terms, stribeck=stribeck_velocities(plain, samples)))
+    return TorqueModel(plain.body, terms, stribeck_velocities(plain, samples))
 
 
-def _refuse_short(model: Model, samples: list[Measurements]) -> None:
+def _refuse_short(model: TorqueModel, samples: list[Measurements]) -> None:
     count = sum(map(len, samples))
     if count * model.joints < model.count:
         raise RecordingError(

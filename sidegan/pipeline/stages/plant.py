@@ -1,6 +1,5 @@
 """Stage plant: execute every excitation set on the arm in MuJoCo, and identify from what was recorded."""
 
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import torch
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import write_parquet
-from sidegan.identification import Measurements, Model, estimate, score
+from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
@@ -19,7 +18,7 @@ from sidegan.pipeline.stages.common import produce_all
 from sidegan.pipeline.stages.identification import excitation_set
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.tracking import Tracker
-from sidegan.plant import Executed, PlantSettings, execute_all
+from sidegan.plant import Executed, execute_all
 from sidegan.recording import Recording, condition
 from sidegan.recording.settings import Settings
 from sidegan.report.tables import arrow
@@ -45,7 +44,7 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
 def _make(task: Task, name: str, training: int, folder: Path, work: Path, report: Report) -> None:
     family, coefficients = excitation_set(task, name, training)
     tests = random_valid(task, task.cfg.identification.tests, "tests")[0]
-    model = Model(task.body)
+    model = TorqueModel(task.body)
     rows = []
     repeats = task.cfg.replication.repeats
     for repeat in range(repeats):
@@ -65,9 +64,8 @@ def _recorded(task: Task, family: Trajectory, c: torch.Tensor, purpose: str) -> 
     """What the plant's sensors saw along every trajectory, conditioned as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
     settings = Settings(bandwidth=family.harmonics / family.period)
-    plant = PlantSettings(**asdict(task.cfg.plant))
     read = partial(measurements_of, arm=task.arm, settings=settings)
-    return execute_all(task.arm, plant, family, c, random, read, workers=1)
+    return execute_all(task.arm, task.cfg.plant, family, c, random, read, workers=1)
 
 
 def measurements_of(executed: Executed, arm: Arm, settings: Settings) -> Measurements:

@@ -8,7 +8,7 @@ import pandas as pd
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, write_parquet, write_torch
 from sidegan.errors import ArtifactError
-from sidegan.identification.replication import combined, measured_sums
+from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
@@ -45,8 +45,9 @@ def _measure(task: Task, name: str, training: int, folder: Path, work: Path, rep
             path, done = work / f"{repeat}-{replica}.pt", repeat * replicas + replica
             if not _readable(path):
                 random = task.random(f"measured {name} {repeat} {replica}", training)
-                physics = (task.body, task.trajectory, library.coefficients)
-                sums = measured_sums(*physics, settings, random, partial(_told, report, done, total))
+                family = task.trajectory, library.coefficients
+                told = partial(_told, report, done, total)
+                sums = measured_sums(task.body, family, settings, random, told)
                 write_torch(path, sums._asdict())
             report(done + 1, total)
     parts = {(r, k): read_torch(work / f"{r}-{k}.pt") for r in range(wanted.repeats) for k in range(replicas)}

@@ -12,7 +12,7 @@ from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.base.storage import read_torch, write_parquet, write_torch
 from sidegan.design.greedy import greedy
 from sidegan.errors import ArtifactError, SideganError
-from sidegan.identification import Noise, study
+from sidegan.identification import StudySettings, study
 from sidegan.library import Library
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
@@ -29,7 +29,7 @@ class Alternative:
 
     factor: str
     value: str
-    settings: study.Settings
+    settings: StudySettings
     count: int
 
 
@@ -44,8 +44,7 @@ def alternatives(task: Task) -> Iterator[Alternative]:
     wanted, count = task.cfg.sensitivity, task.cfg.selection.count
     usual = replace(study_settings(task.cfg.identification), repeats=wanted.repeats)
     yield Alternative("none", "as in experiment 1", usual, count)
-    for name, model in wanted.noises.items():
-        noise = Noise(model.kind, model.level, model.torque, model.state)
+    for name, noise in wanted.noises.items():
         yield Alternative("noise", name, replace(usual, noise=noise), count)
     for prior in wanted.priors:
         yield Alternative("prior", f"{prior:g}", replace(usual, prior=prior), count)
