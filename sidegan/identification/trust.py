@@ -1,6 +1,7 @@
 """Whether to trust an identified model: what it predicts, what it cannot tell, and what to do about it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -20,52 +21,35 @@ _PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves w
 
 
 @dataclass(frozen=True, eq=False)
-class Trust:
-    """What is known about the quality of an identified model.
+class Trust(Evidence):
+    """What is known about the quality of an identified model, and what follows from it.
 
     Attributes:
-        names: of the parameters, (P,).
-        formulas: what each is made of, (P,).
-        parameters: identified, (P,).
-        deviation: standard deviation of each, (P,).
-        relative_deviation: the same over the parameter's size, (P,).
-        nominal: parameters of the arm's description, without friction, (P,).
-        effect: largest share of a joint's usual torque that one deviation of the parameter makes, (P,).
-        torque_deviation: standard deviation of the predicted torque over the joint's usual torque, anywhere
-            within the limits, (J,).
-        condition: of the weighted, column-scaled regressor.
-        whiteness: independent residuals per sample, (J,); one for white residuals.
-        correlation: of neighbouring residuals, (J,).
-        train: errors on what was identified from.
-        validation: errors on what was held out; None when nothing was.
-        nominal_score: errors of the description's link parameters with fitted friction, on the same samples
-            as ``validation``, or else ``train``.
-        folds: each recording predicted from the others; None when not asked for.
-        weak: parameters whose errors matter, the worst first.
-        verdict: ``"good"``, ``"usable"`` or ``"not trustworthy"``.
-        reasons: why, with the joints and parameters by name.
+        model: what was identified.
+        effect: largest share of a joint's usual torque that one deviation of a parameter makes, (P,).
+        thresholds: what counts as good and as usable.
         next_runs: what to run next; None without candidates.
     """
 
-    names: tuple[str, ...]
-    formulas: tuple[str, ...]
-    parameters: Tensor
-    deviation: Tensor
-    relative_deviation: Tensor
-    nominal: Tensor
+    model: TorqueModel
     effect: Tensor
-    torque_deviation: Tensor
-    condition: float
-    whiteness: Tensor
-    correlation: Tensor
-    train: Score
-    validation: Score | None
-    nominal_score: Score
-    folds: Folds | None
-    weak: tuple[str, ...]
-    verdict: str
-    reasons: list[str] = field(default_factory=list)
-    next_runs: NextRuns | None = None
+    thresholds: Thresholds
+    next_runs: NextRuns | None
+
+    @cached_property
+    def judgement(self) -> tuple[str, list[str]]:
+        """Verdict and reasons."""
+        return judge(self, self.thresholds)
+
+    @property
+    def verdict(self) -> str:
+        """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
+        return self.judgement[0]
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why, with the joints and parameters by name; the gravest first."""
+        return self.judgement[1]
 
 
 def trust(
@@ -76,7 +60,7 @@ def trust(
     grams: Tensor | None = None,
     samples_each: int = 1000,
     count: int = 5,
-    limits: Thresholds | None = None,
+    thresholds: Thresholds | None = None,
 ) -> Trust:
     """Whether an estimate of a model can be trusted, and why.
 
@@ -88,7 +72,7 @@ def trust(
         grams: information of trajectories that could be run next, from ``grams_of``, (N, P, P).
         samples_each: number of samples that running one of them gives.
         count: how many to recommend.
-        limits: what counts as good and as usable.
+        thresholds: what counts as good and as usable.
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
@@ -96,42 +80,36 @@ def trust(
     """
     if estimate.names != tuple(model.names):
         raise ShapeError("the estimate has other parameters than the model")
-    limits = limits or Thresholds()
+    thresholds = thresholds or Thresholds()
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
-    order = [i for i in effect.argsort(descending=True).tolist() if effect[i] > limits.effect]
-    train = score_of_sums(estimate.sums, estimate.parameters)
-    validated = None if validation is None else score(model, estimate.parameters, validation)
+    weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > thresholds.effect]
     nominal = _nominal_fit(model, estimate)
-    plain = score_of_sums(estimate.sums, nominal) if validation is None else score(model, nominal, validation)
-    weak = tuple(estimate.names[i] for i in order)
-    evidence = Evidence(model.arm, estimate, train, validated, plain, folds, weak, torque_deviation)
-    verdict, reasons = judge(evidence, limits)
     runs = None
     if grams is not None:
-        targets = torch.where(effect > limits.effect, per_unit, 0.0) if order else per_unit
+        targets = torch.where(effect > thresholds.effect, per_unit, 0.0) if weak else per_unit
         runs = most_informative(estimate, grams, targets, samples_each, count)
     return Trust(
-        names=estimate.names,
-        formulas=tuple(model.formulas),
-        parameters=estimate.parameters,
-        deviation=estimate.deviation,
-        relative_deviation=estimate.relative_deviation,
-        nominal=model.nominal,
-        effect=effect,
-        torque_deviation=torque_deviation,
-        condition=estimate.condition,
-        whiteness=1 / estimate.inflation,
-        correlation=estimate.correlation,
-        train=train,
-        validation=validated,
-        nominal_score=plain,
+        arm=model.arm,
+        estimate=estimate,
+        train=score_of_sums(estimate.sums, estimate.parameters),
+        validation=None if validation is None else score(model, estimate.parameters, validation),
+        nominal_score=_score(model, estimate, nominal, validation),
         folds=folds,
-        weak=weak,
-        verdict=verdict,
-        reasons=reasons,
+        weak=tuple(estimate.names[i] for i in weak),
+        torque_deviation=torque_deviation,
+        model=model,
+        effect=effect,
+        thresholds=thresholds,
         next_runs=runs,
     )
+
+
+def _score(model: TorqueModel, estimate: Estimate, parameters: Tensor, validation: Samples | None) -> Score:
+    """Errors of parameters on what was held out, or else on what was identified from."""
+    if validation is None:
+        return score_of_sums(estimate.sums, parameters)
+    return score(model, parameters, validation)
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:

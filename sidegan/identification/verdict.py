@@ -57,14 +57,28 @@ class Finding(NamedTuple):
     text: str
 
 
-class Evidence(NamedTuple):
-    """What a verdict rests on; see ``Trust`` for what each of them is."""
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a verdict rests on.
+
+    Attributes:
+        arm: the arm that was identified.
+        estimate: its parameters.
+        train: errors on what was identified from.
+        validation: errors on what was held out; None when nothing was.
+        nominal_score: errors of the description's link parameters with fitted friction, on the same samples
+            as ``validation``, or else ``train``.
+        folds: each recording predicted from the others; None when not asked for.
+        weak: parameters whose errors matter, the worst first.
+        torque_deviation: standard deviation of the predicted torque over the joint's usual torque, anywhere
+            within the limits, (J,).
+    """
 
     arm: Arm
     estimate: Estimate
     train: Score
     validation: Score | None
-    nominal: Score
+    nominal_score: Score
     folds: Folds | None
     weak: tuple[str, ...]
     torque_deviation: Tensor
@@ -94,9 +108,13 @@ class Evidence(NamedTuple):
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
-def judge(evidence: Evidence, limits: Thresholds) -> tuple[str, list[str]]:
+def judge(evidence: Evidence, thresholds: Thresholds) -> tuple[str, list[str]]:
     """Verdict and its reasons, the gravest first."""
-    findings = [*_held_out(evidence, limits), *_misfits(evidence, limits), *_excitation(evidence, limits)]
+    findings = [
+        *_held_out(evidence, thresholds),
+        *_misfits(evidence, thresholds),
+        *_excitation(evidence, thresholds),
+    ]
     if not findings:
         error = f"mean nMSE {evidence.judged.nmse_mean:.4f} on {evidence.where}"
         return GOOD, [f"{error}, and every parameter that matters is certain"]
@@ -104,51 +122,51 @@ def judge(evidence: Evidence, limits: Thresholds) -> tuple[str, list[str]]:
     return BAD if grave else USABLE, grave + [f.text for f in findings if f.level == USABLE]
 
 
-def _held_out(evidence: Evidence, limits: Thresholds) -> Iterator[Finding]:
+def _held_out(evidence: Evidence, thresholds: Thresholds) -> Iterator[Finding]:
     train, validation, folds = evidence.train, evidence.held_out, evidence.folds
     if validation is None:
         yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
-    elif validation.nmse_mean > max(limits.overfit * train.nmse_mean, limits.good_nmse / 2):
+    elif validation.nmse_mean > max(thresholds.overfit * train.nmse_mean, thresholds.good_nmse / 2):
         ratio = validation.nmse_mean / train.nmse_mean
         yield Finding(
             USABLE,
             f"validation nMSE is {ratio:.1f} times that of training: give more, or more varied, recordings",
         )
-    if evidence.judged.nmse_mean >= evidence.nominal.nmse_mean:
-        error = evidence.nominal.nmse_mean
+    if evidence.judged.nmse_mean >= evidence.nominal_score.nmse_mean:
+        error = evidence.nominal_score.nmse_mean
         yield Finding(
             USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
         )
-    if folds is not None and float(folds.nmse.mean()) > limits.good_nmse:
+    if folds is not None and float(folds.nmse.mean()) > thresholds.good_nmse:
         worst = int(folds.nmse.mean(1).argmax())
         error = float(folds.nmse[worst].mean())
         yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
 
 
-def _misfits(evidence: Evidence, limits: Thresholds) -> Iterator[Finding]:
+def _misfits(evidence: Evidence, thresholds: Thresholds) -> Iterator[Finding]:
     judged, where = evidence.judged, evidence.where
-    if judged.nmse_mean > limits.good_nmse:
-        level = BAD if judged.nmse_mean > limits.usable_nmse else USABLE
+    if judged.nmse_mean > thresholds.good_nmse:
+        level = BAD if judged.nmse_mean > thresholds.usable_nmse else USABLE
         yield Finding(level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}")
     for j, error in enumerate(judged.nmse.tolist()):
-        if error > limits.good_joint_nmse:
-            level = BAD if error > limits.usable_joint_nmse else USABLE
+        if error > thresholds.good_joint_nmse:
+            level = BAD if error > thresholds.usable_joint_nmse else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
             text = left if math.isfinite(error) else "the torque is constant"
             yield Finding(level, f"{evidence.joint(j)}: {text} on {where}")
 
 
-def _excitation(evidence: Evidence, limits: Thresholds) -> Iterator[Finding]:
+def _excitation(evidence: Evidence, thresholds: Thresholds) -> Iterator[Finding]:
     condition = evidence.estimate.condition
     if math.isinf(condition):
         yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
-    elif condition > limits.condition:
+    elif condition > thresholds.condition:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
     for j, share in enumerate(evidence.torque_deviation.tolist()):
         own = _list([name for name in evidence.weak if _joint_of(name) == j])
-        if share > limits.good_torque:
-            level = BAD if share > limits.usable_torque else USABLE
+        if share > thresholds.good_torque:
+            level = BAD if share > thresholds.usable_torque else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"is not identifiable from this data: torque in other motions is uncertain by {size}"
             names = f" ({own})" if own else ""

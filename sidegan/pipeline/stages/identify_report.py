@@ -37,7 +37,7 @@ def report(
         signals=[_signals(fitted, one) for one in everything],
         parameters=parameters,
         covariance=fitted.chosen.covariance.numpy(),
-        condition=trust.condition,
+        condition=fitted.chosen.condition,
         singular_values=_singular_values(fitted),
         friction=_friction(fitted),
         links=links,
@@ -56,7 +56,7 @@ def _facts(fitted: Fitted) -> dict[str, str]:
         "nMSE, equal weights": f"{tests['ols']:.4f}",
         "nMSE, consistent": f"{tests['consistent']:.4f}",
         "nMSE, description": f"{fitted.trust.nominal_score.nmse.mean():.4f}",
-        "condition number": f"{fitted.trust.condition:.3g}",
+        "condition number": f"{fitted.chosen.condition:.3g}",
         "parameters": f"{fitted.model.count}, {len(fitted.trust.weak)} weak",
         "samples": f"{fitted.chosen.samples}",
     }

@@ -47,19 +47,19 @@ def write_results(cfg: Config, fitted: Fitted, folder: Path) -> None:
 
 def parameter_table(fitted: Fitted) -> pd.DataFrame:
     """A row per identified parameter."""
-    trust, model = fitted.trust, fitted.model
-    nominal = trust.nominal.tolist()
+    trust, model, chosen = fitted.trust, fitted.model, fitted.chosen
+    nominal = model.nominal.tolist()
     return pd.DataFrame(
         {
-            "name": trust.names,
-            "formula": trust.formulas,
-            "unit": [_unit(name) for name in trust.names],
-            "value": trust.parameters.tolist(),
-            "std": trust.deviation.tolist(),
-            "relative_std": trust.relative_deviation.tolist(),
+            "name": chosen.names,
+            "formula": model.formulas,
+            "unit": [_unit(name) for name in chosen.names],
+            "value": chosen.parameters.tolist(),
+            "std": chosen.deviation.tolist(),
+            "relative_std": chosen.relative_deviation.tolist(),
             "urdf": [x if i < model.rigid else math.nan for i, x in enumerate(nominal)],
             "effect": trust.effect.tolist(),
-            "weak": [name in trust.weak for name in trust.names],
+            "weak": [name in trust.weak for name in chosen.names],
         }
     )
 
@@ -97,10 +97,10 @@ def verdict(fitted: Fitted) -> dict[str, Any]:
             **_errors(fitted.trained[fitted.method]),
             **{name: _errors(fitted.trained[method]) for name, method in tests.items()},
         },
-        "condition_number": _number(trust.condition),
+        "condition_number": _number(fitted.chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
-        "whiteness": _numbers(trust.whiteness),
+        "whiteness": _numbers(1 / fitted.chosen.inflation),
         "next_trajectories": [] if trust.next_runs is None else trust.next_runs.indices.tolist(),
         "data": {one.name: one.findings.warnings for one in (*fitted.training, *fitted.validation)},
         "samples": fitted.chosen.samples,
