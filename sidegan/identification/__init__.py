@@ -1,12 +1,10 @@
 """Measurements, simulated or recorded, to an identified model with its uncertainty."""
 
 from sidegan.identification.estimate import METHODS, Estimate, estimate
-from sidegan.identification.gains import Gains, drive_gains
 from sidegan.identification.live import Live
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.next_runs import NextRuns, grams_of, most_informative
-from sidegan.identification.payload import Payload, identify_payload
 from sidegan.identification.score import Folds, Score, folds, score
 from sidegan.identification.settings import EstimationSettings, ReplicationSettings, StudySettings
 from sidegan.identification.stribeck import stribeck_velocities
@@ -21,12 +19,10 @@ __all__ = [
     "Estimate",
     "EstimationSettings",
     "Folds",
-    "Gains",
     "Live",
     "Measurements",
     "NextRuns",
     "Noise",
-    "Payload",
     "ReplicationSettings",
     "Score",
     "StudySettings",
@@ -34,11 +30,9 @@ __all__ = [
     "Thresholds",
     "TorqueModel",
     "Trust",
-    "drive_gains",
     "estimate",
     "folds",
     "grams_of",
-    "identify_payload",
     "measure",
     "most_informative",
     "score",

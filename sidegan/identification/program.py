@@ -32,11 +32,11 @@ class Task:
         mass: typical of each link [kg], (L,).
         length: typical of each link [m], (L,).
         nominal: link parameters to pull towards, (L, 10).
-        pull: "logdet", "euclid" or "none".
+        not_negative: where x has to be.
+        pull: "logdet" or "euclid".
         strength: of the pull.
         margin: smallest eigenvalue of a pseudo-inertia in its typical units.
         total_mass: of all links [kg]; free when None.
-        not_negative: where x has to be.
     """
 
     information: Tensor
@@ -45,11 +45,11 @@ class Task:
     mass: Tensor
     length: Tensor
     nominal: Tensor
+    not_negative: Sequence[slice]
     pull: str
     strength: float
     margin: float
-    total_mass: float | None = None
-    not_negative: Sequence[slice] = ()
+    total_mass: float | None
 
 
 def most_likely(task: Task) -> Tensor:
@@ -98,12 +98,10 @@ class _Unknowns:
         self.mass = sum(m * p[3, 3] for m, p in zip(task.mass.tolist(), self.links))
 
 
-def _pull(task: Task, unknowns: _Unknowns) -> "cp.Expression | float":
+def _pull(task: Task, unknowns: _Unknowns) -> "cp.Expression":
     import cvxpy as cp
 
     nominal = _scaled(task.nominal, task.mass, task.length).numpy()
-    if task.pull == "none":
-        return 0.0
     if task.pull == "euclid":
         return task.strength * sum(cp.sum_squares(p - p0) for p, p0 in zip(unknowns.links, nominal))
     inverses = np.linalg.inv(nominal)
