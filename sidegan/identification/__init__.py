@@ -9,8 +9,8 @@ from sidegan.identification.score import Folds, Score, folds, score
 from sidegan.identification.settings import EstimationSettings, ReplicationSettings, StudySettings
 from sidegan.identification.stribeck import stribeck_velocities
 from sidegan.identification.terms import FULL, RIGID, Terms
-from sidegan.identification.trust import Trust, trust
-from sidegan.identification.verdict import Thresholds
+from sidegan.identification.trust import trust
+from sidegan.identification.verdict import Thresholds, Trust
 
 __all__ = [
     "FULL",

@@ -31,12 +31,12 @@ def torque_errors(
     sums = data.sums
     limit = torch.full_like(fit.weights, torch.inf) if limit is None else limit
     residuals = (residual_of(data.model, x, fit.parameters).clamp(-limit, limit) for x in data.kept)
-    inflation, first = correlation(residuals)
+    inflation = inflation_of(residuals)
     if variance is None:
         share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
         spent = fit.weights.square() * share * inflation
         variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
-    return TorqueErrors(variance, inflation, first)
+    return TorqueErrors(variance, inflation)
 
 
 def covariance_of(sums: Sums, fit: Fit, errors: TorqueErrors) -> Tensor:
@@ -53,13 +53,13 @@ def covariance_of(sums: Sums, fit: Fit, errors: TorqueErrors) -> Tensor:
     return (covariance + covariance.T) / 2
 
 
-def correlation(residuals: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
-    """Autocorrelation of residuals in pieces (S, J) without gaps: inflation and correlation of neighbours.
+def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
+    """How many samples tell as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
 
-    The inflation 1 + 2 Σ ρ_k of each joint, (J,), is at least 1: so many samples tell as much as one. The
-    sum over lags ends before the first one without a positive correlation. Where a correlation swings below
-    zero later, as after a low-pass, that is too much by a tenth or so, which makes up for what the parameters
-    have taken out of the residuals at the motion's own frequencies.
+    The residuals come in pieces (S, J) without gaps. The sum over lags ends before the first one without a
+    positive correlation. Where a correlation swings below zero later, as after a low-pass, that is too much
+    by a tenth or so, which makes up for what the parameters have taken out of the residuals at the motion's
+    own frequencies.
 
     Raises:
         ShapeError: when there are none.
@@ -75,8 +75,7 @@ def correlation(residuals: Iterable[Tensor]) -> tuple[Tensor, Tensor]:
         raise ShapeError("there are no residuals to judge by")
     rho = products / pairs.clamp_min(1)[:, None]
     rho = rho / torch.where(rho[0] > 0, rho[0], torch.ones_like(rho[0]))
-    inflation = 2 * (rho * (rho > 0).cumprod(0))[1:].sum(0) + 1
-    return inflation, rho[1] if len(rho) > 1 else torch.zeros_like(inflation)
+    return 2 * (rho * (rho > 0).cumprod(0))[1:].sum(0) + 1
 
 
 def _products(r: Tensor) -> tuple[Tensor, Tensor]:

@@ -1,7 +1,13 @@
-"""Parameters of an arm that can exist: the physically consistent fit."""
+"""Parameters of an arm that can exist: the physically consistent fit, and the only door to cvxpy."""
 
-from dataclasses import dataclass, fields
+import logging
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+import numpy as np
+import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError
@@ -10,11 +16,17 @@ from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import arm_model, likelihood, scales
-from sidegan.identification.program import Task, least_eigenvalues, most_likely
-from sidegan.identification.sums import solve
+from sidegan.identification.sums import rows_of, solve
+from sidegan.robot import Arm
+from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+_log = logging.getLogger(__name__)
 _PULLS = ("logdet", "euclid")
 _NOT_NEGATIVE = ("rotor_inertia", "viscous", "coulomb", "stribeck")
+_OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
 @dataclass(frozen=True)
@@ -73,28 +85,92 @@ class Consistent(Ols):
 
     def standard(self, model: TorqueModel, information: Tensor, moment: Tensor) -> Tensor:
         """Links and terms in ``TorqueModel.standard_names``' order, (F,), from weighted Σ Yᵀ Y and Σ Yᵀ τ."""
-        mass, length = scales(model.arm)
-        nominal = model.arm.inertial_parameters
+        import cvxpy as cp
+
         if self.pull == "logdet":
-            least = least_eigenvalues(nominal, mass, length)
-            bad = [model.arm.joint_names[i] for i in (least <= 0).nonzero()[:, 0].tolist()]
-            if bad:
-                raise RobotError(
-                    f"the description of {model.arm.name} is not physically consistent at the links of "
-                    f"{', '.join(bad)}: pull='euclid' takes it all the same"
-                )
-        task = Task(
-            information=information,
-            moment=moment,
-            mapping=model.mapping,
-            mass=mass,
-            length=length,
-            nominal=nominal,
-            not_negative=[model.standard_slice(name) for name in model.kinds if name in _NOT_NEGATIVE],
-            **{f.name: getattr(self, f.name) for f in fields(self) if f.name != "prior"},
-        )
-        standard = most_likely(task)
-        links = standard[: 10 * model.joints].reshape(-1, 10)
-        if not (least_eigenvalues(links, mass, length) > 0).all():
+            _require_consistent(model.arm)
+        unit = _units(model.arm)
+        links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
+        standard = _standard(links, unit, model)
+        rows, right = rows_of(information, moment)
+        misfit = cp.sum_squares((rows @ model.mapping).numpy() @ standard - right.numpy()) / 2
+        nominal = _scaled(model.arm.inertial_parameters, unit).numpy()
+        constraints = [p >> self.margin * np.eye(4) for p in links]
+        signed = [model.standard_slice(name) for name in model.kinds if name in _NOT_NEGATIVE]
+        constraints += [standard[where] >= 0 for where in signed]
+        if self.total_mass is not None:
+            masses = (unit[:, 3] ** 2).tolist()
+            constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
+        status = _minimise(misfit + self.strength * self._pull(links, nominal), constraints)
+        if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+            bounds = f"margin {self.margin:g}"
+            bounds += "" if self.total_mass is None else f", {self.total_mass:g} kg in all"
+            raise InfeasibleError(f"no bodies that can exist meet the conditions ({bounds}): {status}")
+        values = torch.from_numpy(np.asarray(standard.value, dtype=np.float64))
+        if not (least_eigenvalues(values[: 10 * len(unit)].reshape(-1, 10), model.arm) > 0).all():
             raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
-        return standard
+        return values
+
+    def _pull(self, links: "Sequence[cp.Variable]", nominal: np.ndarray) -> "cp.Expression":
+        import cvxpy as cp
+
+        if self.pull == "euclid":
+            return sum(cp.sum_squares(p - p0) for p, p0 in zip(links, nominal))
+        inverses = np.linalg.inv(nominal)
+        return sum(cp.trace(i @ p) - cp.log_det(p) for i, p in zip(inverses, links))
+
+
+def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:
+    """Smallest eigenvalue of the pseudo-inertia of each link (J, 10) in its typical mass and length, (J,)."""
+    return torch.linalg.eigvalsh(_scaled(links, _units(arm)))[:, 0]
+
+
+def _require_consistent(arm: Arm) -> None:
+    least = least_eigenvalues(arm.inertial_parameters, arm)
+    bad = [arm.joint_names[i] for i in (least <= 0).nonzero()[:, 0].tolist()]
+    if bad:
+        raise RobotError(
+            f"the description of {arm.name} is not physically consistent at the links of "
+            f"{', '.join(bad)}: pull='euclid' takes it all the same"
+        )
+
+
+def _units(arm: Arm) -> Tensor:
+    """Diagonal √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
+    mass, length = scales(arm)
+    return mass.sqrt()[:, None] * torch.stack([length, length, length, torch.ones_like(length)], 1)
+
+
+def _scaled(links: Tensor, unit: Tensor) -> Tensor:
+    """Pseudo-inertias (J, 4, 4) of links (J, 10) in units (J, 4)."""
+    return pseudo_inertia(links) / unit[:, :, None] / unit[:, None]
+
+
+def _standard(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
+    """Standard parameters, (F,), linear in scaled pseudo-inertias, and with variables for the terms."""
+    import cvxpy as cp
+
+    outer = (unit[:, :, None] * unit[:, None]).reshape(-1, 16).numpy()
+    back = FROM_PSEUDO_INERTIA.numpy()
+    parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, links)]
+    count = model.mapping.shape[1] - 10 * len(links)
+    return cp.hstack([*parts, cp.Variable(count)] if count else parts)
+
+
+def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
+    """Clarabel's status after solving."""
+    import cvxpy as cp
+
+    for scale in _OBJECTIVE_SCALES:
+        problem = cp.Problem(cp.Minimize(scale * objective), constraints)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status tells
+            try:
+                problem.solve(solver=cp.CLARABEL)
+            except cp.error.SolverError as error:
+                _log.info("Clarabel: %s", error)
+        if problem.status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
+            break
+    if problem.status == cp.OPTIMAL_INACCURATE:
+        _log.warning("the consistent fit is less accurate than asked for")
+    return problem.status

@@ -42,7 +42,6 @@ class Estimate:
         weights: what each joint's equations were multiplied with, (J,).
         residual_rms: root mean square of τ − Y θ [N·m or N], (J,).
         inflation: how many samples tell as much as one independent one, (J,).
-        correlation: of residuals with their neighbours in time, (J,).
         condition: of the weighted regressor with columns scaled to one length; infinite when a direction is
             not excited at all.
         samples: number of samples of all joints.
@@ -59,7 +58,6 @@ class Estimate:
     weights: Tensor
     residual_rms: Tensor
     inflation: Tensor
-    correlation: Tensor
     condition: float
     samples: int
     reach: Reach
@@ -144,7 +142,6 @@ def estimate(
         weights=fit.weights,
         residual_rms=(sums.squares(fit.parameters) / sums.weight).sqrt(),
         inflation=errors.inflation,
-        correlation=errors.first,
         condition=condition(sums.weighted(fit.weights)[0]),
         samples=data.samples,
         reach=data.reach,

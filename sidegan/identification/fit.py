@@ -21,12 +21,10 @@ class TorqueErrors(NamedTuple):
     Attributes:
         variance: of each joint [N²·m² or N²], (J,).
         inflation: how many samples tell as much as one independent one, (J,).
-        first: correlation of neighbours in time, (J,).
     """
 
     variance: Tensor
     inflation: Tensor
-    first: Tensor
 
 
 class Fit(NamedTuple):

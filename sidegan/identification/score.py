@@ -72,12 +72,10 @@ class Folds(NamedTuple):
     Attributes:
         nmse: (K, J).
         rmse: [N·m or N], (K, J).
-        parameters: identified without recording k, (K, P).
     """
 
     nmse: Tensor
     rmse: Tensor
-    parameters: Tensor
 
 
 def folds(method: str, model: Linear, recordings: Sequence[Measurements], **settings: Any) -> Folds:
@@ -92,6 +90,5 @@ def folds(method: str, model: Linear, recordings: Sequence[Measurements], **sett
     for k, held_out in enumerate(recordings):
         others = [x for i, x in enumerate(recordings) if i != k]
         parameters = estimate(method, model, others, **settings).parameters
-        nmse, rmse, _ = score(model, parameters, held_out)
-        rows.append((nmse, rmse, parameters))
+        rows.append(score(model, parameters, held_out)[:2])
     return Folds(*(torch.stack(column) for column in zip(*rows)))

@@ -1,8 +1,5 @@
 """Whether to trust an identified model: what it predicts, what it cannot tell, and what to do about it."""
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import torch
 from torch import Tensor
 
@@ -10,46 +7,14 @@ from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel, states_within
-from sidegan.identification.next_runs import NextRuns, most_informative
-from sidegan.identification.score import Folds, Score, score, score_of_sums
+from sidegan.identification.next_runs import most_informative
+from sidegan.identification.score import Folds, score, score_of_sums
 from sidegan.identification.sums import solve
-from sidegan.identification.verdict import Evidence, Thresholds, judge
+from sidegan.identification.verdict import Thresholds, Trust
 
 _LEAST = 1e-6  # information on each term beside the samples'
 _STATES = 400
 _PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves where the model is to hold
-
-
-@dataclass(frozen=True, eq=False)
-class Trust(Evidence):
-    """What is known about the quality of an identified model, and what follows from it.
-
-    Attributes:
-        model: what was identified.
-        effect: largest share of a joint's usual torque that one deviation of a parameter makes, (P,).
-        thresholds: what counts as good and as usable.
-        next_runs: what to run next; None without candidates.
-    """
-
-    model: TorqueModel
-    effect: Tensor
-    thresholds: Thresholds
-    next_runs: NextRuns | None
-
-    @cached_property
-    def judgement(self) -> tuple[str, list[str]]:
-        """Verdict and reasons."""
-        return judge(self, self.thresholds)
-
-    @property
-    def verdict(self) -> str:
-        """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
-        return self.judgement[0]
-
-    @property
-    def reasons(self) -> list[str]:
-        """Why, with the joints and parameters by name; the gravest first."""
-        return self.judgement[1]
 
 
 def trust(
@@ -84,7 +49,11 @@ def trust(
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
     weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > thresholds.effect]
-    nominal = _nominal_fit(model, estimate)
+    candidates = estimate.parameters, _nominal_fit(model, estimate)
+    train, nominal = (score_of_sums(estimate.sums, x) for x in candidates)
+    validated = None
+    if validation is not None:
+        validated, nominal = (score(model, x, validation) for x in candidates)
     runs = None
     if grams is not None:
         targets = torch.where(effect > thresholds.effect, per_unit, 0.0) if weak else per_unit
@@ -92,24 +61,16 @@ def trust(
     return Trust(
         arm=model.arm,
         estimate=estimate,
-        train=score_of_sums(estimate.sums, estimate.parameters),
-        validation=None if validation is None else score(model, estimate.parameters, validation),
-        nominal_score=_score(model, estimate, nominal, validation),
+        train=train,
+        validation=validated,
+        nominal_score=nominal,
         folds=folds,
-        weak=tuple(estimate.names[i] for i in weak),
-        torque_deviation=torque_deviation,
-        model=model,
         effect=effect,
+        torque_deviation=torque_deviation,
+        weak=tuple(estimate.names[i] for i in weak),
         thresholds=thresholds,
         next_runs=runs,
     )
-
-
-def _score(model: TorqueModel, estimate: Estimate, parameters: Tensor, validation: Samples | None) -> Score:
-    """Errors of parameters on what was held out, or else on what was identified from."""
-    if validation is None:
-        return score_of_sums(estimate.sums, parameters)
-    return score(model, parameters, validation)
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:

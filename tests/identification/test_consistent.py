@@ -6,9 +6,7 @@ import torch
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError
 from sidegan.identification import TorqueModel, estimate
-from sidegan.identification.consistent import Consistent
-from sidegan.identification.prior import scales
-from sidegan.identification.program import least_eigenvalues
+from sidegan.identification.consistent import Consistent, least_eigenvalues
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, pseudo_inertia
 from tests.identification.recordings import model_of, recorded, truth_of
@@ -19,7 +17,7 @@ def links_of(model, found):
 
 
 def least(model, links):
-    return least_eigenvalues(links, *scales(model.arm))
+    return least_eigenvalues(links, model.arm)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +36,7 @@ def changed(arm: Arm, link: int, parameter: int, value: float) -> Arm:
 
 def test_links_of_the_built_in_arms_exist(arm, planar):
     for one in (arm, planar):
-        assert (least_eigenvalues(one.inertial_parameters, *scales(one)) > 0).all()
+        assert (least_eigenvalues(one.inertial_parameters, one) > 0).all()
 
 
 class TestFit:

@@ -91,7 +91,6 @@ class TestScore:
         for k in range(3):
             others = [x for i, x in enumerate(recordings) if i != k]
             parameters = estimate("weighted", model, others).parameters
-            torch.testing.assert_close(found.parameters[k], parameters)
             torch.testing.assert_close(found.nmse[k], score(model, parameters, recordings[k]).nmse)
         with pytest.raises(ConfigError, match="at least two recordings, got 1"):
             folds("weighted", model, recordings[:1])
