@@ -143,7 +143,8 @@ def _units(arm: Arm) -> Tensor:
 
 def _scaled(links: Tensor, unit: Tensor) -> Tensor:
     """Pseudo-inertias (J, 4, 4) of links (J, 10) in units (J, 4)."""
-    return pseudo_inertia(links) / unit[:, :, None] / unit[:, None]
+    inverse = 1 / unit
+    return pseudo_inertia(links) * inverse[:, :, None] * inverse[:, None]
 
 
 def _standard(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":

@@ -11,7 +11,7 @@ from sidegan.identification import estimate
 from sidegan.identification.accuracy import inflation_of
 from tests.identification.recordings import Fixed, model_of, multisine, truth_of
 
-DRAWS = 60
+DRAWS = 100
 
 
 def errors_over_draws(model, samples, colour, method="weighted", **settings):
