@@ -73,19 +73,6 @@ def _mjcf(arm: Arm, settings: PlantSettings, stiffness: Tensor | None, damping: 
     return ET.tostring(root, encoding="unicode")
 
 
-def inverse_dynamics(model: "mujoco.MjModel", q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-    """MuJoCo's inverse dynamics [N·m], (S, J), of states (S, J): a check on our own."""
-    import mujoco
-
-    data = mujoco.MjData(model)
-    torques = []
-    for position, velocity, acceleration in zip(q.numpy(), dq.numpy(), ddq.numpy()):
-        data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
-        mujoco.mj_inverse(model, data)
-        torques.append(torch.from_numpy(data.qfrc_inverse.copy()))
-    return torch.stack(torques)
-
-
 def _inertials(arm: Arm) -> Iterable[dict[str, str]]:
     """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
     for row in arm.inertial_parameters:

@@ -1,7 +1,5 @@
 """What the plant executes is identified through the door of recordings: its settings come back."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 import torch
@@ -10,7 +8,7 @@ from sidegan.design.problem import Problem
 from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant import execute_all
+from sidegan.plant import Plant
 from sidegan.recording import Recording, Settings, condition
 from sidegan.validity import Constraints
 
@@ -26,8 +24,8 @@ def measurements_of(executed, joint_names, settings):
 def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
-    how = partial(measurements_of, joint_names=arm.joint_names, settings=Settings(bandwidth=6 / 16))
-    return execute_all(arm, standard, FAMILY, c, np.random.SeedSequence(0), how, workers=1)
+    executed = Plant(arm, standard).execute_each(FAMILY, c, np.random.SeedSequence(0))
+    return [measurements_of(one, arm.joint_names, Settings(bandwidth=6 / 16)) for one in executed]
 
 
 def test_friction_rotors_and_bias_come_back(arm, standard, executions):

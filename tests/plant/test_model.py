@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,9 +10,20 @@ import torch
 
 from sidegan.errors import ConfigError, RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.plant import IDEAL, inverse_dynamics, mujoco_model
+from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import built_in_robots, load_robot, pinocchio_model
 from tests.chains import random_states
+
+
+def inverse_dynamics(model, q, dq, ddq):
+    """MuJoCo's inverse dynamics [N·m], (S, J), of states (S, J)."""
+    data = mujoco.MjData(model)
+    torques = []
+    for position, velocity, acceleration in zip(q.numpy(), dq.numpy(), ddq.numpy()):
+        data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
+        mujoco.mj_inverse(model, data)
+        torques.append(torch.from_numpy(data.qfrc_inverse.copy()))
+    return torch.stack(torques)
 
 
 @pytest.mark.parametrize("name", built_in_robots())

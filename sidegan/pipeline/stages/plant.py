@@ -18,7 +18,7 @@ from sidegan.pipeline.stages.common import produce_all
 from sidegan.pipeline.stages.identification import excitation_set
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.tracking import Tracker
-from sidegan.plant import Executed, execute_all
+from sidegan.plant import Executed, Plant
 from sidegan.recording import Recording, condition
 from sidegan.recording.settings import Settings
 from sidegan.report.tables import arrow
@@ -64,8 +64,8 @@ def _recorded(task: Task, family: Trajectory, c: torch.Tensor, purpose: str) -> 
     """What the plant's sensors saw along every trajectory, conditioned as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
     settings = Settings(bandwidth=family.harmonics / family.period)
-    read = partial(measurements_of, arm=task.arm, settings=settings)
-    return execute_all(task.arm, task.cfg.plant, family, c, random, read, workers=1)
+    executed = Plant(task.arm, task.cfg.plant).execute_each(family, c, random)
+    return [measurements_of(one, task.arm, settings) for one in executed]
 
 
 def measurements_of(executed: Executed, arm: Arm, settings: Settings) -> Measurements:
