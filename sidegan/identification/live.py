@@ -34,6 +34,7 @@ class SampleRegressor:
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Regressor of a state, (J,) each; the array is overwritten by the next call."""
+        q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
         self._out[:, : self._model.rigid] = self._rigid(q, dq, ddq)[:, self._columns]
         if len(self._place):
             speed, kick = torch.from_numpy(dq), torch.from_numpy(ddq)

@@ -165,11 +165,12 @@ class TorqueModel:
     def _grouped(self) -> tuple[Tensor, Tensor]:
         """Indices of the extra columns that are independent, and all extras' shares in the P parameters."""
         joints, base = self.joints, self.body.base
+        if not self.kinds:
+            return torch.zeros(0, dtype=torch.long), torch.zeros(len(base.values), 0, dtype=torch.float64)
         q, dq, ddq = states_within(self.arm, _STATES_PER_JOINT * joints)
         rigid = self.body.base_regressor(q, dq, ddq).reshape(-1, len(base.values)).numpy()
         signals = [torch.diag_embed(x) for x in self.terms.signals(dq, ddq, self.stribeck)]
-        extras = torch.cat([q.new_zeros(len(q), joints, 0), *signals], 2)
-        extra = extras.reshape(len(rigid), -1).numpy()
+        extra = torch.cat(signals, 2).reshape(len(rigid), -1).numpy()
         y = np.concatenate([rigid, extra], 1)
         new = np.abs(np.diag(np.linalg.qr(y / np.linalg.norm(y, axis=0))[1]))[rigid.shape[1] :]
         kept = np.flatnonzero(new > _DEPENDENT)

@@ -91,7 +91,7 @@ class Plant:
     def execute_each(
         self, trajectory: Trajectory, coefficients: Tensor, random: np.random.SeedSequence
     ) -> Iterator[Executed]:
-        """What the sensors recorded of trajectories [rad/s], (n, J, H, 2), one by one with noise of their own.
+        """What the sensors recorded of trajectories [rad/s], (n, J, H, 2), each with noise of its own.
 
         Raises:
             ShapeError: when the coefficients do not fit the trajectory or the arm.

@@ -3,6 +3,7 @@ import pytest
 import torch
 
 from sidegan.motion.trajectory import Motion
+from tests.identification.recordings import noisy_rows
 
 
 class LinearBody:
@@ -46,8 +47,5 @@ def motion():
 
 @pytest.fixture(scope="session")
 def random_rows():
-    """Regressor (200, 3, 6) with columns of unlike sizes and torque (200, 3) that no model fits exactly."""
-    random = np.random.default_rng(3)
-    y = random.normal(size=(200, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
-    tau = y @ random.normal(size=6) + random.normal(size=(200, 3)) * [1, 0.3, 0.05]
-    return torch.from_numpy(y), torch.from_numpy(tau)
+    """Regressor (200, 3, 6) and torque (200, 3) that no model fits exactly."""
+    return noisy_rows(200)

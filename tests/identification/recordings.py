@@ -54,6 +54,14 @@ class Fixed:
         return Measurements(rows, torch.zeros_like(torque), torch.zeros_like(torque), torque)
 
 
+def noisy_rows(samples):
+    """Regressor (S, 3, 6) with columns of unlike sizes and torque (S, 3) with noise of unlike sizes."""
+    random = np.random.default_rng(3)
+    y = random.normal(size=(samples, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
+    tau = y @ random.normal(size=6) + random.normal(size=(samples, 3)) * [1, 0.3, 0.05]
+    return torch.from_numpy(y), torch.from_numpy(tau)
+
+
 def model_of(arm, velocities=None, **terms):
     return TorqueModel(RigidBody(arm), replace(FULL, stribeck=velocities is not None, **terms), velocities)
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import METHODS, Measurements, estimate
-from tests.identification.recordings import Fixed, model_of, recorded, truth_of
+from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
 
 STREAMED = [name for name in METHODS if name != "huber"]
 PLAIN = ["ols", "weighted", "huber", "tls", "rls"]  # need no arm, and scale with the torque
@@ -16,11 +16,7 @@ PLAIN = ["ols", "weighted", "huber", "tls", "rls"]  # need no arm, and scale wit
 
 @pytest.fixture(scope="module")
 def rows():
-    """Regressor (400, 3, 6) with columns of unlike sizes and torque (400, 3) with noise of unlike sizes."""
-    random = np.random.default_rng(3)
-    y = random.normal(size=(400, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
-    tau = y @ random.normal(size=6) + random.normal(size=(400, 3)) * [1, 0.3, 0.05]
-    return torch.from_numpy(y), torch.from_numpy(tau)
+    return noisy_rows(400)
 
 
 def fitted(method, rows, **settings):
