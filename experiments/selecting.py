@@ -13,7 +13,7 @@ from sidegan.design.greedy import greedy
 from sidegan.design.information import Information, information_of
 from sidegan.design.optimal import a_optimal, ceiling, d_optimal, exchange
 from sidegan.errors import ShapeError
-from sidegan.identification import study
+from sidegan.identification import StudySettings, study
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 
@@ -29,7 +29,7 @@ def compare(
     pool: study.Family,
     diagonals: Tensor,
     tests: study.Family,
-    settings: study.Settings,
+    settings: StudySettings,
     count: int,
     random: np.random.SeedSequence,
 ) -> pd.DataFrame:

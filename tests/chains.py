@@ -7,7 +7,7 @@ import pinocchio as pin
 import torch
 from torch import Tensor
 
-from sidegan.robot import Arm, Capsules
+from sidegan.robot import Arm, Capsules, chain_model
 
 
 def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
@@ -38,7 +38,7 @@ def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
         urdf=Path("none.urdf"),
         tip=torch.zeros(3, dtype=torch.float64),
     )
-    return arm, _model(arm)
+    return arm, chain_model(arm)
 
 
 def real_links(joints: int, seed: int) -> Tensor:
@@ -76,15 +76,3 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
         radius=torch.from_numpy(random.uniform(0.01, 0.05, joints + 1)),
         names=("base", *(f"link{i + 1}" for i in range(joints))),
     )
-
-
-def _model(arm: Arm) -> pin.Model:
-    model = pin.Model()
-    model.gravity.linear = arm.gravity.numpy()
-    for i in range(arm.joints):
-        kind = pin.JointModelPrismaticUnaligned if arm.prismatic[i] else pin.JointModelRevoluteUnaligned
-        placement = pin.SE3(arm.rotation[i].numpy(), arm.translation[i].numpy())
-        model.addJoint(i, kind(arm.axis[i].numpy()), placement, arm.joint_names[i])
-        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i].numpy())
-        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
-    return model

@@ -1,33 +1,42 @@
-"""How wrong estimated parameters may be."""
+"""How wrong estimated parameters may be: the size of the torque's errors, and how they repeat themselves."""
+
+from collections.abc import Iterable
 
 import torch
 from torch import Tensor
 
+from sidegan.errors import ShapeError
 from sidegan.identification.fit import Fit, TorqueErrors
-from sidegan.identification.gather import Gathered, Linear, residual_of
-from sidegan.identification.residuals import correlation
+from sidegan.identification.gather import Gathered, residual_of
 from sidegan.identification.sums import Sums
 
 _MOST_SPENT = 0.5  # of the samples may count as spent on parameters; beyond, the variance is a guess anyway
+_LAGS = 0.25  # of a piece: longer ones have too few pairs
 
 
-def torque_errors(model: Linear, gathered: Gathered, fit: Fit) -> TorqueErrors:
+def torque_errors(
+    data: Gathered, fit: Fit, variance: Tensor | None = None, limit: Tensor | None = None
+) -> TorqueErrors:
     """Size and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, as parameters were chosen to make them so: the parameters' share of
     each joint's samples is taken off.
+
+    Args:
+        data: what was fitted.
+        fit: its parameters.
+        variance: of each joint's errors, (J,); from the residuals when None.
+        limit: residuals beyond it do not count as such, (J,); all count when None.
     """
-    if fit.errors is not None:
-        return fit.errors
-    sums = gathered.sums
-    limit = torch.full_like(fit.weights, torch.inf) if fit.limit is None else fit.limit
-    found = correlation(residual_of(model, x, fit.parameters).clamp(-limit, limit) for x in gathered.kept)
-    variance = fit.variance
+    sums = data.sums
+    limit = torch.full_like(fit.weights, torch.inf) if limit is None else limit
+    residuals = (residual_of(data.model, x, fit.parameters).clamp(-limit, limit) for x in data.kept)
+    inflation = inflation_of(residuals)
     if variance is None:
         share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
-        spent = fit.weights.square() * share * found.inflation
+        spent = fit.weights.square() * share * inflation
         variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
-    return TorqueErrors(variance, found.inflation, found.first)
+    return TorqueErrors(variance, inflation)
 
 
 def covariance_of(sums: Sums, fit: Fit, errors: TorqueErrors) -> Tensor:
@@ -42,3 +51,46 @@ def covariance_of(sums: Sums, fit: Fit, errors: TorqueErrors) -> Tensor:
     middle = torch.einsum("j,jpq->pq", factors, sums.information) + fit.prior
     covariance = fit.inverse @ middle @ fit.inverse
     return (covariance + covariance.T) / 2
+
+
+def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
+    """How many samples tell as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
+
+    The residuals come in pieces (S, J) without gaps. The sum over lags ends before the first one without a
+    positive correlation. Where a correlation swings below zero later, as after a low-pass, that is too much
+    by a tenth or so, which makes up for what the parameters have taken out of the residuals at the motion's
+    own frequencies.
+
+    Raises:
+        ShapeError: when there are none.
+
+    Source: after Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence.
+    """
+    products: Tensor | None = None
+    pairs = torch.zeros(0, dtype=torch.float64)
+    for r in residuals:
+        more, count = _products(r)
+        products, pairs = (more, count) if products is None else (_add(products, more), _add(pairs, count))
+    if products is None:
+        raise ShapeError("there are no residuals to judge by")
+    rho = products / pairs.clamp_min(1)[:, None]
+    rho = rho / torch.where(rho[0] > 0, rho[0], torch.ones_like(rho[0]))
+    return 2 * (rho * (rho > 0).cumprod(0))[1:].sum(0) + 1
+
+
+def _products(r: Tensor) -> tuple[Tensor, Tensor]:
+    """Sums of r_t r_{t+k} of a piece, (K, J), and how many terms each has, (K,)."""
+    count = len(r)
+    lags = max(1, int(_LAGS * count))
+    spectrum = torch.fft.rfft(r, 2 * count, dim=0)
+    products = torch.fft.irfft(spectrum.abs().square(), 2 * count, dim=0)[:lags]
+    return products, torch.arange(count, count - lags, -1, dtype=torch.float64)
+
+
+def _add(a: Tensor, b: Tensor) -> Tensor:
+    """Sum of two tensors of which the shorter one ends with zeros."""
+    if len(a) < len(b):
+        a, b = b, a
+    out = a.clone()
+    out[: len(b)] += b
+    return out

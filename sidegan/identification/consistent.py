@@ -1,44 +1,41 @@
-"""Parameters of an arm that can exist: the physically consistent fit."""
+"""Parameters of an arm that can exist: the physically consistent fit, and the only door to cvxpy."""
 
+import logging
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError
-from sidegan.identification.fit import Fit, positive
-from sidegan.identification.gather import Gathered, Linear
-from sidegan.identification.inertia import least_eigenvalues
+from sidegan.identification.fit import Fit, flat, positive
+from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
-from sidegan.identification.model import Model
-from sidegan.identification.prior import likelihood, scales
-from sidegan.identification.program import Task, most_likely
-from sidegan.identification.sums import solve
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.prior import arm_model, likelihood, scales
+from sidegan.identification.sums import rows_of, solve
+from sidegan.robot import Arm
+from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+_log = logging.getLogger(__name__)
 _PULLS = ("logdet", "euclid")
 _NOT_NEGATIVE = ("rotor_inertia", "viscous", "coulomb", "stribeck")
-
-
-class Consistent(NamedTuple):
-    """Physically consistent parameters.
-
-    Attributes:
-        inertial: link parameters in Pinocchio's order, (J, 10); every pseudo-inertia is positive definite.
-        terms: parameters of each term of the model, (J,).
-        parameters: the model's θ that follows from both, (P,).
-        standard: both in ``Model.standard_names``' order, (F,).
-    """
-
-    inertial: Tensor
-    terms: dict[str, Tensor]
-    parameters: Tensor
-    standard: Tensor
+_OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
 @dataclass(frozen=True)
-class Conditions:
-    """What consistent parameters have to meet, and what they are pulled towards.
+class Consistent(Ols):
+    """The most likely parameters of an arm that can exist.
+
+    min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + strength Σ d(P_i, P_i⁰) with θ the
+    model's parameters, P_i ⪰ margin, and friction and rotor inertias not negative. The covariance given is
+    that of weighted least squares, which consistency can only make smaller.
 
     Attributes:
         pull: ``"logdet"``: the divergence of pseudo-inertias from the description's (Lee et al. 2020), which
@@ -51,70 +48,9 @@ class Conditions:
 
     Raises:
         ConfigError: when a value is impossible.
-    """
-
-    pull: str = "logdet"
-    strength: float = 1.0
-    margin: float = 1e-4
-    total_mass: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.pull not in _PULLS:
-            raise ConfigError(f"pull is {self.pull!r}, expected one of {', '.join(_PULLS)}")
-        positive("strength", self.strength)
-        positive("margin", self.margin)
-        if self.total_mass is not None:
-            positive("total_mass", self.total_mass)
-
-
-def consistent(
-    model: Model, information: Tensor, moment: Tensor, conditions: Conditions | None = None
-) -> Consistent:
-    """The most likely parameters of an arm that can exist.
-
-    min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + strength Σ d(P_i, P_i⁰) with θ the
-    model's parameters, P_i ⪰ margin, and friction and rotor inertias not negative.
-
-    Args:
-        model: of the arm, whose description is what is pulled towards.
-        information: A, (P, P): weighted Σ Yᵀ Y, as ``Estimate.information``.
-        moment: b, (P,): weighted Σ Yᵀ τ, as ``Estimate.moment``.
-        conditions: see ``Conditions``.
-
-    Raises:
-        RobotError: when the pull needs a consistent description and a link of it is not; names the links.
-        InfeasibleError: when no parameters meet the conditions, or the solver finds none.
-        ConfigError: when no link has a mass in the description.
 
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
-    """
-    conditions = conditions or Conditions()
-    _check(model, conditions)
-    mass, length = scales(model.arm)
-    task = Task(
-        information=information,
-        moment=moment,
-        mapping=model.mapping,
-        mass=mass,
-        length=length,
-        nominal=model.arm.inertial_parameters,
-        not_negative=[model.standard_slice(name) for name in model.kinds if name in _NOT_NEGATIVE],
-        **vars(conditions),
-    )
-    standard = most_likely(task)
-    links = standard[: 10 * model.joints].reshape(-1, 10)
-    if not (least_eigenvalues(links, mass, length) > 0).all():
-        raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
-    terms = {name: standard[model.standard_slice(name)] for name in model.kinds}
-    return Consistent(links, terms, model.mapping @ standard, standard)
-
-
-@dataclass(frozen=True)
-class ConsistentFit(Ols):
-    """The physically consistent fit as an estimator; settings are those of ``Conditions``.
-
-    The covariance given is that of weighted least squares, which consistency can only make smaller.
     """
 
     pull: str = "logdet"
@@ -124,29 +60,118 @@ class ConsistentFit(Ols):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._conditions()
+        if self.pull not in _PULLS:
+            raise ConfigError(f"pull is {self.pull!r}, expected one of {', '.join(_PULLS)}")
+        positive("strength", self.strength)
+        positive("margin", self.margin)
+        if self.total_mass is not None:
+            positive("total_mass", self.total_mass)
 
-    def _conditions(self) -> Conditions:
-        return Conditions(self.pull, self.strength, self.margin, self.total_mass)
+    def fit(self, data: Gathered) -> Fit:
+        """Most likely parameters of an arm that can exist, with links and terms as ``standard``.
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
-        """Most likely parameters of an arm that can exist."""
-        if not isinstance(model, Model):
-            raise ConfigError("the consistent fit is of a whole arm: it needs a Model")
-        weights, errors = likelihood(model, gathered, self.prior)
-        information, moment = gathered.sums.weighted(weights)
-        found = consistent(model, information, moment, self._conditions())
+        Raises:
+            RobotError: when the pull needs a consistent description and a link of it is not; names the links.
+            InfeasibleError: when no parameters meet the conditions, or the solver finds none.
+            ConfigError: when the model is not one of an arm, or no link has a mass in its description.
+        """
+        model = arm_model(data, "the consistent fit is of a whole arm")
+        weights, errors = likelihood(data, self.prior)
+        information, moment = data.sums.weighted(weights)
+        standard = self.standard(model, information, moment)
         _, inverse = solve(information, moment, 1 / self.prior)
-        flat = torch.eye(model.count, dtype=torch.float64) / self.prior
-        return Fit(found.parameters, inverse, weights, flat, None, None, found.standard, errors)
+        prior = flat(model.count, 1 / self.prior)
+        return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
+
+    def standard(self, model: TorqueModel, information: Tensor, moment: Tensor) -> Tensor:
+        """Links and terms in ``TorqueModel.standard_names``' order, (F,), from weighted Σ Yᵀ Y and Σ Yᵀ τ."""
+        import cvxpy as cp
+
+        if self.pull == "logdet":
+            _require_consistent(model.arm)
+        unit = _units(model.arm)
+        links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
+        standard = _standard(links, unit, model)
+        rows, right = rows_of(information, moment)
+        misfit = cp.sum_squares((rows @ model.mapping).numpy() @ standard - right.numpy()) / 2
+        nominal = _scaled(model.arm.inertial_parameters, unit).numpy()
+        constraints = [p >> self.margin * np.eye(4) for p in links]
+        signed = [model.standard_slice(name) for name in model.kinds if name in _NOT_NEGATIVE]
+        constraints += [standard[where] >= 0 for where in signed]
+        if self.total_mass is not None:
+            masses = (unit[:, 3] ** 2).tolist()
+            constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
+        status = _minimise(misfit + self.strength * self._pull(links, nominal), constraints)
+        if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+            bounds = f"margin {self.margin:g}"
+            bounds += "" if self.total_mass is None else f", {self.total_mass:g} kg in all"
+            raise InfeasibleError(f"no bodies that can exist meet the conditions ({bounds}): {status}")
+        values = torch.from_numpy(np.asarray(standard.value, dtype=np.float64))
+        if not (least_eigenvalues(values[: 10 * len(unit)].reshape(-1, 10), model.arm) > 0).all():
+            raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
+        return values
+
+    def _pull(self, links: "Sequence[cp.Variable]", nominal: np.ndarray) -> "cp.Expression":
+        import cvxpy as cp
+
+        if self.pull == "euclid":
+            return sum(cp.sum_squares(p - p0) for p, p0 in zip(links, nominal))
+        inverses = np.linalg.inv(nominal)
+        return sum(cp.trace(i @ p) - cp.log_det(p) for i, p in zip(inverses, links))
 
 
-def _check(model: Model, conditions: Conditions) -> None:
-    mass, length = scales(model.arm)
-    least = least_eigenvalues(model.arm.inertial_parameters, mass, length)
-    bad = [model.arm.joint_names[i] for i in (least <= 0).nonzero()[:, 0].tolist()]
-    if bad and conditions.pull == "logdet":
+def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:
+    """Smallest eigenvalue of the pseudo-inertia of each link (J, 10) in its typical mass and length, (J,)."""
+    return torch.linalg.eigvalsh(_scaled(links, _units(arm)))[:, 0]
+
+
+def _require_consistent(arm: Arm) -> None:
+    least = least_eigenvalues(arm.inertial_parameters, arm)
+    bad = [arm.joint_names[i] for i in (least <= 0).nonzero()[:, 0].tolist()]
+    if bad:
         raise RobotError(
-            f"the description of {model.arm.name} is not physically consistent at the links of "
+            f"the description of {arm.name} is not physically consistent at the links of "
             f"{', '.join(bad)}: pull='euclid' takes it all the same"
         )
+
+
+def _units(arm: Arm) -> Tensor:
+    """Diagonal √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
+    mass, length = scales(arm)
+    return mass.sqrt()[:, None] * torch.stack([length, length, length, torch.ones_like(length)], 1)
+
+
+def _scaled(links: Tensor, unit: Tensor) -> Tensor:
+    """Pseudo-inertias (J, 4, 4) of links (J, 10) in units (J, 4)."""
+    inverse = 1 / unit
+    return pseudo_inertia(links) * inverse[:, :, None] * inverse[:, None]
+
+
+def _standard(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
+    """Standard parameters, (F,), linear in scaled pseudo-inertias, and with variables for the terms."""
+    import cvxpy as cp
+
+    outer = (unit[:, :, None] * unit[:, None]).reshape(-1, 16).numpy()
+    back = FROM_PSEUDO_INERTIA.numpy()
+    parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, links)]
+    count = model.mapping.shape[1] - 10 * len(links)
+    return cp.hstack([*parts, cp.Variable(count)] if count else parts)
+
+
+def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
+    """Clarabel's status after solving."""
+    import cvxpy as cp
+
+    for scale in _OBJECTIVE_SCALES:
+        problem = cp.Problem(cp.Minimize(scale * objective), constraints)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status tells
+            try:
+                problem.solve(solver=cp.CLARABEL)
+            except cp.error.SolverError as error:
+                _log.info("Clarabel: %s", error)
+        if problem.status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
+            break
+    if problem.status == cp.OPTIMAL_INACCURATE:
+        _log.warning("the consistent fit is less accurate than asked for")
+    return problem.status

@@ -1,5 +1,6 @@
 """One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -8,9 +9,10 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import covariance_of, torque_errors
-from sidegan.identification.consistent import ConsistentFit
-from sidegan.identification.gather import SAMPLES_AT_ONCE, Linear, Reach, Samples, again, gather
+from sidegan.identification.consistent import Consistent
+from sidegan.identification.gather import Linear, Reach, gather
 from sidegan.identification.linear import Essential, Ols, Recursive, Tls, Weighted
+from sidegan.identification.measurements import SAMPLES_AT_ONCE, Samples
 from sidegan.identification.prior import Ridge
 from sidegan.identification.robust import Huber
 from sidegan.identification.sums import Sums, condition
@@ -23,7 +25,7 @@ METHODS: dict[str, type[Ols]] = {
     "rls": Recursive,
     "ridge": Ridge,
     "essential": Essential,
-    "consistent": ConsistentFit,
+    "consistent": Consistent,
 }
 
 
@@ -40,14 +42,13 @@ class Estimate:
         weights: what each joint's equations were multiplied with, (J,).
         residual_rms: root mean square of τ − Y θ [N·m or N], (J,).
         inflation: how many samples tell as much as one independent one, (J,).
-        correlation: of residuals with their neighbours in time, (J,).
         condition: of the weighted regressor with columns scaled to one length; infinite when a direction is
             not excited at all.
         samples: number of samples of all joints.
         reach: how far and how fast the joints moved.
         sums: over the samples, from which other weights can be tried.
-        standard: link parameters and terms in ``Model.standard_names``' order, (F,), where the method gives
-            them (consistent); None otherwise.
+        standard: link parameters and terms in ``TorqueModel.standard_names``' order, (F,), where the method
+            gives them (consistent); None otherwise.
     """
 
     method: str
@@ -57,7 +58,6 @@ class Estimate:
     weights: Tensor
     residual_rms: Tensor
     inflation: Tensor
-    correlation: Tensor
     condition: float
     samples: int
     reach: Reach
@@ -108,12 +108,12 @@ def estimate(
     rls          prior, forgetting (1.0), weighted (False)
     ridge        prior, relative (0.3): share to within which the description is believed
     essential    prior, ratio (30) of largest over smallest relative deviation, loss (0.02) of fit
-    consistent   prior, pull ("logdet"), strength (1.0), margin (1e-4), total_mass: ``Conditions``
+    consistent   prior, pull ("logdet"), strength (1.0), margin (1e-4), total_mass: ``Consistent``
     ===========  ==================================================================================
 
     Args:
         method: name of the estimator.
-        model: linear in its parameters; ridge and consistent need a ``Model``.
+        model: linear in its parameters; ridge and consistent need a ``TorqueModel``.
         measurements: one recording, several, or a stream of them in the order of time.
         samples_at_once: largest number of samples whose regressor is held.
         settings: of the method.
@@ -125,14 +125,15 @@ def estimate(
         InfeasibleError: when no consistent parameters meet the conditions.
     """
     estimator = method_of(method, settings)
-    if isinstance(estimator, Huber):
-        measurements = again(measurements, method)
-    gathered = gather(model, measurements, samples_at_once, estimator.forgetting)
-    if isinstance(estimator, Huber):
-        fit = estimator.fit_again(model, gathered, measurements, samples_at_once)
-    else:
-        fit = estimator.fit(model, gathered)
-    errors, sums = torque_errors(model, gathered, fit), gathered.sums
+    if estimator.rereads and isinstance(measurements, Iterator):
+        once = ", ".join(name for name, kind in METHODS.items() if not kind.rereads)
+        raise ConfigError(
+            f"{method} reads the samples several times, and a stream can be read once: give a list of "
+            f"recordings, or choose one of {once}"
+        )
+    data = gather(model, measurements, samples_at_once, estimator.forgetting)
+    fit, sums = estimator.fit(data), data.sums
+    errors = fit.errors or torque_errors(data, fit)
     return Estimate(
         method=method,
         names=tuple(model.names),
@@ -141,10 +142,9 @@ def estimate(
         weights=fit.weights,
         residual_rms=(sums.squares(fit.parameters) / sums.weight).sqrt(),
         inflation=errors.inflation,
-        correlation=errors.first,
         condition=condition(sums.weighted(fit.weights)[0]),
-        samples=gathered.samples,
-        reach=gathered.reach,
+        samples=data.samples,
+        reach=data.reach,
         sums=sums,
         standard=fit.standard,
     )
@@ -158,8 +158,8 @@ def method_of(method: str, settings: dict[str, Any]) -> Ols:
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    known = [f.name for f in fields(METHODS[method])]
-    unknown = [name for name in settings if name not in known]
+    names = [f.name for f in fields(METHODS[method])]
+    unknown = [name for name in settings if name not in names]
     if unknown:
-        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(known)}")
+        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
     return METHODS[method](**settings)

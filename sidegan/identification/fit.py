@@ -1,4 +1,4 @@
-"""Weighted least squares on sums, and what an estimator hands back."""
+"""Weighted least squares on sums, and what a method hands back."""
 
 import math
 from typing import NamedTuple
@@ -21,34 +21,29 @@ class TorqueErrors(NamedTuple):
     Attributes:
         variance: of each joint [N²·m² or N²], (J,).
         inflation: how many samples tell as much as one independent one, (J,).
-        first: correlation of neighbours in time, (J,).
     """
 
     variance: Tensor
     inflation: Tensor
-    first: Tensor
 
 
 class Fit(NamedTuple):
-    """What an estimator found.
+    """Parameters that a method fitted.
 
     Attributes:
         parameters: θ, (P,).
-        inverse: of the weighted information and the prior, (P, P).
+        inverse: of the weighted information and the prior, (P, P): the P matrix of recursive least squares.
+            As in the paper it tells where the samples were, not how large their errors are.
         weights: what each joint's equations were multiplied with, (J,).
         prior: information that did not come from the samples, (P, P).
-        variance: of each joint's errors, (J,), where it is not that of the residuals.
-        limit: residuals beyond it do not count as such, (J,).
-        standard: link parameters and terms, (F,), where the estimator gives them.
-        errors: of the torque, where the residuals of these parameters would not tell them.
+        standard: link parameters and terms, (F,), where the method gives them.
+        errors: of the torque, where they are not those that the residuals of these parameters tell.
     """
 
     parameters: Tensor
     inverse: Tensor
     weights: Tensor
     prior: Tensor
-    variance: Tensor | None = None
-    limit: Tensor | None = None
     standard: Tensor | None = None
     errors: TorqueErrors | None = None
 
@@ -60,24 +55,56 @@ def positive(name: str, value: float, most: float = math.inf) -> None:
         raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
 
 
+def flat(count: int, least: float) -> Tensor:
+    """Information (P, P) of a prior that tells as little of each parameter."""
+    return least * torch.eye(count, dtype=torch.float64)
+
+
 def least_squares(sums: Sums, weights: Tensor, least: float) -> Fit:
     """Weighted least squares with a prior of information ``least`` on each parameter."""
     parameters, inverse = solve(*sums.weighted(weights), least)
-    return Fit(parameters, inverse, weights, least * torch.eye(len(parameters), dtype=torch.float64))
+    return Fit(parameters, inverse, weights, flat(len(parameters), least))
 
 
 def reweighted(sums: Sums, least: float) -> Fit:
     """Weighted least squares with weights 1 / residual of each joint, repeated until they settle.
 
+    That is the maximum of the likelihood for Gaussian errors with a variance per joint. The usual single
+    repetition leaves a joint that others had drowned with too small a weight.
+
     Raises:
         ShapeError: when there is no torque at all.
+
+    Source: Gautier, Poignet 2001, Extended Kalman filtering and weighted least squares dynamic
+    identification of robot (one repetition).
     """
-    found = least_squares(sums, torch.ones_like(sums.energy), least)
+    fit = least_squares(sums, torch.ones_like(sums.energy), least)
     for _ in range(_REPETITIONS):
-        before, found = found, least_squares(sums, weights_of(sums, found.parameters), least)
-        if torch.allclose(found.weights, before.weights, rtol=_SETTLED, atol=0):
+        before, fit = fit, least_squares(sums, weights_of(sums, fit.parameters), least)
+        if torch.allclose(fit.weights, before.weights, rtol=_SETTLED, atol=0):
             break
-    return found
+    return fit
+
+
+def recursive(sums: Sums, samples: int, prior: float, forgetting: float = 1.0, weighted: bool = False) -> Fit:
+    """Recursive least squares with P₀ = prior · I and π₀ = 0 after all samples, in information form.
+
+    With λ = 1 that is batch least squares with the prior's rows √(1/prior) π = 0; with λ < 1 it is the
+    classical recursion, in which the prior is forgotten like a sample.
+
+    Args:
+        sums: over the samples, those of age k times λ^k.
+        samples: number of samples.
+        prior: variance of each parameter before any sample.
+        forgetting: λ in (0, 1].
+        weighted: whether joints count as in ``reweighted``, or alike.
+
+    Source: Ljung 1999, System Identification, 11.2.
+    """
+    least = max(forgetting**samples / prior, LEAST_INFORMATION)
+    if weighted:
+        return reweighted(sums, least)
+    return least_squares(sums, torch.ones_like(sums.energy), least)
 
 
 def weights_of(sums: Sums, parameters: Tensor) -> Tensor:

@@ -1,20 +1,19 @@
 """One walk through the samples: their sums, and a share of them to judge residuals by."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.measurements import Measurements, chunks
-from sidegan.identification.sums import Sums, no_sums, sums_of
+from sidegan.errors import ShapeError
+from sidegan.identification.measurements import SAMPLES_AT_ONCE, Measurements, Samples, pieces
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import Sums, finite, no_sums, sums_of
+from sidegan.motion.compiled import tensors as kernels
 
-SAMPLES_AT_ONCE = 4096  # their regressor of a 7-joint arm takes 16 MB
-_KEPT = 48  # chunks that are remembered: enough for residual statistics, 45 MB of a 7-joint arm
-
-Samples = Measurements | Iterable[Measurements]
+_KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB of a 7-joint arm
 
 
 class Linear(Protocol):
@@ -37,23 +36,6 @@ class Linear(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Gathered:
-    """What a walk through the samples leaves.
-
-    Attributes:
-        sums: over all samples.
-        kept: chunks spread evenly over the samples, each without gaps.
-        samples: number of samples of all joints.
-        reach: what the arm did in them.
-    """
-
-    sums: Sums
-    kept: list[Measurements]
-    samples: int
-    reach: "Reach"
-
-
 class Reach(NamedTuple):
     """How far and how fast each joint moved, (J,) each.
 
@@ -67,13 +49,11 @@ class Reach(NamedTuple):
     highest: Tensor
     fastest: Tensor
 
-    def joined(self, other: "Reach") -> "Reach":
-        """What the joints did in both."""
-        return Reach(
-            torch.minimum(self.lowest, other.lowest),
-            torch.maximum(self.highest, other.highest),
-            torch.maximum(self.fastest, other.fastest),
-        )
+    @classmethod
+    def over(cls, parts: list["Reach"]) -> "Reach":
+        """How far and how fast the joints moved in all of several parts."""
+        lowest, highest, fastest = (torch.stack(x) for x in zip(*parts))
+        return cls(lowest.amin(0), highest.amax(0), fastest.amax(0))
 
     @property
     def range(self) -> Tensor:
@@ -81,9 +61,31 @@ class Reach(NamedTuple):
         return self.highest - self.lowest
 
 
-def reach_of(part: Measurements) -> Reach:
-    """How far and how fast the joints moved in some samples."""
-    return Reach(part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0))
+@dataclass(frozen=True)
+class Gathered:
+    """What a walk through the samples leaves, from which every method fits its parameters.
+
+    Attributes:
+        model: whose parameters are looked for.
+        sums: over all samples.
+        kept: pieces spread evenly over the samples, each without gaps.
+        samples: number of samples of all joints.
+        reach: how far and how fast the joints moved in them.
+        source: the measurements, which some methods walk through again.
+        samples_at_once: largest number of samples of a piece.
+    """
+
+    model: Linear
+    sums: Sums
+    kept: list[Measurements]
+    samples: int
+    reach: Reach
+    source: Samples
+    samples_at_once: int
+
+    def pieces(self) -> Iterator[Measurements]:
+        """The measurements once more, in pieces."""
+        return pieces(self.source, self.samples_at_once)
 
 
 def gather(
@@ -106,45 +108,19 @@ def gather(
     """
     sums, samples, stride = no_sums(model.joints, model.count), 0, 1
     kept: list[Measurements] = []
-    reach: Reach | None = None
+    reach: list[Reach] = []
     for number, part in enumerate(pieces(measurements, samples_at_once)):
-        chunk = sums_of(_regressor(model, part), part.torque.double(), forgetting)
-        sums = sums.times(forgetting ** len(part)).plus(chunk)
-        reach = reach_of(part) if reach is None else reach.joined(reach_of(part))
+        sums = sums.times(forgetting ** len(part)).plus(_sums(model, part, forgetting))
+        moved = Reach(part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0))
+        reach = [Reach.over([*reach, moved])]
         samples += len(part)
         if number % stride == 0:
             kept.append(part.copy())
         if len(kept) > _KEPT:
             kept, stride = kept[::2], 2 * stride
-    if reach is None:
+    if not samples:
         raise ShapeError("there are no samples to identify from")
-    return Gathered(sums, kept, samples, reach)
-
-
-def pieces(measurements: Samples, samples: int = SAMPLES_AT_ONCE) -> Iterator[Measurements]:
-    """The same samples in pieces of at most ``samples``; no piece reaches over the end of a recording.
-
-    Raises:
-        ShapeError: when something among the measurements is none.
-    """
-    for part in [measurements] if isinstance(measurements, Measurements) else measurements:
-        if not isinstance(part, Measurements):
-            raise ShapeError(f"measurements hold a {type(part).__name__}, expected Measurements")
-        yield from chunks(part, samples)
-
-
-def again(measurements: Samples, method: str) -> Samples:
-    """The measurements, which have to be of a kind that can be read more than once.
-
-    Raises:
-        ConfigError: when they are a stream.
-    """
-    if isinstance(measurements, Iterator):
-        raise ConfigError(
-            f"{method} reads the samples several times, and a stream can be read once: give a list of "
-            "recordings, or choose ols, weighted, rls, tls, ridge, essential or consistent"
-        )
-    return measurements
+    return Gathered(model, sums, kept, samples, reach[0], measurements, samples_at_once)
 
 
 def weighted_sums(model: Linear, part: Measurements, weights: Tensor) -> Sums:
@@ -157,6 +133,21 @@ def weighted_sums(model: Linear, part: Measurements, weights: Tensor) -> Sums:
 def residual_of(model: Linear, part: Measurements, parameters: Tensor) -> Tensor:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
     return part.torque - _regressor(model, part) @ parameters
+
+
+def _sums(model: Linear, part: Measurements, forgetting: float) -> Sums:
+    rigid = isinstance(model, TorqueModel) and not model.kinds and part.joints == model.joints
+    if forgetting == 1 and rigid and kernels.usable(*part.states, part.torque):
+        return _rigid_sums(model, part)  # type: ignore[arg-type]
+    return sums_of(_regressor(model, part), part.torque.double(), forgetting)
+
+
+def _rigid_sums(model: TorqueModel, part: Measurements) -> Sums:
+    """What ``sums_of`` gives for rigid bodies alone, by a compiled kernel that keeps no regressor."""
+    products = kernels.sums(model.body.chain, model.body.base.columns, part.states, part.torque)
+    information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
+    weight = torch.tensor(float(len(part)), dtype=torch.float64)
+    return finite(Sums(information, moment, energy, part.torque.detach().sum(0), weight))
 
 
 def _regressor(model: Linear, part: Measurements) -> Tensor:

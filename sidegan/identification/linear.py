@@ -1,4 +1,4 @@
-"""Estimators that need no more than the sums over the samples."""
+"""Methods that need no more than the sums over the samples."""
 
 import math
 from dataclasses import dataclass
@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.identification.fit import LEAST_INFORMATION, Fit, least_squares, positive, reweighted
-from sidegan.identification.gather import Gathered, Linear
+from sidegan.identification.fit import Fit, flat, positive, recursive, reweighted
+from sidegan.identification.gather import Gathered
 from sidegan.identification.sums import Sums, solve
 
 
@@ -19,13 +19,14 @@ class Ols:
 
     prior: float = 1e6
     forgetting: ClassVar[float] = 1.0
+    rereads: ClassVar[bool] = False  # whether the samples are walked through more than once
 
     def __post_init__(self) -> None:
         positive("prior", self.prior)
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
-        """Parameters of least weighted squares."""
-        return least_squares(gathered.sums, torch.ones(model.joints, dtype=torch.float64), 1 / self.prior)
+    def fit(self, data: Gathered) -> Fit:
+        """Parameters of least squares."""
+        return recursive(data.sums, data.samples, self.prior)
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,9 @@ class Weighted(Ols):
     Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS).
     """
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+    def fit(self, data: Gathered) -> Fit:
         """Parameters of largest likelihood for Gaussian errors with a variance per joint."""
-        return reweighted(gathered.sums, 1 / self.prior)
+        return recursive(data.sums, data.samples, self.prior, weighted=True)
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,9 @@ class Recursive(Ols):
         super().__post_init__()
         positive("forgetting", self.forgetting, 1.0)
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+    def fit(self, data: Gathered) -> Fit:
         """Parameters after the last sample."""
-        least = max(self.forgetting**gathered.samples / self.prior, LEAST_INFORMATION)
-        if self.weighted:
-            return reweighted(gathered.sums, least)
-        return least_squares(gathered.sums, torch.ones(model.joints, dtype=torch.float64), least)
+        return recursive(data.sums, data.samples, self.prior, self.forgetting, self.weighted)
 
 
 @dataclass(frozen=True)
@@ -71,22 +69,23 @@ class Tls(Ols):
 
     weighted: bool = True
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+    def fit(self, data: Gathered) -> Fit:
         """Parameters from the smallest direction of [Y τ].
 
         Raises:
             ShapeError: when a parameter, or a combination of them, is not excited.
         """
-        sums = gathered.sums
-        first = reweighted(sums, 1 / self.prior) if self.weighted else Ols(self.prior).fit(model, gathered)
+        sums = data.sums
+        first = recursive(sums, data.samples, self.prior, weighted=self.weighted)
         information, moment = sums.weighted(first.weights)
         energy = first.weights.square() @ sums.energy
         last = torch.cat([moment, energy[None]])
         both = torch.cat([torch.cat([information, moment[:, None]], 1), last[None]])
         scale = both.diagonal().sqrt()
         if not (scale > 0).all():
-            silent = [model.names[i] for i in (scale[:-1] <= 0).nonzero()[:, 0].tolist()] or ["the torque"]
-            raise ShapeError(f"total least squares needs every column excited; zero: {', '.join(silent)}")
+            still = [data.model.names[i] for i in (scale[:-1] <= 0).nonzero()[:, 0].tolist()]
+            zero = ", ".join(still or ["the torque"])
+            raise ShapeError(f"total least squares needs every column excited; zero: {zero}")
         values, vectors = torch.linalg.eigh(both / scale[:, None] / scale)
         smallest = vectors[:, 0]
         if smallest[-1].abs() < math.sqrt(torch.finfo(torch.float64).eps):
@@ -115,31 +114,31 @@ class Essential(Ols):
         positive("ratio", self.ratio)
         positive("loss", self.loss)
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+    def fit(self, data: Gathered) -> Fit:
         """Parameters of which the dropped ones are exactly zero, and so are their errors."""
-        sums = gathered.sums
+        sums = data.sums
         full = reweighted(sums, 1 / self.prior)
         squares = full.weights.square()
         most = (1 + self.loss) * float(squares @ sums.squares(full.parameters))
-        kept, found = torch.arange(model.count), full
+        kept, fit = torch.arange(data.model.count), full
         while len(kept) > 1:
-            relative = found.inverse.diagonal()[kept].sqrt() / found.parameters[kept].abs()
+            relative = fit.inverse.diagonal()[kept].sqrt() / fit.parameters[kept].abs()
             if relative.max() <= self.ratio * relative.min():
                 break
             fewer = kept[torch.arange(len(kept)) != relative.argmax()]
-            tried = _subset(sums, full.weights, fewer, 1 / self.prior)
-            if float(squares @ sums.squares(tried.parameters)) > most:
+            smaller = restricted(sums, full.weights, fewer, 1 / self.prior)
+            if float(squares @ sums.squares(smaller.parameters)) > most:
                 break
-            kept, found = fewer, tried
-        return found
+            kept, fit = fewer, smaller
+        return fit
 
 
-def _subset(sums: Sums, weights: Tensor, kept: Tensor, least: float) -> Fit:
+def restricted(sums: Sums, weights: Tensor, kept: Tensor, least: float) -> Fit:
+    """Weighted least squares in which only the parameters of some indices are not zero."""
     information, moment = sums.weighted(weights)
-    some, inverse = solve(information[kept][:, kept], moment[kept], least)
-    parameters, padded = torch.zeros_like(moment), torch.zeros_like(information)
-    parameters[kept] = some
-    padded[kept[:, None], kept] = inverse
+    parameters, inverse = torch.zeros_like(moment), torch.zeros_like(information)
     prior = torch.zeros_like(information)
-    prior[kept, kept] = least
-    return Fit(parameters, padded, weights, prior)
+    square = kept[:, None], kept
+    parameters[kept], inverse[square] = solve(information[square], moment[kept], least)
+    prior[square] = flat(len(kept), least)
+    return Fit(parameters, inverse, weights, prior)

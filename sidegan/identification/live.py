@@ -1,18 +1,46 @@
 """Recursive least squares on line: an estimate that follows an arm sample by sample."""
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dposv
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.fit import LEAST_INFORMATION, positive
-from sidegan.identification.model import Model
-from sidegan.identification.single import Array, SingleRegressor
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import solve
+from sidegan.robot import StateRegressor
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class SampleRegressor:
+    """Regressor (J, P) of a model, one state at a time; it gives what ``TorqueModel.regressor`` does.
+
+    Args:
+        model: whose columns come out.
+    """
+
+    def __init__(self, model: TorqueModel) -> None:
+        self._model, self._rigid = model, StateRegressor(model.arm)
+        self._columns = model.body.base.columns.numpy()
+        self._term, self._joint = np.divmod(model.extras.numpy(), model.joints)
+        self._place = np.arange(model.rigid, model.count)
+        self._out = np.zeros((model.joints, model.count))
+
+    def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Regressor of a state, (J,) each; the array is overwritten by the next call."""
+        q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
+        self._out[:, : self._model.rigid] = self._rigid(q, dq, ddq)[:, self._columns]
+        if len(self._place):
+            speed, kick = torch.from_numpy(dq), torch.from_numpy(ddq)
+            signals = torch.stack(self._model.terms.signals(speed, kick, self._model.stribeck)).numpy()
+            self._out[self._joint, self._place] = signals[self._term, self._joint]
+        return self._out
 
 
 class Live:
@@ -34,7 +62,7 @@ class Live:
 
     def __init__(
         self,
-        model: Model,
+        model: TorqueModel,
         forgetting: float = 1.0,
         prior: float = 1e6,
         weights: ArrayLike | None = None,
@@ -44,7 +72,7 @@ class Live:
         positive("prior", prior)
         if start is not None and start.names != tuple(model.names):
             raise ConfigError("the estimate to start from has other parameters than the model")
-        self._regressor, self._forgetting = SingleRegressor(model), forgetting
+        self._regressor, self._forgetting = SampleRegressor(model), forgetting
         self._shape = (model.joints,)
         self._weights = self._checked(weights, start)
         self._information = np.eye(model.count) / prior
@@ -59,10 +87,10 @@ class Live:
     def _checked(self, weights: ArrayLike | None, start: Estimate | None) -> Array:
         if weights is None:
             return np.ones(self._shape) if start is None else start.weights.numpy()
-        found = np.asarray(weights, dtype=np.float64)
-        if found.shape != self._shape or not (np.isfinite(found) & (found > 0)).all():
-            raise ConfigError(f"weights are {found.tolist()}, expected {self._shape[0]} positive numbers")
-        return found
+        given = np.asarray(weights, dtype=np.float64)
+        if given.shape != self._shape or not (np.isfinite(given) & (given > 0)).all():
+            raise ConfigError(f"weights are {given.tolist()}, expected {self._shape[0]} positive numbers")
+        return given
 
     def update(self, q: Array, dq: Array, ddq: Array, torque: Array) -> None:
         """Take in one sample: position, velocity, acceleration and torque [N·m or N], (J,) each.
@@ -93,8 +121,8 @@ class Live:
     def parameters(self) -> Array:
         """Present parameters θ, (P,)."""
         if self._parameters is None:
-            _, found, failed = dposv(self._information, self._moment)
-            self._parameters = found if not failed else self._solved()[0]
+            _, parameters, failed = dposv(self._information, self._moment)
+            self._parameters = self._solved()[0] if failed else parameters
         return self._parameters
 
     @property

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.typed import NonNegative
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.trajectory import Motion
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from sidegan.motion.dynamics import RigidBody
 
 STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
+SAMPLES_AT_ONCE = 4096  # their regressor of a 7-joint arm takes 16 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,31 +77,27 @@ class Measurements:
         """The same in memory of their own, so that what they were cut from can go."""
         return Measurements(*(x.clone() for _, x in self._named()))
 
-    def append(self, other: "Measurements") -> "Measurements":
-        """These samples followed by ``other``'s."""
-        if self.joints != other.joints:
-            raise ShapeError(f"measurements of {self.joints} and of {other.joints} joints cannot be joined")
-        if (self.sign is None) != (other.sign is None):
-            raise ShapeError("measurements with and without a sign cannot be joined")
-        return Measurements(*(torch.cat([x, y]) for (_, x), (_, y) in zip(self._named(), other._named())))
-
     def _named(self) -> list[tuple[str, Tensor]]:
         named = [(field.name, getattr(self, field.name)) for field in fields(self)]
         return [(name, x) for name, x in named if x is not None]
 
 
-def chunks(measurements: Measurements | Iterable[Measurements], samples: int) -> Iterator[Measurements]:
-    """The same samples in pieces of ``samples``, the last one shorter, however long each recording is."""
+Samples: TypeAlias = Measurements | Iterable[Measurements]
+
+
+def pieces(measurements: Samples, samples: int = SAMPLES_AT_ONCE) -> Iterator[Measurements]:
+    """The same samples in pieces of at most ``samples``; no piece reaches over the end of a recording.
+
+    Raises:
+        ConfigError: when ``samples`` is not positive.
+        ShapeError: when something among the measurements is none.
+    """
     if samples < 1:
         raise ConfigError(f"samples at once must be at least 1, got {samples}")
-    rest: Measurements | None = None
-    for part in [measurements] if isinstance(measurements, Measurements) else measurements:
-        rest = part if rest is None else rest.append(part)
-        whole = len(rest) // samples * samples
-        yield from (rest[i : i + samples] for i in range(0, whole, samples))
-        rest = rest[whole:]
-    if rest is not None and len(rest):
-        yield rest
+    for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
+        if not isinstance(recording, Measurements):
+            raise ShapeError(f"measurements hold a {type(recording).__name__}, expected Measurements")
+        yield from (recording[i : i + samples] for i in range(0, len(recording), samples))
 
 
 @dataclass(frozen=True)
@@ -109,8 +107,8 @@ class Noise:
     ``multiplicative`` is x · (1 + level · U(−1, 1)); ``additive`` is x + level · σ · U(−1, 1) with σ
     the standard deviation of that joint's signal over its trajectory.
 
-    Args:
-        kind: ``"multiplicative"`` or ``"additive"``.
+    Attributes:
+        kind: which of them.
         level: 0.1 for the paper's "10 % uniform random noise".
         torque: whether measured torques are noisy.
         state: whether measured positions, velocities and accelerations are noisy.
@@ -119,10 +117,10 @@ class Noise:
         ConfigError: when the kind is unknown or the level is not a finite number ≥ 0.
     """
 
-    kind: str = "multiplicative"
-    level: float = 0.1
-    torque: bool = True
-    state: bool = False
+    kind: Literal["multiplicative", "additive"]
+    level: NonNegative
+    torque: bool
+    state: bool
 
     def __post_init__(self) -> None:
         if self.kind not in ("multiplicative", "additive"):
@@ -136,7 +134,12 @@ class Noise:
         return x + self.level * scale * draw
 
 
-def measure(body: "RigidBody", motion: Motion, noise: Noise, generator: np.random.Generator) -> Measurements:
+def measure(
+    body: "RigidBody",
+    motion: Motion,
+    noise: Noise | None = None,
+    random: np.random.Generator | int | None = None,
+) -> Measurements:
     """Simulated measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
 
     The torque is that of the true states. Both kinds of noise and all choices of what is noisy use
@@ -145,21 +148,22 @@ def measure(body: "RigidBody", motion: Motion, noise: Noise, generator: np.rando
     Args:
         body: the arm's true dynamics.
         motion: states on a time grid.
-        noise: what is added to the states and torques.
-        generator: source of the noise.
+        noise: what is added to the states and torques; nothing when None.
+        random: source of the noise.
 
     Raises:
         ShapeError: when the motion does not fit the arm or is not finite.
     """
-    states = motion[1:]
+    states, shape = motion[1:], motion.position.shape
     if not motion.position.numel():
-        raise ShapeError(f"motion is {tuple(motion.position.shape)}: there is nothing to measure")
-    flat = [x.flatten(0, 1) for x in states]
-    parts = zip(*(x.split(STATES_AT_ONCE) for x in flat))
-    torque = torch.cat([body.torque(*part) for part in parts]).reshape(motion.position.shape)
-    batch, count, joints = torque.shape
-    draw = torch.from_numpy(generator.uniform(-1.0, 1.0, (batch, 4, count, joints))).to(torque)
-    signals = (*states, torque)
-    noisy = (noise.state, noise.state, noise.state, noise.torque)
-    measured = [noise.add(x, draw[:, i]) if noisy[i] else x for i, x in enumerate(signals)]
-    return Measurements(*(x.flatten(0, 1) for x in measured))
+        raise ShapeError(f"motion is {tuple(shape)}: there is nothing to measure")
+    parts = zip(*(x.flatten(0, 1).split(STATES_AT_ONCE) for x in states))
+    torque = torch.cat([body.torque(*part) for part in parts]).reshape(shape)
+    signals = [*states, torque]
+    if noise is not None:
+        batch, count, joints = shape
+        draw = torch.from_numpy(np.random.default_rng(random).uniform(-1.0, 1.0, (batch, 4, count, joints)))
+        noisy = (noise.state, noise.state, noise.state, noise.torque)
+        draws = draw.to(torque).unbind(1)
+        signals = [noise.add(x, d) if some else x for x, d, some in zip(signals, draws, noisy)]
+    return Measurements(*(x.flatten(0, 1) for x in signals))

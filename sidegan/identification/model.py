@@ -1,5 +1,6 @@
 """What torque is explained with: rigid-body base parameters, rotor inertias and friction, linear in all."""
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -7,8 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.formulas import formula
-from sidegan.identification.terms import LETTERS, Terms
+from sidegan.identification.terms import FULL, LETTERS, Terms, positive_velocities
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
@@ -16,9 +16,10 @@ _DEPENDENT = 1e-8  # relative length of a column's new part; rounding leaves 1e-
 _NO_PART = 1e-10  # a smaller coefficient in a grouping is rounding
 _STATES_PER_JOINT = 60
 _ACCELERATION = 5.0  # [rad/s²] of the states that groupings are found with
+_DIGITS = 4  # of a share in a formula
 
 
-class Model:
+class TorqueModel:
     """A model of an arm's torque, τ = Y θ with P parameters θ.
 
     The rigid-body base parameters come first, in ``body.base``'s order, then per term the joints' own
@@ -28,34 +29,36 @@ class Model:
     Args:
         body: the arm; its own inertial parameters are used as ``nominal`` only.
         terms: what is added to the rigid bodies.
+        velocities: of the Stribeck term [rad/s or m/s], one per joint, where ``terms`` have it.
 
     Attributes:
         names: of the parameters, such as "Izz6" or "fv3", (P,).
         kinds: names of the terms in use, in the order of their columns.
         standard_names: of the J links' ten parameters and then each term's J, (F,).
+        extras: indices among all terms' parameters, (kinds · J), of those that have a column.
         mapping: parameters from standard ones, (P, F).
         stribeck: velocity of each joint's Stribeck term, (J,); None without it.
 
     Raises:
-        ConfigError: when the Stribeck velocities are not one per joint.
+        ConfigError: when the Stribeck velocities are not positive and one per joint, or there are none.
 
     Source: Gautier 1991, Numerical calculation of the base inertial parameters of robots.
     """
 
-    def __init__(self, body: RigidBody, terms: Terms | None = None) -> None:
-        self.body, self.terms = body, terms or Terms()
-        self.stribeck = self.terms.velocities(body.joints)
-        self.kinds = self.terms.kinds
+    def __init__(
+        self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | None = None
+    ) -> None:
+        self.body, self.terms, self.kinds = body, terms, terms.kinds
+        self.stribeck = self._velocities(velocities or ()) if terms.stribeck else None
         joints, rigid = body.joints, len(body.base.values)
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
-        extras = [f"{LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
-        kept, grouped = self._grouped()
-        self._kept = kept
-        self.standard_names = [*links, *extras]
+        names = [f"{LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
+        self.extras, grouped = self._grouped()
+        self.standard_names = [*links, *names]
         top = torch.cat([body.base.mapping, grouped[:rigid]], 1)
-        rest = torch.cat([torch.zeros(len(kept), 10 * joints, dtype=torch.float64), grouped[rigid:]], 1)
-        self.mapping = torch.cat([top, rest])
-        self.names = [*body.base.names, *(extras[int(k)] for k in kept)]
+        rest = torch.zeros(len(self.extras), 10 * joints, dtype=torch.float64)
+        self.mapping = torch.cat([top, torch.cat([rest, grouped[rigid:]], 1)])
+        self.names = [*body.base.names, *(names[int(k)] for k in self.extras)]
         self._place = {name: i for i, name in enumerate(self.names)}
 
     @property
@@ -141,7 +144,7 @@ class Model:
         full = self.body.regressor(q, dq, ddq).permute(1, 2, 0)
         torch.index_select(full, 1, self.body.base.columns.to(q.device), out=y[:, : self.rigid])
         signals = self.terms.signals(dq, ddq, self.stribeck, sign)
-        for place, k in enumerate(self._kept.tolist(), start=self.rigid):
+        for place, k in enumerate(self.extras.tolist(), start=self.rigid):
             y[k % self.joints, place] = signals[k // self.joints][:, k % self.joints]
         return y.permute(2, 0, 1)
 
@@ -153,14 +156,21 @@ class Model:
             raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {self.count}")
         return self.regressor(q, dq, ddq, sign) @ parameters.to(q)
 
+    def _velocities(self, velocities: Sequence[float]) -> Tensor:
+        if len(velocities) != self.joints:
+            raise ConfigError(f"there are {len(velocities)} Stribeck velocities, expected {self.joints}")
+        positive_velocities("stribeck", list(velocities))
+        return torch.tensor(velocities, dtype=torch.float64)
+
     def _grouped(self) -> tuple[Tensor, Tensor]:
         """Indices of the extra columns that are independent, and all extras' shares in the P parameters."""
         joints, base = self.joints, self.body.base
+        if not self.kinds:
+            return torch.zeros(0, dtype=torch.long), torch.zeros(len(base.values), 0, dtype=torch.float64)
         q, dq, ddq = states_within(self.arm, _STATES_PER_JOINT * joints)
         rigid = self.body.base_regressor(q, dq, ddq).reshape(-1, len(base.values)).numpy()
         signals = [torch.diag_embed(x) for x in self.terms.signals(dq, ddq, self.stribeck)]
-        extras = torch.cat([q.new_zeros(len(q), joints, 0), *signals], 2)
-        extra = extras.reshape(len(rigid), -1).numpy()
+        extra = torch.cat(signals, 2).reshape(len(rigid), -1).numpy()
         y = np.concatenate([rigid, extra], 1)
         new = np.abs(np.diag(np.linalg.qr(y / np.linalg.norm(y, axis=0))[1]))[rigid.shape[1] :]
         kept = np.flatnonzero(new > _DEPENDENT)
@@ -181,3 +191,13 @@ def states_within(arm: Arm, count: int, seed: int = 0) -> tuple[Tensor, Tensor, 
     draw = torch.rand(3, count, arm.joints, generator=generator, dtype=torch.float64) * 2 - 1
     q = torch.lerp(arm.position_lower, arm.position_upper, (draw[0] + 1) / 2)
     return q, arm.velocity_limit * draw[1] ** 3, _ACCELERATION * draw[2]
+
+
+def formula(shares: Tensor, names: Sequence[str]) -> str:
+    """A grouping as text, such as "m6 + 0.078 m7", from each parameter's share (F,) and name."""
+    parts = [(share, name) for share, name in zip(shares.tolist(), names) if share != 0.0]
+    words = []
+    for share, name in sorted(parts, key=lambda part: part[0] != 1.0):
+        size = f"{abs(share):.{_DIGITS}g}"
+        words += ["-" if share < 0 else "+", name if size == "1" else f"{size} {name}"]
+    return " ".join(words).removeprefix("+ ")

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.model import Model
+from sidegan.identification.model import TorqueModel
 from sidegan.motion.trajectory import Trajectory
 
 _STATES_AT_ONCE = 4096
@@ -28,7 +28,7 @@ class NextRuns(NamedTuple):
 
 
 def grams_of(
-    model: Model, estimate: Estimate, trajectory: Trajectory, c: Tensor, samples: int = 80
+    model: TorqueModel, estimate: Estimate, trajectory: Trajectory, c: Tensor, samples: int = 80
 ) -> Tensor:
     """Information per sample on a model's parameters that trajectories give, (N, P, P).
 

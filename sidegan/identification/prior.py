@@ -7,10 +7,10 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, TorqueErrors, positive, reweighted
-from sidegan.identification.gather import Gathered, Linear
+from sidegan.identification.fit import Fit, TorqueErrors, flat, positive, reweighted
+from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
-from sidegan.identification.model import Model
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import solve
 from sidegan.robot import Arm
 
@@ -40,13 +40,12 @@ def typical(arm: Arm) -> Tensor:
     return mass[:, None] * length[:, None] ** power
 
 
-def information(model: Model, relative: float) -> Tensor:
+def information(model: TorqueModel, relative: float) -> Tensor:
     """Information (P, P) of the belief that link parameters are right within a share of their typical size.
 
     Terms are not believed anything about, and neither are rotor inertias inside groupings.
     """
-    deviation = relative * typical(model.arm).reshape(-1)
-    rows = model.body.base.mapping * deviation
+    rows = model.body.base.mapping * (relative * typical(model.arm).reshape(-1))
     out = torch.zeros(model.count, model.count, dtype=torch.float64)
     out[: model.rigid, : model.rigid] = torch.linalg.inv(rows @ rows.T)
     return out
@@ -65,24 +64,34 @@ class Ridge(Ols):
         super().__post_init__()
         positive("relative", self.relative)
 
-    def fit(self, model: Linear, gathered: Gathered) -> Fit:
+    def fit(self, data: Gathered) -> Fit:
         """Most probable parameters.
 
         Raises:
             ConfigError: when the model is not one of an arm, or its description has no masses.
         """
-        if not isinstance(model, Model):
-            raise ConfigError("ridge pulls towards an arm's description: it needs a Model")
+        model = arm_model(data, "ridge pulls towards an arm's description")
         prior = information(model, self.relative)
-        weights, errors = likelihood(model, gathered, self.prior)
-        found, moment = gathered.sums.weighted(weights)
-        step, inverse = solve(found + prior, moment - found @ model.nominal, 1 / self.prior)
-        flat = torch.eye(model.count, dtype=torch.float64) / self.prior
-        return Fit(model.nominal + step, inverse, weights, prior + flat, errors=errors)
+        weights, errors = likelihood(data, self.prior)
+        told, moment = data.sums.weighted(weights)
+        step, inverse = solve(told + prior, moment - told @ model.nominal, 1 / self.prior)
+        both = prior + flat(model.count, 1 / self.prior)
+        return Fit(model.nominal + step, inverse, weights, both, errors=errors)
 
 
-def likelihood(model: Linear, gathered: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:
+def arm_model(data: Gathered, why: str) -> TorqueModel:
+    """The model of a whole arm that samples were gathered for.
+
+    Raises:
+        ConfigError: when it is another kind of model.
+    """
+    if not isinstance(data.model, TorqueModel):
+        raise ConfigError(f"{why}: it needs a TorqueModel")
+    return data.model
+
+
+def likelihood(data: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:
     """Weights (J,) with which equations count as much as they tell, beside other knowledge; torque errors."""
-    first = reweighted(gathered.sums, 1 / prior)
-    errors = torque_errors(model, gathered, first)
+    first = reweighted(data.sums, 1 / prior)
+    errors = torque_errors(data, first)
     return first.weights / errors.inflation.sqrt(), errors

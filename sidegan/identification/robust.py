@@ -3,12 +3,14 @@
 import logging
 import math
 from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
 
-from sidegan.identification.fit import Fit, least_residual, positive, reweighted, weights_of
-from sidegan.identification.gather import Gathered, Linear, Samples, pieces, residual_of, weighted_sums
+from sidegan.identification.accuracy import torque_errors
+from sidegan.identification.fit import Fit, flat, least_residual, positive, reweighted, weights_of
+from sidegan.identification.gather import Gathered, residual_of, weighted_sums
 from sidegan.identification.linear import Ols
 from sidegan.identification.sums import Sums, no_sums, solve
 
@@ -28,53 +30,45 @@ class Huber(Ols):
     """
 
     threshold: float = 1.345
+    rereads: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         positive("threshold", self.threshold)
 
-    def fit_again(self, model: Linear, gathered: Gathered, measurements: Samples, at_once: int) -> Fit:
+    def fit(self, data: Gathered) -> Fit:
         """Parameters after walking through the measurements until they settle."""
-        start = reweighted(gathered.sums, 1 / self.prior)
-        scale, parameters = 1 / weights_of(gathered.sums, start.parameters), start.parameters
-        least = least_residual(gathered.sums)
+        parameters = reweighted(data.sums, 1 / self.prior).parameters
+        scale, least = 1 / weights_of(data.sums, parameters), least_residual(data.sums)
         for _ in range(_REPETITIONS):
-            walk = self._walk(model, measurements, parameters, scale, at_once)
-            found, inverse = solve(*walk.sums.weighted(1 / scale), 1 / self.prior)
-            moved = ((found - parameters).abs() / inverse.diagonal().sqrt()).max()
-            new = torch.maximum(walk.scale, least)
-            resized = (new / scale - 1).abs().max()
-            parameters, scale = found, new
+            walk = self._walk(data, parameters, scale)
+            before, (parameters, inverse) = parameters, solve(*walk.sums.weighted(1 / scale), 1 / self.prior)
+            moved = ((parameters - before).abs() / inverse.diagonal().sqrt()).max()
+            size = torch.maximum(walk.scale, least)
+            resized = (size / scale - 1).abs().max()
+            scale = size
             if max(moved, resized) < _SETTLED:
                 break
         else:
             _log.warning("huber has not settled after %d walks through the samples", _REPETITIONS)
-        return self._fit(parameters, scale, walk, gathered)
+        _, inverse = solve(*data.sums.weighted(1 / scale), 1 / self.prior)
+        fit = Fit(parameters, inverse, 1 / scale, flat(len(parameters), 1 / self.prior))
+        variance = scale.square() * walk.squares / walk.inside.clamp_min(0.1).square()
+        return fit._replace(errors=torque_errors(data, fit, variance, self.threshold * scale))
 
-    def _walk(
-        self, model: Linear, measurements: Samples, parameters: Tensor, scale: Tensor, at_once: int
-    ) -> "_Walk":
-        sums, squares = no_sums(model.joints, model.count), torch.zeros_like(scale)
-        inside, samples = torch.zeros_like(scale), 0
-        for part in pieces(measurements, at_once):
-            size = (residual_of(model, part, parameters) / scale).abs()
-            sums = sums.plus(weighted_sums(model, part, (self.threshold / size).clamp_max(1)))
+    def _walk(self, data: Gathered, parameters: Tensor, scale: Tensor) -> "_Walk":
+        sums, squares = no_sums(data.model.joints, data.model.count), torch.zeros_like(scale)
+        inside = torch.zeros_like(scale)
+        for part in data.pieces():
+            size = (residual_of(data.model, part, parameters) / scale).abs()
+            sums = sums.plus(weighted_sums(data.model, part, (self.threshold / size).clamp_max(1)))
             squares += size.clamp_max(self.threshold).square().sum(0)
             inside += (size <= self.threshold).double().sum(0)
-            samples += len(part)
-        new = scale * (squares / samples / _expected(self.threshold)).sqrt()
-        return _Walk(sums, new, squares / samples, inside / samples)
-
-    def _fit(self, parameters: Tensor, scale: Tensor, walk: "_Walk", gathered: Gathered) -> Fit:
-        weights = 1 / scale
-        _, inverse = solve(*gathered.sums.weighted(weights), 1 / self.prior)
-        variance = scale.square() * walk.squares / walk.inside.clamp_min(0.1).square()
-        flat = torch.eye(len(parameters), dtype=torch.float64) / self.prior
-        return Fit(parameters, inverse, weights, flat, variance, self.threshold * scale)
+        squares, inside = squares / data.samples, inside / data.samples
+        return _Walk(sums, scale * (squares / _expected(self.threshold)).sqrt(), squares, inside)
 
 
-@dataclass(frozen=True)
-class _Walk:
+class _Walk(NamedTuple):
     sums: Sums
     scale: Tensor  # (J,) σ after this walk
     squares: Tensor  # (J,) mean of ψ²

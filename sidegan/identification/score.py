@@ -8,8 +8,8 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import estimate
-from sidegan.identification.gather import Linear, Samples, pieces, residual_of
-from sidegan.identification.measurements import Measurements
+from sidegan.identification.gather import Linear, residual_of
+from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.sums import Sums
 
 _CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
@@ -72,12 +72,10 @@ class Folds(NamedTuple):
     Attributes:
         nmse: (K, J).
         rmse: [N·m or N], (K, J).
-        parameters: identified without recording k, (K, P).
     """
 
     nmse: Tensor
     rmse: Tensor
-    parameters: Tensor
 
 
 def folds(method: str, model: Linear, recordings: Sequence[Measurements], **settings: Any) -> Folds:
@@ -88,11 +86,9 @@ def folds(method: str, model: Linear, recordings: Sequence[Measurements], **sett
     """
     if len(recordings) < 2:
         raise ConfigError(f"cross-validation needs at least two recordings, got {len(recordings)}")
-    found, scores = [], []
+    rows = []
     for k, held_out in enumerate(recordings):
         others = [x for i, x in enumerate(recordings) if i != k]
-        found.append(estimate(method, model, others, **settings).parameters)
-        scores.append(score(model, found[-1], held_out))
-    return Folds(
-        torch.stack([s.nmse for s in scores]), torch.stack([s.rmse for s in scores]), torch.stack(found)
-    )
+        parameters = estimate(method, model, others, **settings).parameters
+        rows.append(score(model, parameters, held_out)[:2])
+    return Folds(*(torch.stack(column) for column in zip(*rows)))

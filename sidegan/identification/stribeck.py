@@ -8,9 +8,11 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError
 from sidegan.identification.fit import reweighted
-from sidegan.identification.gather import SAMPLES_AT_ONCE, Samples, gather
-from sidegan.identification.model import Model
-from sidegan.identification.sums import Sums, solve
+from sidegan.identification.gather import gather
+from sidegan.identification.linear import restricted
+from sidegan.identification.measurements import SAMPLES_AT_ONCE, Samples
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import Sums
 
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _ROUNDS = 10
@@ -19,8 +21,8 @@ _ROUNDS = 10
 class _Candidates:
     """The model with one Stribeck column per joint and candidate velocity behind its own columns."""
 
-    def __init__(self, model: Model, candidates: Sequence[float]) -> None:
-        self._plain = Model(model.body, replace(model.terms, stribeck=None))
+    def __init__(self, model: TorqueModel, candidates: Sequence[float]) -> None:
+        self._plain = TorqueModel(model.body, replace(model.terms, stribeck=False))
         self._width, self._velocities = model.terms.sign_width, candidates
         self.joints, self.rows = model.joints, self._plain.count
         extras = [f"fs{j + 1}@{v}" for v in candidates for j in range(model.joints)]
@@ -35,7 +37,7 @@ class _Candidates:
 
 
 def stribeck_velocities(
-    model: Model,
+    model: TorqueModel,
     measurements: Samples,
     candidates: Sequence[float] = (0.02, 0.05, 0.1, 0.2, 0.4),
     samples_at_once: int = SAMPLES_AT_ONCE,
@@ -43,7 +45,7 @@ def stribeck_velocities(
     """Velocity [rad/s or m/s] of each joint's Stribeck term that explains the measurements best, (J,).
 
     All candidates' columns go through the samples at once; from the sums, joint after joint takes the
-    candidate of least weighted residual until none changes. Give them to ``Terms(stribeck=…)``.
+    candidate of least weighted residual until none changes. Give them to ``TorqueModel``.
 
     Args:
         model: what else torque is explained with.
@@ -74,9 +76,5 @@ def stribeck_velocities(
 def _misfit(sums: Sums, weights: Tensor, wide: _Candidates, chosen: Sequence[int]) -> float:
     """Weighted squares of the residuals with one candidate per joint."""
     behind = [wide.rows + k * wide.joints + joint for joint, k in enumerate(chosen)]
-    kept = torch.tensor([*range(wide.rows), *behind])
-    information, moment = sums.weighted(weights)
-    found, _ = solve(information[kept][:, kept], moment[kept], _LEAST)
-    parameters = torch.zeros(wide.count, dtype=torch.float64)
-    parameters[kept] = found
-    return float(weights.square() @ sums.squares(parameters))
+    fit = restricted(sums, weights, torch.tensor([*range(wide.rows), *behind]), _LEAST)
+    return float(weights.square() @ sums.squares(fit.parameters))

@@ -1,58 +1,47 @@
-"""Compare excitation sets: identify from each, predict test torques, again and again with new noise."""
+"""Compare excitation sets: identify from each, predict test torques, again and again with new noise.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+The sums of least squares over a set are added to those of others, so that every combination of sets and
+replications costs no more than its parts.
+
+Source: Jegorova et al. 2020, experiments 1 and 2.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import reduce
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
+import torch
 from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
-from sidegan.identification.identify import accumulate, evaluate
-from sidegan.identification.measurements import Noise, measure
-from sidegan.identification.metrics import covariance_norm
-from sidegan.identification.rls import Identified
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.fit import Fit, recursive
+from sidegan.identification.gather import gather
+from sidegan.identification.measurements import Measurements, Noise, measure
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.score import score
+from sidegan.identification.settings import StudySettings
+from sidegan.identification.sums import Sums
+from sidegan.identification.terms import RIGID
 from sidegan.motion.dynamics import RigidBody, gram
-from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.motion.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+Family: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
+Progress: TypeAlias = Callable[[int, int], None]
 
-Family = tuple[Trajectory, Tensor]
-
-_SILENT = Noise(level=0.0)
 _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the sets are executed and evaluated.
-
-    Attributes:
-        rate: of sampling [Hz].
-        prior: P₀ = prior · I.
-        forgetting: factor λ of the recursion.
-        weighted: also identify with one weight per joint.
-        noise: of the simulated measurements; test torques are free of it.
-        repeats: noise realisations.
-    """
-
-    rate: float
-    prior: float
-    forgetting: float
-    weighted: bool
-    noise: Noise
-    repeats: int
+_TRAJECTORIES_AT_ONCE = 10
 
 
 def compare(
     body: RigidBody,
     sets: Mapping[str, Family],
     tests: Family,
-    settings: Settings,
+    settings: StudySettings,
     random: np.random.SeedSequence,
-    progress: "Callable[[int, int], None] | None" = None,
+    progress: Progress | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """NMSE of every set, weighting, repeat and joint, and facts about every set.
 
@@ -63,30 +52,26 @@ def compare(
         body: the true dynamics.
         sets: name → family and coefficients of the trajectories that are executed.
         tests: family and coefficients of the test trajectories.
-        settings: see ``Settings``.
+        settings: of the measurements and the identification.
         random: of the noise.
-        progress: told (done, total) after every identification.
+        progress: receives (done, total) after every identification.
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         condition of the stacked YᵀY, duration [s], samples).
     """
-    still = np.random.default_rng(0)
-    truth = [measure(body, motion, _SILENT, still) for motion in _motions(tests, settings.rate)]
+    model, truth = TorqueModel(body, RIGID), list(_measured(body, tests, settings.rate))
     results, facts = [], []
     children = random.spawn(settings.repeats)
     for done, (name, family) in enumerate(sets.items()):
-        stacked = _stacked_condition(body, family)
+        stacked, duration = _stacked_condition(body, family), family[0].period * len(family[1])
         for repeat, child in enumerate(children):
-            models = _identify(body, family, settings, np.random.default_rng(child))
-            for weighted, model in models.items():
-                errors = evaluate(body, model, truth).tolist()
-                joints = zip(body.arm.joint_names, errors)
-                results += [(name, repeat, weighted, joint, error) for joint, error in joints]
-            plain = models[False]
-            norm = covariance_norm(plain.covariance)
-            duration = family[0].period * len(family[1])
-            facts.append((name, repeat, norm, stacked, duration, plain.samples))
+            noisy = _measured(body, family, settings.rate, settings.noise, np.random.default_rng(child))
+            data = gather(model, noisy, forgetting=settings.forgetting)
+            fits = _fits(data.sums, data.samples, settings)
+            results += [(name, repeat, *row) for row in _errors(model, fits, truth)]
+            norm = covariance_norm(fits[False].inverse)
+            facts.append((name, repeat, norm, stacked, duration, data.samples))
             if progress is not None:
                 progress(done * settings.repeats + repeat + 1, len(sets) * settings.repeats)
     return (
@@ -95,22 +80,103 @@ def compare(
     )
 
 
-def _identify(
-    body: RigidBody, family: Family, settings: Settings, generator: np.random.Generator
-) -> dict[bool, Identified]:
-    data = (measure(body, motion, settings.noise, generator) for motion in _motions(family, settings.rate))
-    rls = accumulate(body, data, settings.prior, settings.forgetting)
-    models = {False: rls.solve()}
-    if settings.weighted:
-        models[True] = rls.solve_weighted()
-    return models
+def measured_sums(
+    body: RigidBody,
+    family: Family,
+    settings: StudySettings,
+    random: np.random.SeedSequence,
+    progress: Progress | None = None,
+) -> Sums:
+    """Sums of least squares over all N trajectories of a set, measured once with noise.
+
+    Args:
+        body: the true dynamics.
+        family: of the set, and its coefficients.
+        settings: sampling and noise.
+        random: of the noise.
+        progress: receives (done, N).
+    """
+    generator, count = np.random.default_rng(random), len(family[1])
+
+    def data() -> Iterator[Measurements]:
+        parts = _measured(body, family, settings.rate, settings.noise, generator, _TRAJECTORIES_AT_ONCE)
+        for k, part in enumerate(parts, start=1):
+            yield part
+            if progress is not None:
+                progress(min(k * _TRAJECTORIES_AT_ONCE, count), count)
+
+    return gather(TorqueModel(body, RIGID), data()).sums
 
 
-def _motions(family: Family, rate: float) -> "Iterator[Motion]":
+def combined(
+    body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: Family, settings: StudySettings
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """NMSE of every set, weighting and joint, and the covariance norm and number of samples of every set.
+
+    Args:
+        body: the true dynamics.
+        sets: name → sums whose samples are identified from together.
+        tests: family and coefficients of the test trajectories, whose torques are exact.
+        settings: of the identification.
+
+    Returns:
+        Results (columns set, weighted, joint, nmse) and facts (set, covariance_norm, samples).
+
+    Raises:
+        ConfigError: when the recursion forgets: sums have no order in time.
+        ShapeError: when a set has no sums, or sums of other parameters.
+    """
+    if settings.forgetting < 1:
+        raise ConfigError(f"sums cannot be added with forgetting factor {settings.forgetting}, expected 1")
+    model, truth = TorqueModel(body, RIGID), list(_measured(body, tests, settings.rate))
+    results, facts = [], []
+    for name, parts in sets.items():
+        if not parts:
+            raise ShapeError(f"set {name!r} has no sums")
+        sums = reduce(Sums.plus, parts)
+        samples = round(float(sums.weight))
+        fits = _fits(sums, samples, settings)
+        results += [(name, *row) for row in _errors(model, fits, truth)]
+        facts.append((name, covariance_norm(fits[False].inverse), samples))
+    return (
+        pd.DataFrame(results, columns=["set", "weighted", "joint", "nmse"]),
+        pd.DataFrame(facts, columns=["set", "covariance_norm", "samples"]),
+    )
+
+
+def covariance_norm(covariance: Tensor) -> float:
+    """Norm of the diagonal of a covariance (P, P), ‖diag P‖₂."""
+    return float(torch.linalg.vector_norm(covariance.diagonal()))
+
+
+def _measured(
+    body: RigidBody,
+    family: Family,
+    rate: float,
+    noise: Noise | None = None,
+    random: np.random.Generator | None = None,
+    at_once: int = 1,
+) -> Iterator[Measurements]:
+    """Measurements of the trajectories of a set, so many at once; exact ones without noise."""
     trajectory, coefficients = family
     times = trajectory.times(rate)
-    for c in coefficients:
-        yield trajectory.roll_out(c[None], times)
+    for c in coefficients.split(at_once):
+        yield measure(body, trajectory.roll_out(c, times), noise, random)
+
+
+def _fits(sums: Sums, samples: int, settings: StudySettings) -> dict[bool, Fit]:
+    """The model with equal weights, and with one weight per joint where that is a setting."""
+    choices = (False, True) if settings.weighted else (False,)
+    return {w: recursive(sums, samples, settings.prior, settings.forgetting, w) for w in choices}
+
+
+def _errors(
+    model: TorqueModel, fits: Mapping[bool, Fit], truth: Sequence[Measurements]
+) -> Iterator[tuple[bool, str, float]]:
+    """Weighting, joint and nMSE of every fit and joint."""
+    for weighted, fit in fits.items():
+        errors = score(model, fit.parameters, truth).nmse.tolist()
+        yield from ((weighted, joint, error) for joint, error in zip(model.arm.joint_names, errors))
 
 
 def _stacked_condition(body: RigidBody, family: Family) -> float:

@@ -29,7 +29,14 @@ class Sums(NamedTuple):
     weight: Tensor
 
     def plus(self, other: "Sums") -> "Sums":
-        """Sums over these samples and ``other``'s."""
+        """Sums over these samples and ``other``'s.
+
+        Raises:
+            ShapeError: when they are of other parameters or joints.
+        """
+        mine, theirs = (tuple(x.information.shape) for x in (self, other))
+        if mine != theirs:
+            raise ShapeError(f"sums of information are {theirs}, expected {mine}")
         return Sums(*(a + b for a, b in zip(self, other)))
 
     def times(self, factor: float) -> "Sums":
@@ -48,24 +55,19 @@ class Sums(NamedTuple):
     def variance(self) -> Tensor:
         """Variance of each joint's torque, (J,); zero where it is no more than rounding of the sums."""
         mean, square = self.total / self.weight, self.energy / self.weight
-        found = square - mean.square()
-        return torch.where(found > _CONSTANT * square, found, torch.zeros_like(found))
+        variance = square - mean.square()
+        return torch.where(variance > _CONSTANT * square, variance, torch.zeros_like(variance))
 
     def squares(self, parameters: Tensor) -> Tensor:
         """Sum of squared residuals of each joint, (J,); resolved to about 1e-13 of the torque's squares."""
-        found = self.energy - 2 * self.moment @ parameters + self.information @ parameters @ parameters
-        return found.clamp_min(0)
+        squares = self.energy - 2 * self.moment @ parameters + self.information @ parameters @ parameters
+        return squares.clamp_min(0)
 
 
 def no_sums(joints: int, parameters: int) -> Sums:
     """Sums over no samples."""
-    return Sums(
-        information=torch.zeros(joints, parameters, parameters, dtype=torch.float64),
-        moment=torch.zeros(joints, parameters, dtype=torch.float64),
-        energy=torch.zeros(joints, dtype=torch.float64),
-        total=torch.zeros(joints, dtype=torch.float64),
-        weight=torch.zeros((), dtype=torch.float64),
-    )
+    shapes = (joints, parameters, parameters), (joints, parameters), (joints,), (joints,), ()
+    return Sums(*(torch.zeros(shape, dtype=torch.float64) for shape in shapes))
 
 
 def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:

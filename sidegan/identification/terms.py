@@ -1,16 +1,25 @@
 """What a joint's torque has beside rigid bodies: rotor inertia and friction."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.typed import Positive
 from sidegan.errors import ConfigError
 
 LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo", "stribeck": "fs"}
+
+
+def positive_velocities(name: str, values: list[float]) -> None:
+    """Refuse velocities that are not finite and above zero.
+
+    Raises:
+        ConfigError: with the name of what they are for.
+    """
+    if not all(math.isfinite(v) and v > 0 for v in values):
+        raise ConfigError(f"{name} is {values}, expected finite velocities above zero")
 
 
 @dataclass(frozen=True)
@@ -22,53 +31,48 @@ class Terms:
         viscous: fv · dq.
         coulomb: fc · tanh(dq / sign_width).
         offset: fo.
+        stribeck: the extra friction near rest, fs · tanh(dq / sign_width) · exp(−(dq / v)²), with a velocity
+            v of each joint that ``stribeck_velocities`` finds from measurements.
         sign_width: velocity [rad/s or m/s] at which the smooth sign is at 76 %.
-        stribeck: velocity [rad/s or m/s] at which the extra friction near rest,
-            fs · tanh(dq / sign_width) · exp(−(dq / stribeck)²), has fallen to 37 %, one or one per joint;
-            None for no such term. ``stribeck_velocities`` finds them from measurements.
 
     Raises:
-        ConfigError: when a velocity is not finite and positive.
+        ConfigError: when the velocity is not finite and positive.
     """
 
-    rotor_inertia: bool = True
-    viscous: bool = True
-    coulomb: bool = True
-    offset: bool = True
-    sign_width: float = 0.01
-    stribeck: float | Sequence[float] | None = None
+    rotor_inertia: bool
+    viscous: bool
+    coulomb: bool
+    offset: bool
+    stribeck: bool
+    sign_width: Positive
 
     def __post_init__(self) -> None:
-        stribeck = [] if self.stribeck is None else np.atleast_1d(np.asarray(self.stribeck, float)).tolist()
-        for name, values in (("sign_width", [self.sign_width]), ("stribeck", stribeck)):
-            if not all(math.isfinite(v) and v > 0 for v in values):
-                raise ConfigError(f"{name} is {values}, expected finite velocities above zero")
+        positive_velocities("sign_width", [self.sign_width])
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Names of the terms in use, in the order of their columns."""
-        return tuple(name for name in LETTERS if getattr(self, name) not in (None, False))
-
-    def velocities(self, joints: int) -> Tensor | None:
-        """Velocity of each joint's Stribeck term, (J,); None without one.
-
-        Raises:
-            ConfigError: when there is another number of them.
-        """
-        if self.stribeck is None:
-            return None
-        found = torch.as_tensor(self.stribeck, dtype=torch.float64)
-        if found.ndim and found.shape != (joints,):
-            raise ConfigError(f"there are {len(found)} Stribeck velocities, expected {joints}")
-        return found.expand(joints)
+        return tuple(name for name in LETTERS if getattr(self, name))
 
     def signals(
         self, dq: Tensor, ddq: Tensor, stribeck: Tensor | None, sign: Tensor | None = None
     ) -> list[Tensor]:
-        """What the parameters of each term in use are multiplied with, (S, J) each."""
+        """What the parameters of each term in use are multiplied with, (S, J) each.
+
+        Args:
+            dq: joint velocity, (S, J).
+            ddq: joint acceleration, (S, J).
+            stribeck: velocity of each joint's Stribeck term, (J,); None without one.
+            sign: what Coulomb and Stribeck friction follow, (S, J); tanh(dq / sign_width) when None.
+        """
         if sign is None:
             sign = torch.tanh(dq / self.sign_width)
         values = {"rotor_inertia": ddq, "viscous": dq, "coulomb": sign, "offset": torch.ones_like(dq)}
         if stribeck is not None:
             values["stribeck"] = sign * torch.exp(-((dq / stribeck.to(dq)) ** 2))
         return [values[name] for name in self.kinds]
+
+
+# Of torques from motor currents, and of rigid bodies alone, as simulated measurements are.
+FULL = Terms(rotor_inertia=True, viscous=True, coulomb=True, offset=True, stribeck=False, sign_width=0.01)
+RIGID = Terms(False, False, False, False, False, sign_width=0.01)

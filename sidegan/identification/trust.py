@@ -1,82 +1,31 @@
 """Whether to trust an identified model: what it predicts, what it cannot tell, and what to do about it."""
 
-from dataclasses import dataclass, field
-
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.gather import Samples
-from sidegan.identification.model import Model, states_within
-from sidegan.identification.next_runs import NextRuns, most_informative
-from sidegan.identification.score import Folds, Score, score, score_of_sums
+from sidegan.identification.measurements import Samples
+from sidegan.identification.model import TorqueModel, states_within
+from sidegan.identification.next_runs import most_informative
+from sidegan.identification.score import Folds, score, score_of_sums
 from sidegan.identification.sums import solve
-from sidegan.identification.verdict import Evidence, Limits, judge
+from sidegan.identification.verdict import Thresholds, Trust
 
 _LEAST = 1e-6  # information on each term beside the samples'
 _STATES = 400
 _PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves where the model is to hold
 
 
-@dataclass(frozen=True, eq=False)
-class Trust:
-    """What is known about the quality of an identified model.
-
-    Attributes:
-        names: of the parameters, (P,).
-        formulas: what each is made of, (P,).
-        parameters: identified, (P,).
-        deviation: standard deviation of each, (P,).
-        relative_deviation: the same over the parameter's size, (P,).
-        nominal: parameters of the arm's description, without friction, (P,).
-        effect: largest share of a joint's usual torque that one deviation of the parameter makes, (P,).
-        torque_deviation: standard deviation of the predicted torque over the joint's usual torque, anywhere
-            within the limits, (J,).
-        condition: of the weighted, column-scaled regressor.
-        whiteness: independent residuals per sample, (J,); one for white residuals.
-        correlation: of neighbouring residuals, (J,).
-        train: errors on what was identified from.
-        validation: errors on what was held out; None when nothing was.
-        nominal_score: errors of the description's link parameters with fitted friction, on the same samples
-            as ``validation``, or else ``train``.
-        folds: each recording predicted from the others; None when not asked for.
-        weak: parameters whose errors matter, the worst first.
-        verdict: ``"good"``, ``"usable"`` or ``"not trustworthy"``.
-        reasons: why, with the joints and parameters by name.
-        next_runs: what to run next; None without candidates.
-    """
-
-    names: tuple[str, ...]
-    formulas: tuple[str, ...]
-    parameters: Tensor
-    deviation: Tensor
-    relative_deviation: Tensor
-    nominal: Tensor
-    effect: Tensor
-    torque_deviation: Tensor
-    condition: float
-    whiteness: Tensor
-    correlation: Tensor
-    train: Score
-    validation: Score | None
-    nominal_score: Score
-    folds: Folds | None
-    weak: tuple[str, ...]
-    verdict: str
-    reasons: list[str] = field(default_factory=list)
-    next_runs: NextRuns | None = None
-
-
 def trust(
-    model: Model,
+    model: TorqueModel,
     estimate: Estimate,
     validation: Samples | None = None,
     folds: Folds | None = None,
     grams: Tensor | None = None,
     samples_each: int = 1000,
     count: int = 5,
-    limits: Limits | None = None,
+    thresholds: Thresholds | None = None,
 ) -> Trust:
     """Whether an estimate of a model can be trusted, and why.
 
@@ -88,7 +37,7 @@ def trust(
         grams: information of trajectories that could be run next, from ``grams_of``, (N, P, P).
         samples_each: number of samples that running one of them gives.
         count: how many to recommend.
-        limits: what counts as good and as usable.
+        thresholds: what counts as good and as usable.
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
@@ -96,45 +45,35 @@ def trust(
     """
     if estimate.names != tuple(model.names):
         raise ShapeError("the estimate has other parameters than the model")
-    limits = limits or Limits()
+    thresholds = thresholds or Thresholds()
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
-    order = [i for i in effect.argsort(descending=True).tolist() if effect[i] > limits.effect]
-    train = score_of_sums(estimate.sums, estimate.parameters)
-    validated = None if validation is None else score(model, estimate.parameters, validation)
-    nominal = _nominal_fit(model, estimate)
-    plain = score_of_sums(estimate.sums, nominal) if validation is None else score(model, nominal, validation)
-    weak = tuple(estimate.names[i] for i in order)
-    evidence = Evidence(model.arm, estimate, train, validated, plain, folds, weak, torque_deviation)
-    verdict, reasons = judge(evidence, limits)
+    weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > thresholds.effect]
+    candidates = estimate.parameters, _nominal_fit(model, estimate)
+    train, nominal = (score_of_sums(estimate.sums, x) for x in candidates)
+    validated = None
+    if validation is not None:
+        validated, nominal = (score(model, x, validation) for x in candidates)
     runs = None
     if grams is not None:
-        wanted = torch.where(effect > limits.effect, per_unit, 0.0) if order else per_unit
-        runs = most_informative(estimate, grams, wanted, samples_each, count)
+        targets = torch.where(effect > thresholds.effect, per_unit, 0.0) if weak else per_unit
+        runs = most_informative(estimate, grams, targets, samples_each, count)
     return Trust(
-        names=estimate.names,
-        formulas=tuple(model.formulas),
-        parameters=estimate.parameters,
-        deviation=estimate.deviation,
-        relative_deviation=estimate.relative_deviation,
-        nominal=model.nominal,
-        effect=effect,
-        torque_deviation=torque_deviation,
-        condition=estimate.condition,
-        whiteness=1 / estimate.inflation,
-        correlation=estimate.correlation,
+        arm=model.arm,
+        estimate=estimate,
         train=train,
         validation=validated,
-        nominal_score=plain,
+        nominal_score=nominal,
         folds=folds,
-        weak=weak,
-        verdict=verdict,
-        reasons=reasons,
+        effect=effect,
+        torque_deviation=torque_deviation,
+        weak=tuple(estimate.names[i] for i in weak),
+        thresholds=thresholds,
         next_runs=runs,
     )
 
 
-def _effects(model: Model, estimate: Estimate) -> tuple[Tensor, Tensor]:
+def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
     """Largest share of a joint's usual torque per unit of each parameter, (P,), and of its deviation, (J,).
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
@@ -147,7 +86,7 @@ def _effects(model: Model, estimate: Estimate) -> tuple[Tensor, Tensor]:
     return share.amax(0), variance.sqrt() / usual
 
 
-def _nominal_fit(model: Model, estimate: Estimate) -> Tensor:
+def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
     """The description's link parameters with everything else fitted, (P,)."""
     r, nominal = model.rigid, model.nominal.clone()
     information, moment = estimate.information, estimate.moment

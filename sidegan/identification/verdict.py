@@ -4,13 +4,17 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import TypeAlias
 
 from torch import Tensor
 
 from sidegan.identification.estimate import Estimate
+from sidegan.identification.next_runs import NextRuns
 from sidegan.identification.score import Folds, Score
 from sidegan.robot import Arm
+
+Finding: TypeAlias = tuple[str, str]  # the best verdict that it leaves, and the reason
 
 GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
 _NAMED = 6  # parameters that a reason names at most
@@ -19,7 +23,7 @@ _MOST = 10.0  # a larger share says no more
 
 
 @dataclass(frozen=True)
-class Limits:
+class Thresholds:
     """What counts as good and as usable; nMSE are of validation, or of training without it.
 
     Attributes:
@@ -45,29 +49,56 @@ class Limits:
     usable_torque: float = 0.5
 
 
-class Finding(NamedTuple):
-    """Something that keeps a model from being good.
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """What is known about the quality of an identified model, and what follows from it.
 
     Attributes:
-        level: the best verdict that it leaves.
-        text: the reason.
+        arm: the arm that was identified.
+        estimate: its parameters.
+        train: errors on what was identified from.
+        validation: errors on what was held out; None when nothing was.
+        nominal_score: errors of the description's link parameters with fitted friction, on the same samples
+            as ``validation``, or else ``train``.
+        folds: each recording predicted from the others; None when not asked for.
+        effect: largest share of a joint's usual torque that one deviation of a parameter makes, (P,).
+        torque_deviation: standard deviation of the predicted torque over the joint's usual torque, anywhere
+            within the limits, (J,).
+        weak: parameters whose errors matter, the worst first.
+        thresholds: what counts as good and as usable.
+        next_runs: what to run next; None without candidates.
     """
-
-    level: str
-    text: str
-
-
-class Evidence(NamedTuple):
-    """What a verdict rests on; see ``Trust`` for what each of them is."""
 
     arm: Arm
     estimate: Estimate
     train: Score
     validation: Score | None
-    nominal: Score
+    nominal_score: Score
     folds: Folds | None
-    weak: tuple[str, ...]
+    effect: Tensor
     torque_deviation: Tensor
+    weak: tuple[str, ...]
+    thresholds: Thresholds
+    next_runs: NextRuns | None
+
+    @property
+    def verdict(self) -> str:
+        """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
+        levels = [level for level, _ in self.findings]
+        return BAD if BAD in levels else USABLE if levels else GOOD
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why, with the joints and parameters by name; the gravest first."""
+        if not self.findings:
+            error = f"mean nMSE {self.judged.nmse_mean:.4f} on {self.where}"
+            return [f"{error}, and every parameter that matters is certain"]
+        return [text for grave in (BAD, USABLE) for level, text in self.findings if level == grave]
+
+    @cached_property
+    def findings(self) -> list[Finding]:
+        """What keeps the model from being good."""
+        return [*_held_out(self), *_misfits(self), *_excitation(self)]
 
     @property
     def judged(self) -> Score:
@@ -94,72 +125,57 @@ class Evidence(NamedTuple):
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
-def judge(evidence: Evidence, limits: Limits) -> tuple[str, list[str]]:
-    """Verdict and its reasons, the gravest first."""
-    findings = [*_held_out(evidence, limits), *_misfits(evidence, limits), *_excitation(evidence, limits)]
-    if not findings:
-        error = f"mean nMSE {evidence.judged.nmse_mean:.4f} on {evidence.where}"
-        return GOOD, [f"{error}, and every parameter that matters is certain"]
-    grave = [f.text for f in findings if f.level == BAD]
-    return BAD if grave else USABLE, grave + [f.text for f in findings if f.level == USABLE]
-
-
-def _held_out(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
-    train, validation, folds = evidence.train, evidence.held_out, evidence.folds
+def _held_out(trust: Trust) -> Iterator[Finding]:
+    train, validation, folds, limits = trust.train, trust.held_out, trust.folds, trust.thresholds
     if validation is None:
-        yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
+        yield USABLE, "no recording was held out: how well the model predicts others is not known"
     elif validation.nmse_mean > max(limits.overfit * train.nmse_mean, limits.good_nmse / 2):
-        ratio = validation.nmse_mean / train.nmse_mean
-        yield Finding(
-            USABLE,
-            f"validation nMSE is {ratio:.1f} times that of training: give more, or more varied, recordings",
-        )
-    if evidence.judged.nmse_mean >= evidence.nominal.nmse_mean:
-        error = evidence.nominal.nmse_mean
-        yield Finding(
-            USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
-        )
+        ratio = f"validation nMSE is {validation.nmse_mean / train.nmse_mean:.1f} times that of training"
+        yield USABLE, f"{ratio}: give more, or more varied, recordings"
+    if trust.judged.nmse_mean >= trust.nominal_score.nmse_mean:
+        error = trust.nominal_score.nmse_mean
+        yield USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
     if folds is not None and float(folds.nmse.mean()) > limits.good_nmse:
         worst = int(folds.nmse.mean(1).argmax())
         error = float(folds.nmse[worst].mean())
-        yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
+        yield USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}"
 
 
-def _misfits(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
-    judged, where = evidence.judged, evidence.where
-    if judged.nmse_mean > limits.good_nmse:
-        level = BAD if judged.nmse_mean > limits.usable_nmse else USABLE
-        yield Finding(level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}")
+def _misfits(trust: Trust) -> Iterator[Finding]:
+    judged, where = trust.judged, trust.where
+    if judged.nmse_mean > trust.thresholds.good_nmse:
+        level = BAD if judged.nmse_mean > trust.thresholds.usable_nmse else USABLE
+        yield level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}"
     for j, error in enumerate(judged.nmse.tolist()):
-        if error > limits.good_joint_nmse:
-            level = BAD if error > limits.usable_joint_nmse else USABLE
+        if error > trust.thresholds.good_joint_nmse:
+            level = BAD if error > trust.thresholds.usable_joint_nmse else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
             text = left if math.isfinite(error) else "the torque is constant"
-            yield Finding(level, f"{evidence.joint(j)}: {text} on {where}")
+            yield level, f"{trust.joint(j)}: {text} on {where}"
 
 
-def _excitation(evidence: Evidence, limits: Limits) -> Iterator[Finding]:
-    condition = evidence.estimate.condition
+def _excitation(trust: Trust) -> Iterator[Finding]:
+    condition = trust.estimate.condition
     if math.isinf(condition):
-        yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
-    elif condition > limits.condition:
+        yield USABLE, "the arm is poorly excited: some parameters have no effect in this motion"
+    elif condition > trust.thresholds.condition:
         alike = f"condition number {condition:.0f} of the scaled regressor"
-        yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
-    for j, share in enumerate(evidence.torque_deviation.tolist()):
-        own = _list([name for name in evidence.weak if _joint_of(name) == j])
-        if share > limits.good_torque:
-            level = BAD if share > limits.usable_torque else USABLE
+        yield USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})"
+    for j, share in enumerate(trust.torque_deviation.tolist()):
+        own = _list([name for name in trust.weak if _joint_of(name) == j])
+        if share > trust.thresholds.good_torque:
+            level = BAD if share > trust.thresholds.usable_torque else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"is not identifiable from this data: torque in other motions is uncertain by {size}"
             names = f" ({own})" if own else ""
-            yield Finding(level, f"{evidence.joint(j)} {text}{names}; {_advice(evidence, j)}")
+            yield level, f"{trust.joint(j)} {text}{names}; {_advice(trust, j)}"
         elif own:
-            yield Finding(USABLE, f"{evidence.joint(j)}: {own} cannot be told; {_advice(evidence, j)}")
+            yield USABLE, f"{trust.joint(j)}: {own} cannot be told; {_advice(trust, j)}"
 
 
-def _advice(evidence: Evidence, j: int) -> str:
+def _advice(trust: Trust, j: int) -> str:
     """How to excite a joint better than it was."""
-    arm, reach = evidence.arm, evidence.estimate.reach
+    arm, reach = trust.arm, trust.estimate.reach
     limit, fastest = float(arm.velocity_limit[j]), float(reach.fastest[j])
     span, unit = float(arm.position_upper[j] - arm.position_lower[j]), "m" if arm.prismatic[j] else "rad"
     moved = float(reach.range[j])

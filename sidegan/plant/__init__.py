@@ -1,17 +1,15 @@
-"""A plant that nobody of us wrote: the arm in MuJoCo under position servos, recorded as a real one is."""
+"""The arm in MuJoCo under position servos, recorded as a real one is."""
 
 from sidegan.plant.execute import Executed, Plant
-from sidegan.plant.model import inverse_dynamics, mujoco_model
+from sidegan.plant.model import mujoco_model
 from sidegan.plant.save import save_recording
-from sidegan.plant.sets import execute_all
-from sidegan.plant.settings import PlantSettings
+from sidegan.plant.settings import IDEAL, PlantSettings
 
 __all__ = [
+    "IDEAL",
     "Executed",
     "Plant",
     "PlantSettings",
-    "execute_all",
-    "inverse_dynamics",
     "mujoco_model",
     "save_recording",
 ]

@@ -1,5 +1,6 @@
 """Executing a motion: servos, physics, and what the sensors make of it."""
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Motion, concatenate
+from sidegan.motion.trajectory import Motion, Trajectory, concatenate
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import PlantSettings
 from sidegan.robot import Arm, require_consistent
@@ -84,7 +85,22 @@ class Plant:
         reference = Motion(motion.time, *(x[0].double() for x in motion[1:]))
         position, velocity, torque = self._simulate(reference)
         self._check_tracking(reference, position, torque)
-        return self._sensed(reference.time.double() - reference.time[0], position, velocity, torque, seed)
+        time = reference.time.double() - reference.time[0]
+        return self._sensed(Executed(time, position, velocity, torque), seed)
+
+    def execute_each(
+        self, trajectory: Trajectory, coefficients: Tensor, random: np.random.SeedSequence
+    ) -> Iterator[Executed]:
+        """What the sensors recorded of trajectories [rad/s], (n, J, H, 2), each with noise of its own.
+
+        Raises:
+            ShapeError: when the coefficients do not fit the trajectory or the arm.
+            InfeasibleError: when a joint does not follow a trajectory.
+        """
+        trajectory.check(coefficients)
+        times = trajectory.times(self.settings.rate)
+        for c, child in zip(coefficients, random.spawn(len(coefficients))):
+            yield self.execute(trajectory.roll_out(c[None], times), child)
 
     def _simulate(self, reference: Motion) -> tuple[Tensor, Tensor, Tensor]:
         """True position, velocity and torque, (T, J) each.
@@ -108,28 +124,21 @@ class Plant:
         states = torch.from_numpy(np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints])
         position, velocity = states[:, :joints], states[:, joints:]
         spring, limit = stiffness * (target - position[:-1]), self.arm.torque_limit
-        wanted = spring - damping * velocity[:-1]
+        demand = spring - damping * velocity[:-1]
         torque = torch.where(
-            wanted.abs() < limit, spring - damping * velocity[1:], wanted.clamp(-limit, limit)
+            demand.abs() < limit, spring - damping * velocity[1:], demand.clamp(-limit, limit)
         )
         return position[:-1], velocity[:-1], torque
 
     def _feed_forward(self, reference: Motion) -> Tensor:
         """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
         parts = zip(*(x.split(_STATES_AT_ONCE) for x in reference[1:]))
-        torque = torch.cat([self.body.torque(*part) for part in parts])
-        torque = torque + self._each("rotor_inertia") * reference.acceleration
-        return self.settings.feed_forward * torque
+        rigid = torch.cat([self.body.torque(*part) for part in parts])
+        return self.settings.feed_forward * (rigid + self._each("rotor_inertia") * reference.acceleration)
 
-    def _sensed(
-        self,
-        time: Tensor,
-        position: Tensor,
-        velocity: Tensor,
-        torque: Tensor,
-        seed: int | np.random.SeedSequence,
-    ) -> Executed:
+    def _sensed(self, true: Executed, seed: int | np.random.SeedSequence) -> Executed:
         """Signals as encoders and torque sensors have them; speeds are differences of encoder readings."""
+        time, position, velocity, torque = true
         resolution = self._each("encoder_resolution")
         read = torch.where(resolution > 0, (position / resolution).round() * resolution, position)
         speed = torch.where(resolution > 0, torch.gradient(read, dim=0)[0] * self.settings.rate, velocity)
@@ -149,9 +158,9 @@ class Plant:
                 raise ShapeError(f"{name} of the motion is not finite")
         steps = motion.time.double().diff() * rate
         if not ((steps - 1).abs() <= _OFF_GRID).all():
-            found = f"{float(steps.min()) / rate:.6g} to {float(steps.max()) / rate:.6g} s"
+            given = f"{float(steps.min()) / rate:.6g} to {float(steps.max()) / rate:.6g} s"
             raise ShapeError(
-                f"the motion's time steps are {found}, expected {1 / rate:g} s: the plant runs at {rate:g} Hz"
+                f"the motion's time steps are {given}, expected {1 / rate:g} s: the plant runs at {rate:g} Hz"
             )
 
     def _check_tracking(self, reference: Motion, position: Tensor, torque: Tensor) -> None:

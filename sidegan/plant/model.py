@@ -9,20 +9,19 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from sidegan.errors import RobotError
+from sidegan.plant.settings import IDEAL, PlantSettings
 from sidegan.robot import Arm, require_consistent
 from sidegan.robot.consistency import about_the_centre
 
 if TYPE_CHECKING:
     import mujoco
 
-    from sidegan.plant.settings import PlantSettings
-
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
 
 
 def mujoco_model(
     arm: Arm,
-    settings: "PlantSettings | None" = None,
+    settings: PlantSettings = IDEAL,
     stiffness: Tensor | None = None,
     damping: Tensor | None = None,
 ) -> "mujoco.MjModel":
@@ -30,7 +29,7 @@ def mujoco_model(
 
     Args:
         arm: the arm.
-        settings: friction, rotor inertia and rate; a rigid body at 1 kHz when None.
+        settings: friction, rotor inertia and rate; a rigid body at 1 kHz when it is ideal.
         stiffness: of position servos [N·m/rad], (J,); no servos when None.
         damping: of the servos [N·m·s/rad], (J,).
 
@@ -42,19 +41,14 @@ def mujoco_model(
 
     require_consistent(arm)
     try:
-        return mujoco.MjModel.from_xml_string(mjcf(arm, settings, stiffness, damping))
+        return mujoco.MjModel.from_xml_string(_mjcf(arm, settings, stiffness, damping))
     except ValueError as error:
         raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
 
 
-def mjcf(
-    arm: Arm,
-    settings: "PlantSettings | None" = None,
-    stiffness: Tensor | None = None,
-    damping: Tensor | None = None,
-) -> str:
+def _mjcf(arm: Arm, settings: PlantSettings, stiffness: Tensor | None, damping: Tensor | None) -> str:
     """The model as MJCF; arguments as of ``mujoco_model``."""
-    rate = settings.rate if settings else 1000.0
+    rate = settings.rate
     root = ET.Element("mujoco", model=arm.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     option = ET.SubElement(
@@ -62,7 +56,7 @@ def mjcf(
     )
     ET.SubElement(option, "flag", contact="disable", autoreset="disable")
     body = ET.SubElement(root, "worldbody")
-    friction = _friction(settings, arm.joints, rate) if settings else [{}] * arm.joints
+    friction = _friction(settings, arm.joints)
     for i, inertial in enumerate(_inertials(arm)):
         placement = {"pos": _words(arm.translation[i]), "quat": _quaternion(arm.rotation[i])}
         body = ET.SubElement(body, "body", {"name": f"link {i + 1}"} | placement)
@@ -79,19 +73,6 @@ def mjcf(
     return ET.tostring(root, encoding="unicode")
 
 
-def inverse_dynamics(model: "mujoco.MjModel", q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-    """MuJoCo's inverse dynamics [N·m], (S, J), of states (S, J): a check on our own."""
-    import mujoco
-
-    data = mujoco.MjData(model)
-    torques = []
-    for position, velocity, acceleration in zip(q.numpy(), dq.numpy(), ddq.numpy()):
-        data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
-        mujoco.mj_inverse(model, data)
-        torques.append(torch.from_numpy(data.qfrc_inverse.copy()))
-    return torch.stack(torques)
-
-
 def _inertials(arm: Arm) -> Iterable[dict[str, str]]:
     """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
     for row in arm.inertial_parameters:
@@ -106,10 +87,10 @@ def _inertials(arm: Arm) -> Iterable[dict[str, str]]:
         }
 
 
-def _friction(settings: "PlantSettings", joints: int, rate: float) -> list[dict[str, str]]:
+def _friction(settings: PlantSettings, joints: int) -> list[dict[str, str]]:
     """Attributes of each joint that a rigid body has not."""
     viscous, coulomb, rotor = (settings.of(x, joints) for x in ("viscous", "coulomb", "rotor_inertia"))
-    stiff = _words([_STIFFEST / rate, 1.0])
+    stiff = _words([_STIFFEST / settings.rate, 1.0])
     return [
         {
             "damping": _words([viscous[i]]),

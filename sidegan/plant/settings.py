@@ -1,6 +1,6 @@
 """What the plant has that a rigid body has not, and what its sensors see."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import torch
 from torch import Tensor
@@ -9,30 +9,24 @@ from sidegan.base.typed import NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 
 
-def _none() -> list[float]:
-    """One value, which stands for every joint."""
-    return [0.0]
-
-
 @dataclass(frozen=True)
 class PlantSettings:
     """Friction, drives, servos and sensors; a list holds a value per joint, or one for all joints.
 
     The units are those of revolute joints; for prismatic ones read N for N·m, m for rad and kg for kg·m².
-    Without arguments it is an arm without friction, with perfect sensors and a controller that knows it.
     """
 
-    rate: Positive = 1000.0  # [Hz] of the servos, and of the recording
-    viscous: list[NonNegative] = field(default_factory=_none)  # friction [N·m·s/rad]
-    coulomb: list[NonNegative] = field(default_factory=_none)  # friction [N·m]
-    rotor_inertia: list[NonNegative] = field(default_factory=_none)  # seen from the joint's side [kg·m²]
-    bandwidth: list[Positive] = field(default_factory=lambda: [10.0])  # of the position servo [Hz]
-    damping_ratio: list[Positive] = field(default_factory=lambda: [1.0])  # of the position servo
-    feed_forward: Share = 1.0  # share of the inverse dynamics that the controller adds; it knows no friction
-    tolerance: Positive = 0.1  # [rad] off the reference at which the execution has failed
-    encoder_resolution: list[NonNegative] = field(default_factory=_none)  # [rad]
-    torque_noise: list[NonNegative] = field(default_factory=_none)  # standard deviation [N·m]
-    torque_bias: list[float] = field(default_factory=_none)  # [N·m]
+    rate: Positive  # [Hz] of the servos, and of the recording
+    viscous: list[NonNegative]  # friction [N·m·s/rad]
+    coulomb: list[NonNegative]  # friction [N·m]
+    rotor_inertia: list[NonNegative]  # seen from the joint's side [kg·m²]
+    bandwidth: list[Positive]  # of the position servo [Hz]
+    damping_ratio: list[Positive]  # of the position servo
+    feed_forward: Share  # share of the inverse dynamics that the controller adds; it knows no friction
+    tolerance: Positive  # [rad] off the reference at which the execution has failed
+    encoder_resolution: list[NonNegative]  # [rad]
+    torque_noise: list[NonNegative]  # standard deviation [N·m]
+    torque_bias: list[float]  # [N·m]
 
     def of(self, name: str, joints: int) -> Tensor:
         """One setting as a value per joint, (J,), float64.
@@ -56,3 +50,18 @@ class PlantSettings:
         for one in fields(self):
             if isinstance(getattr(self, one.name), list):
                 self.of(one.name, joints)
+
+
+IDEAL = PlantSettings(  # no friction, perfect sensors, and a controller that knows the arm
+    rate=1000.0,
+    viscous=[0.0],
+    coulomb=[0.0],
+    rotor_inertia=[0.0],
+    bandwidth=[10.0],
+    damping_ratio=[1.0],
+    feed_forward=1.0,
+    tolerance=0.1,
+    encoder_resolution=[0.0],
+    torque_noise=[0.0],
+    torque_bias=[0.0],
+)

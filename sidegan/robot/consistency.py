@@ -1,7 +1,5 @@
 """Which links could exist: mass, centre of mass and inertia that some distribution of mass has."""
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor
 
@@ -12,18 +10,23 @@ _ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the t
 
 
 def pseudo_inertia(parameters: Tensor) -> Tensor:
-    """Pseudo-inertia [kg, kg·m, kg·m²], (J, 4, 4), of parameters (J, 10); positive definite for a real link.
+    """Pseudo-inertias [kg, kg·m, kg·m²], (…, 4, 4), of link parameters (…, 10) in Pinocchio's order.
 
-    It is [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h.
+    [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h. It is positive
+    definite exactly when mass and inertia about the centre of mass are, and the principal moments meet the
+    triangle inequality: for a real link.
 
     Source: Wensing, Kim, Slotine 2018, Linear matrix inequalities for physically consistent inertial
     parameter identification, eq. 13.
     """
-    inertia = inertia_matrices(parameters)
-    unit = torch.eye(3, dtype=parameters.dtype, device=parameters.device)
-    second = inertia.diagonal(dim1=-2, dim2=-1).sum(-1)[:, None, None] / 2 * unit - inertia
-    first = parameters[:, 1:4, None]
-    return torch.cat([torch.cat([second, first], 2), torch.cat([first.mT, parameters[:, :1, None]], 2)], 1)
+    m, x, y, z, xx, xy, yy, xz, yz, zz = parameters.unbind(-1)
+    half = (xx + yy + zz) / 2
+    rows = [half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m]
+    return torch.stack(rows, -1).reshape(*parameters.shape[:-1], 4, 4)
+
+
+# The linear map from a flattened pseudo-inertia back to link parameters, (10, 16).
+FROM_PSEUDO_INERTIA = torch.linalg.pinv(pseudo_inertia(torch.eye(10, dtype=torch.float64)).reshape(10, 16).T)
 
 
 def inertia_matrices(parameters: Tensor) -> Tensor:
@@ -40,42 +43,33 @@ def about_the_centre(parameters: Tensor) -> tuple[Tensor, Tensor]:
     return centre, inertia_matrices(parameters) - square + first[:, :, None] * centre[:, None, :]
 
 
-def inconsistent_links(arm: Arm | Tensor, names: Sequence[str] | None = None) -> list[tuple[str, str]]:
+def inconsistent_links(arm: Arm, parameters: Tensor | None = None) -> list[tuple[str, str]]:
     """Links that cannot exist, each with the reason; an empty list when all are physically consistent.
 
     A link is what one joint moves, with everything that is fixed to it.
 
     Args:
-        arm: an arm, or inertial parameters about the joints' frames in Pinocchio's order, (J, 10).
-        names: what to call the links; the arm's own names, or their numbers from 1, when None.
+        arm: the arm.
+        parameters: to judge instead of the arm's own, about the joints' frames in Pinocchio's order, (J, 10).
 
     Raises:
-        ShapeError: when parameters are not (J, 10), or there are not as many names.
+        ShapeError: when the parameters do not fit the arm.
     """
-    parameters = arm.inertial_parameters if isinstance(arm, Arm) else arm
-    if parameters.ndim != 2 or parameters.shape[1] != 10:
-        raise ShapeError(f"inertial parameters are {tuple(parameters.shape)}, expected (J, 10)")
-    if names is None:
-        own = arm.link_names if isinstance(arm, Arm) else ()
-        names = own or tuple(str(i + 1) for i in range(len(parameters)))
-    if len(names) != len(parameters):
-        raise ShapeError(f"there are {len(names)} names of {len(parameters)} links")
-    reasons = [_reason(link[None]) for link in parameters.detach().double().cpu()]
-    return [(name, reason) for name, reason in zip(names, reasons) if reason]
+    links = arm.inertial_parameters if parameters is None else parameters
+    if links.shape != (arm.joints, 10):
+        raise ShapeError(f"inertial parameters are {tuple(links.shape)}, expected ({arm.joints}, 10)")
+    reasons = [_reason(link[None]) for link in links.detach().double().cpu()]
+    return [(name, reason) for name, reason in zip(arm.link_names, reasons) if reason]
 
 
 def require_consistent(arm: Arm, parameters: Tensor | None = None) -> None:
-    """Raise unless every link is physically consistent.
-
-    Args:
-        arm: the arm.
-        parameters: to judge instead of the arm's own, (J, 10).
+    """Raise unless every link is physically consistent; arguments as of ``inconsistent_links``.
 
     Raises:
         RobotError: with every link that is not, and why.
         ShapeError: when the parameters do not fit the arm.
     """
-    wrong = inconsistent_links(arm.inertial_parameters if parameters is None else parameters, arm.link_names)
+    wrong = inconsistent_links(arm, parameters)
     if wrong:
         links = "; ".join(f"link {name!r}: {reason}" for name, reason in wrong)
         raise RobotError(f"{arm.name} is not physically consistent: {links}")

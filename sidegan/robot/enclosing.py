@@ -6,6 +6,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 Points = NDArray[np.float64]
 Segment = tuple[Points, float]  # end points, and the radius around the segment between them
+_SAME = 1e-9  # relative difference of volumes that rounding could make
 _RADII = 200  # tried between the thinnest capsule and a sphere
 
 
@@ -31,7 +32,10 @@ def around_points(points: Points) -> Segment:
         across = np.linalg.norm(corners - foot - np.outer(along, axis), axis=1)
         ends, radius = _around_rings(across, along)
         candidates.append((foot + np.outer(ends, axis), radius))
-    return min(candidates, key=lambda c: _volume(c[1], float(np.linalg.norm(c[0][1] - c[0][0]))))
+    lengths = [float(np.linalg.norm(ends[1] - ends[0])) for ends, _ in candidates]
+    volumes = [_volume(radius, length) for (_, radius), length in zip(candidates, lengths)]
+    alike = (1 + _SAME) * min(volumes)  # which of these is smallest, rounding decides: the first is taken
+    return next(c for c, volume in zip(candidates, volumes) if volume <= alike)
 
 
 def _around_rings(across: Points, along: Points) -> Segment:

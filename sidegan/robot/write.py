@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import replacing
-from sidegan.errors import RobotError, ShapeError
+from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
@@ -36,16 +36,16 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path) -> None:
         ShapeError: when the parameters are not (J, 10).
         StorageError: when the file cannot be written.
     """
-    if parameters.shape != (arm.joints, 10):
-        raise ShapeError(f"inertial parameters are {tuple(parameters.shape)}, expected ({arm.joints}, 10)")
     parameters = parameters.detach().double().cpu()
     require_consistent(arm, parameters)
     carriers = _carriers(arm)
     inertials = {link: _inertial(row) for link, row in zip(arm.link_names, parameters)}
-    wanted = {link: inertials.get(link, b"") for link, carrier in carriers.items() if carrier is not None}
+    replacements = {
+        link: inertials.get(link, b"") for link, carrier in carriers.items() if carrier is not None
+    }
     text = arm.urdf.read_bytes()
     with replacing(path) as draft:
-        draft.write_bytes(_replaced(text, wanted))
+        draft.write_bytes(_replaced(text, replacements))
         _check(arm, parameters, draft)
 
 
@@ -94,20 +94,19 @@ def _inertial(parameters: Tensor) -> bytes:
     return "\n".join(lines).encode("ascii")
 
 
-def _replaced(text: bytes, wanted: dict[str, bytes]) -> bytes:
-    """A URDF's text with the inertias of the links ``wanted`` replaced, inserted, or (empty) taken out."""
-    edits = _edits(text, wanted)
-    for start, end, new in sorted(edits, reverse=True):
+def _replaced(text: bytes, inertials: dict[str, bytes]) -> bytes:
+    """A URDF's text with the inertias of these links replaced, inserted, or (empty) taken out."""
+    for start, end, new in sorted(_edits(text, inertials), reverse=True):
         text = text[:start] + new + text[end:]
     return text
 
 
-def _edits(text: bytes, wanted: dict[str, bytes]) -> list[tuple[int, int, bytes]]:
+def _edits(text: bytes, inertials: dict[str, bytes]) -> list[tuple[int, int, bytes]]:
     """What to change: from byte, to byte, new text."""
     parser = expat.ParserCreate()
     path: list[str] = []
     link, opened = "", 0
-    found: dict[str, tuple[int, int]] = {}
+    spans: dict[str, tuple[int, int]] = {}
     missing: list[tuple[str, int]] = []
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -116,19 +115,19 @@ def _edits(text: bytes, wanted: dict[str, bytes]) -> list[tuple[int, int, bytes]
         if path == ["robot", "link"]:
             link, opened = attributes.get("name", ""), parser.CurrentByteIndex
         elif path == ["robot", "link", "inertial"]:
-            found.setdefault(link, (parser.CurrentByteIndex, -1))
+            spans.setdefault(link, (parser.CurrentByteIndex, -1))
 
     def end(tag: str) -> None:
-        if path == ["robot", "link", "inertial"] and found[link][1] < 0:
-            found[link] = found[link][0], _tag_end(text, parser.CurrentByteIndex)
-        elif path == ["robot", "link"] and wanted.get(link) and link not in found:
+        if path == ["robot", "link", "inertial"] and spans[link][1] < 0:
+            spans[link] = spans[link][0], _tag_end(text, parser.CurrentByteIndex)
+        elif path == ["robot", "link"] and inertials.get(link) and link not in spans:
             missing.append((link, opened))
         path.pop()
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.Parse(text, True)
-    edits = [(*span, wanted[name]) for name, span in found.items() if name in wanted]
-    return edits + [_insertion(text, position, wanted[name]) for name, position in missing]
+    edits = [(*span, inertials[name]) for name, span in spans.items() if name in inertials]
+    return edits + [_insertion(text, position, inertials[name]) for name, position in missing]
 
 
 def _insertion(text: bytes, position: int, inertial: bytes) -> tuple[int, int, bytes]:

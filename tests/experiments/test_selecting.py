@@ -6,11 +6,11 @@ from experiments import selecting
 from sidegan.design.excitation import excite
 from sidegan.design.greedy import greedy
 from sidegan.errors import ShapeError
-from sidegan.identification import Noise, study
+from sidegan.identification import Noise, StudySettings
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 
-SETTINGS = study.Settings(20.0, 1e6, 1.0, True, Noise("multiplicative", 0.1, True, False), 2)
+SETTINGS = StudySettings(20.0, 1e6, 1.0, True, Noise("multiplicative", 0.1, True, False), 2, 3)
 
 
 def family(count, seed):

@@ -1,22 +1,22 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
 
 from sidegan.motion.trajectory import Motion
+from tests.identification.recordings import noisy_rows
 
 
 class LinearBody:
     """A made-up arm of three joints whose torques are linear in six parameters of unlike sizes."""
 
+    joints, count = 3, 6
+    names = tuple(f"p{i + 1}" for i in range(6))
+
     def __init__(self):
-        self.base = SimpleNamespace(
-            values=torch.tensor([4.0, -0.3, 0.05, 1.2, -0.02, 0.4], dtype=torch.float64)
-        )
+        self.values = torch.tensor([4.0, -0.3, 0.05, 1.2, -0.02, 0.4], dtype=torch.float64)
         self.largest = 0  # most samples that one call asked the regressor for
 
-    def base_regressor(self, q, dq, ddq):
+    def regressor(self, q, dq, ddq, sign=None):
         self.largest = max(self.largest, len(q))
         zero = torch.zeros_like(q[..., 0])
         rows = [
@@ -27,7 +27,7 @@ class LinearBody:
         return torch.stack([torch.stack(row, -1) for row in rows], -2)
 
     def torque(self, q, dq, ddq):
-        return self.base_regressor(q, dq, ddq) @ self.base.values
+        return self.regressor(q, dq, ddq) @ self.values
 
 
 @pytest.fixture
@@ -45,10 +45,7 @@ def motion():
     return Motion(time, angle.sin(), speed * angle.cos(), -(speed**2) * angle.sin())
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def random_rows():
-    """Regressor (200, 3, 6) with columns of unlike sizes and torque (200, 3) that no model fits exactly."""
-    random = np.random.default_rng(3)
-    y = random.normal(size=(200, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
-    tau = y @ random.normal(size=6) + random.normal(size=(200, 3)) * [1, 0.3, 0.05]
-    return torch.from_numpy(y), torch.from_numpy(tau)
+    """Regressor (200, 3, 6) and torque (200, 3) that no model fits exactly."""
+    return noisy_rows(200)

@@ -1,11 +1,14 @@
 """Made-up recordings with known parameters."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
-from sidegan.identification import Measurements, Model, Terms
+from sidegan.identification import FULL, Measurements, Noise, StudySettings, TorqueModel
 from sidegan.motion.dynamics import RigidBody
 
+NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
 
@@ -51,5 +54,18 @@ class Fixed:
         return Measurements(rows, torch.zeros_like(torque), torch.zeros_like(torque), torque)
 
 
-def model_of(arm, **terms):
-    return Model(RigidBody(arm), Terms(**terms))
+def noisy_rows(samples):
+    """Regressor (S, 3, 6) with columns of unlike sizes and torque (S, 3) with noise of unlike sizes."""
+    random = np.random.default_rng(3)
+    y = random.normal(size=(samples, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
+    tau = y @ random.normal(size=6) + random.normal(size=(samples, 3)) * [1, 0.3, 0.05]
+    return torch.from_numpy(y), torch.from_numpy(tau)
+
+
+def model_of(arm, velocities=None, **terms):
+    return TorqueModel(RigidBody(arm), replace(FULL, stribeck=velocities is not None, **terms), velocities)
+
+
+def study_settings(**changes):
+    values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": NOISE, "repeats": 2}
+    return StudySettings(**{**values, "tests": 3, **changes})

@@ -3,18 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError
-from sidegan.identification import Conditions, Model, consistent, estimate
-from sidegan.identification.inertia import from_pseudo_inertia, least_eigenvalues, pseudo_inertia
-from sidegan.identification.prior import scales
+from sidegan.identification import TorqueModel, estimate
+from sidegan.identification.consistent import Consistent, least_eigenvalues
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Arm
+from sidegan.robot import Arm, pseudo_inertia
 from tests.identification.recordings import model_of, recorded, truth_of
-
-MASS = st.floats(0.1, 20.0)
 
 
 def links_of(model, found):
@@ -22,7 +17,7 @@ def links_of(model, found):
 
 
 def least(model, links):
-    return least_eigenvalues(links, *scales(model.arm))
+    return least_eigenvalues(links, model.arm)
 
 
 @pytest.fixture(scope="module")
@@ -39,30 +34,9 @@ def changed(arm: Arm, link: int, parameter: int, value: float) -> Arm:
     return replace(arm, inertial_parameters=parameters)
 
 
-class TestPseudoInertia:
-    @settings(max_examples=50, deadline=None)
-    @given(st.integers(0, 10_000))
-    def test_there_and_back(self, seed):
-        links = torch.from_numpy(np.random.default_rng(seed).normal(size=(3, 10)))
-        torch.testing.assert_close(from_pseudo_inertia(pseudo_inertia(links)), links)
-
-    @settings(max_examples=50, deadline=None)
-    @given(st.integers(0, 10_000), MASS)
-    def test_of_points_with_masses_is_positive(self, seed, mass):
-        random = np.random.default_rng(seed)
-        points = np.column_stack([random.normal(size=(8, 3)), np.ones(8)])
-        pseudo = torch.from_numpy(np.einsum("n,ni,nj->ij", mass * random.uniform(0.1, 1, 8), points, points))
-        link = from_pseudo_inertia(pseudo)
-        inertia = np.array(
-            [[link[4], link[5], link[7]], [link[5], link[6], link[8]], [link[7], link[8], link[9]]]
-        )
-        a, b, c = np.linalg.eigvalsh(inertia)
-        assert link[0] > 0 and a > 0 and a + b > c
-        torch.testing.assert_close(pseudo_inertia(link), pseudo)
-
-    def test_of_the_built_in_arms_exists(self, arm, planar):
-        for one in (arm, planar):
-            assert (least_eigenvalues(one.inertial_parameters, *scales(one)) > 0).all()
+def test_links_of_the_built_in_arms_exist(arm, planar):
+    for one in (arm, planar):
+        assert (least_eigenvalues(one.inertial_parameters, one) > 0).all()
 
 
 class TestFit:
@@ -112,7 +86,7 @@ class TestFit:
         model = model_of(planar)
         plain = estimate("weighted", model, recorded(model, 200, noise=1.0))
         information, moment = plain.information, plain.moment
-        found = consistent(model, information, moment, Conditions(strength=2.0))
+        standard = Consistent(strength=2.0).standard(model, information, moment)
 
         def cost(standard):
             x = model.mapping @ standard
@@ -123,10 +97,10 @@ class TestFit:
             )
             return float(0.5 * x @ information @ x - moment @ x + 2.0 * divergence)
 
-        best, random = cost(found.standard), np.random.default_rng(0)
+        best, random = cost(standard), np.random.default_rng(0)
         for _ in range(200):
-            step = 1e-3 * torch.from_numpy(random.normal(size=found.standard.shape)) * found.standard.abs()
-            assert cost(found.standard + step) >= best - 1e-4 * abs(best)
+            step = 1e-3 * torch.from_numpy(random.normal(size=standard.shape)) * standard.abs()
+            assert cost(standard + step) >= best - 1e-4 * abs(best)
 
 
 class TestAccepted:
@@ -164,7 +138,7 @@ class TestBadInput:
         assert (least(model, links_of(model, found)) > 0).all()
 
     def test_a_description_without_masses(self, planar):
-        light = Model(RigidBody(replace(planar, inertial_parameters=0 * planar.inertial_parameters)))
+        light = TorqueModel(RigidBody(replace(planar, inertial_parameters=0 * planar.inertial_parameters)))
         with pytest.raises(ConfigError, match="no link of planar2 has a mass"):
             estimate("consistent", light, recorded(light, 100, noise=0.1))
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -6,8 +8,9 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import Measurements, Noise, measure
-from sidegan.identification.measurements import STATES_AT_ONCE, chunks
+from sidegan.identification.measurements import STATES_AT_ONCE, pieces
 from sidegan.motion.trajectory import Motion
+from tests.identification.recordings import NOISE
 
 
 def stack(measurements):
@@ -24,16 +27,16 @@ def one_trajectory(motion, i):
 
 
 def test_without_noise_the_states_and_their_torques_are_measured(body, motion):
-    for noise in (Noise(level=0.0, state=True), Noise(torque=False)):
-        measured = measure(body, motion, noise, np.random.default_rng(0))
+    for noise in (None, replace(NOISE, level=0.0, state=True), replace(NOISE, torque=False)):
+        measured = measure(body, motion, noise, 0)
         for x, true in zip(measured.states, motion[1:]):
             assert torch.equal(x, true.reshape(300, 3))
-        assert torch.equal(measured.torque, body.torque(*measured.states))
+        torch.testing.assert_close(measured.torque, body.torque(*measured.states))
 
 
 def test_multiplicative_noise_is_uniform_relative_to_the_signal(body, motion):
-    clean = stack(measure(body, motion, Noise(level=0.0), np.random.default_rng(0)))
-    noise = Noise(level=0.1, state=True)
+    clean = stack(measure(body, motion))
+    noise = replace(NOISE, state=True)
     ratio = stack(measure(body, motion, noise, np.random.default_rng(1))) / clean - 1
     assert 0.0995 < ratio.abs().max() <= 0.1 + 1e-12
     # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 3600 draws, five standard errors.
@@ -42,8 +45,8 @@ def test_multiplicative_noise_is_uniform_relative_to_the_signal(body, motion):
 
 
 def test_additive_noise_is_uniform_relative_to_the_signals_deviation(body, motion):
-    clean = stack(measure(body, motion, Noise(level=0.0), np.random.default_rng(0)))
-    noise = Noise("additive", 0.2, state=True)
+    clean = stack(measure(body, motion))
+    noise = Noise("additive", 0.2, torque=True, state=True)
     added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
     deviation = clean.reshape(4, 2, 150, 3).numpy().std(axis=2, keepdims=True)
     share = added.reshape(4, 2, 150, 3).numpy() / deviation
@@ -53,10 +56,11 @@ def test_additive_noise_is_uniform_relative_to_the_signals_deviation(body, motio
 
 @pytest.mark.parametrize("kind", ["multiplicative", "additive"])
 def test_only_what_is_said_to_be_noisy_is(body, motion, kind):
-    clean = measure(body, motion, Noise(level=0.0), np.random.default_rng(0))
-    torque = measure(body, motion, Noise(kind), np.random.default_rng(1))
-    state = measure(body, motion, Noise(kind, torque=False, state=True), np.random.default_rng(1))
-    both = measure(body, motion, Noise(kind, state=True), np.random.default_rng(1))
+    clean = measure(body, motion)
+    torque, state, both = (
+        measure(body, motion, Noise(kind, 0.1, *noisy), np.random.default_rng(1))
+        for noisy in ((True, False), (False, True), (True, True))
+    )
     assert all(torch.equal(x, y) for x, y in zip(torque.states, clean.states))
     assert torch.equal(state.torque, clean.torque)  # the torque of the true states
     # What is noisy in one choice has the same noise in another.
@@ -67,7 +71,7 @@ def test_only_what_is_said_to_be_noisy_is(body, motion, kind):
 
 @pytest.mark.parametrize("kind", ["multiplicative", "additive"])
 def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion, kind):
-    noise = Noise(kind, state=True)
+    noise = Noise(kind, 0.1, torque=True, state=True)
     whole = stack(measure(body, motion, noise, np.random.default_rng(5)))
     random = np.random.default_rng(5)
     parts = [stack(measure(body, one_trajectory(motion, i), noise, random)) for i in range(2)]
@@ -76,45 +80,37 @@ def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion, kind):
 
 def test_the_generator_decides_the_noise(body, motion):
     def torque(seed):
-        return measure(body, motion, Noise(), np.random.default_rng(seed)).torque
+        return measure(body, motion, NOISE, seed).torque
 
     assert torch.equal(torque(1), torque(1)) and not torch.equal(torque(1), torque(2))
 
 
 def test_inverse_dynamics_are_asked_for_a_bounded_number_of_states(body):
     x = torch.linspace(0, 9, STATES_AT_ONCE + 5, dtype=torch.float64)[None, :, None].expand(1, -1, 3)
-    measured = measure(body, Motion(x[0, :, 0], x, x, x), Noise(level=0.0), np.random.default_rng(0))
+    measured = measure(body, Motion(x[0, :, 0], x, x, x))
     assert body.largest == STATES_AT_ONCE and len(measured) == STATES_AT_ONCE + 5
-    assert torch.equal(measured.torque, body.torque(x[0], x[0], x[0]))
+    torch.testing.assert_close(measured.torque, body.torque(x[0], x[0], x[0]))
 
 
 def test_nothing_to_measure_is_refused(body):
     empty = torch.zeros(0, 10, 3, dtype=torch.float64)
     with pytest.raises(ShapeError, match="nothing to measure"):
-        measure(body, Motion(empty[:, 0, 0], empty, empty, empty), Noise(), np.random.default_rng(0))
+        measure(body, Motion(empty[:, 0, 0], empty, empty, empty), NOISE)
 
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=6), st.integers(1, 12))
-def test_chunks_are_the_same_samples_in_order(lengths, samples):
+def test_pieces_are_the_same_samples_in_order_and_end_with_their_recording(lengths, samples):
     starts = np.cumsum([0, *lengths])
-    parts = [recording(n, start=s) for n, s in zip(lengths, starts)]
-    pieces = list(chunks(iter(parts), samples))
-    total = sum(lengths)
-    assert [len(x) for x in pieces] == [samples] * (total // samples) + [total % samples] * (
-        total % samples > 0
-    )
-    if total:
-        joined = torch.cat([stack(x) for x in pieces], 1)
-        assert torch.equal(joined, stack(recording(total)))
+    parts = list(pieces((recording(n, start=s) for n, s in zip(lengths, starts)), samples))
+    expected = [min(samples, n - k) for n in lengths for k in range(0, n, samples)]
+    assert [len(x) for x in parts] == expected
+    if parts:
+        joined = torch.cat([stack(x) for x in parts], 1)
+        assert torch.equal(joined, stack(recording(sum(lengths))))
 
 
-def test_chunks_of_one_recording():
-    assert [len(x) for x in chunks(recording(7), 3)] == [3, 3, 1]
-
-
-def test_recordings_of_different_arms_are_not_joined():
-    with pytest.raises(ShapeError, match="2 and of 3 joints"):
-        list(chunks([recording(4, 2), recording(4, 3)], 5))
+def test_pieces_of_one_recording():
+    assert [len(x) for x in pieces(recording(7), 3)] == [3, 3, 1]
 
 
 def signed(count):
@@ -125,15 +121,9 @@ def signed(count):
 def test_the_sign_goes_with_its_samples():
     whole = signed(10)
     assert torch.equal(whole[2:5].sign, whole.sign[2:5])
-    assert torch.equal(whole[:4].append(whole[4:]).sign, whole.sign)
     assert whole.inputs[3] is whole.sign and len(recording(3).inputs) == 3
     copied = whole[2:5].copy()
     assert torch.equal(copied.sign, whole.sign[2:5]) and copied.sign.data_ptr() != whole.sign[2:5].data_ptr()
-
-
-def test_recordings_with_and_without_a_sign_are_not_joined():
-    with pytest.raises(ShapeError, match="with and without a sign"):
-        signed(3).append(recording(3))
 
 
 def test_a_sign_that_does_not_fit_is_refused():
@@ -144,7 +134,7 @@ def test_a_sign_that_does_not_fit_is_refused():
 
 def test_no_samples_at_once_is_refused():
     with pytest.raises(ConfigError, match="got 0"):
-        list(chunks(recording(4), 0))
+        list(pieces(recording(4), 0))
 
 
 @pytest.mark.parametrize(
@@ -170,9 +160,9 @@ def test_recordings_that_do_not_fit_are_refused(change, named):
 @pytest.mark.parametrize("level", [-0.1, float("nan"), float("inf")])
 def test_a_level_that_is_none_is_refused(level):
     with pytest.raises(ConfigError, match=str(level)):
-        Noise(level=level)
+        replace(NOISE, level=level)
 
 
 def test_an_unknown_kind_is_refused():
     with pytest.raises(ConfigError, match="'gaussian'"):
-        Noise("gaussian")
+        replace(NOISE, kind="gaussian")

@@ -1,17 +1,19 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification import Model, Terms
-from sidegan.identification.formulas import formula
-from sidegan.identification.model import states_within
-from sidegan.identification.single import SingleRegressor
-from sidegan.motion.dynamics import RigidBody
+from sidegan.identification import FULL
+from sidegan.identification.live import SampleRegressor
+from sidegan.identification.model import formula, states_within
 from tests.chains import random_chain
 from tests.identification.recordings import model_of, multisine
 
-ALL = Terms(stribeck=0.2)
+
+def everything(arm):
+    return model_of(arm, [0.2] * arm.joints)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +24,7 @@ def arms(arm, planar):
 class TestRegressor:
     def test_gives_the_torque_of_all_standard_parameters(self, arms):
         for arm in arms:
-            model = Model(RigidBody(arm), ALL)
+            model = everything(arm)
             q, dq, ddq = states_within(arm, 40, seed=5)
             full = torch.from_numpy(np.random.default_rng(0).normal(size=model.mapping.shape[1]))
             sign = torch.tanh(dq / 0.01)
@@ -35,7 +37,7 @@ class TestRegressor:
 
     def test_columns_are_independent_and_rigid_ones_come_first(self, arms):
         for arm in arms:
-            model = Model(RigidBody(arm), ALL)
+            model = everything(arm)
             y = model.regressor(*states_within(arm, 60 * arm.joints, seed=9))
             rows = y.reshape(-1, model.count)
             assert torch.linalg.matrix_rank(rows / rows.norm(dim=0), rtol=1e-9) == model.count
@@ -43,8 +45,8 @@ class TestRegressor:
 
     def test_one_state_at_a_time_is_the_same(self, arms):
         for arm in arms:
-            model = Model(RigidBody(arm), ALL)
-            single, states = SingleRegressor(model), states_within(arm, 20, seed=2)
+            model = everything(arm)
+            single, states = SampleRegressor(model), states_within(arm, 20, seed=2)
             y = model.regressor(*states).numpy()
             for i in range(20):
                 found = single(*(x[i].numpy() for x in states))
@@ -55,7 +57,8 @@ class TestRegressor:
         q, dq, ddq = multisine(2, 30)
         y = model.regressor(q, dq, ddq, 0.5 * torch.ones_like(q))
         assert (y[:, 1, model.index("fc2")] == 0.5).all()
-        assert torch.equal(model.regressor(q, dq, ddq, torch.tanh(dq / 0.01)), model.regressor(q, dq, ddq))
+        followed = model.regressor(q, dq, ddq, torch.tanh(dq / 0.01))
+        torch.testing.assert_close(followed, model.regressor(q, dq, ddq))
 
 
 class TestGroupings:
@@ -66,7 +69,7 @@ class TestGroupings:
         assert [n for n in model.names if n.startswith("Ia")] == [f"Ia{i}" for i in range(3, 8)]
 
     def test_formulas_add_up_to_the_parameters(self, arm):
-        model = model_of(arm, stribeck=0.1)
+        model = model_of(arm, [0.1] * 7)
         values = dict(
             zip(model.standard_names, np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
         )
@@ -89,27 +92,28 @@ class TestGroupings:
 
     def test_the_nominal_parameters_are_those_of_the_description(self, arm):
         model = model_of(arm)
-        assert torch.equal(model.nominal[: model.rigid], model.body.base.values)
+        torch.testing.assert_close(model.nominal[: model.rigid], model.body.base.values)
         assert not model.nominal[model.rigid :].any()
 
     def test_without_terms_only_rigid_bodies_are_left(self, planar):
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
         states = multisine(2, 20)
         assert model.names == list(model.body.base.names)
-        assert torch.equal(model.regressor(*states), model.body.base_regressor(*states))
+        torch.testing.assert_close(model.regressor(*states), model.body.base_regressor(*states))
 
 
 class TestBadInput:
-    @pytest.mark.parametrize(
-        "settings", [{"sign_width": 0.0}, {"stribeck": -1.0}, {"stribeck": float("nan")}]
-    )
-    def test_impossible_velocities(self, settings):
-        with pytest.raises(ConfigError, match="expected finite velocities above zero"):
-            Terms(**settings)
+    @pytest.mark.parametrize("velocity", [0.0, -1.0, float("nan")])
+    def test_impossible_velocities(self, planar, velocity):
+        with pytest.raises(ConfigError, match=r"sign_width is .*expected finite velocities above zero"):
+            replace(FULL, sign_width=velocity)
+        with pytest.raises(ConfigError, match=r"stribeck is .*expected finite velocities above zero"):
+            model_of(planar, [0.1, velocity])
 
-    def test_one_stribeck_velocity_too_many(self, planar):
-        with pytest.raises(ConfigError, match="3 Stribeck velocities, expected 2"):
-            model_of(planar, stribeck=(0.1, 0.1, 0.1))
+    @pytest.mark.parametrize("velocities", [(0.1, 0.1, 0.1), ()])
+    def test_another_number_of_stribeck_velocities(self, planar, velocities):
+        with pytest.raises(ConfigError, match=f"{len(velocities)} Stribeck velocities, expected 2"):
+            model_of(planar, velocities)
 
     def test_unknown_names(self, planar):
         model = model_of(planar, viscous=False)

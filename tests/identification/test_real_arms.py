@@ -79,7 +79,7 @@ def test_ur10e_is_trusted(ur10e_model, ur10e_runs):
     found = estimate("weighted", ur10e_model, ur10e_runs[0])
     result = trust(ur10e_model, found, ur10e_runs[1:])
     assert result.verdict == "good"
-    assert result.condition < 20 and not result.weak
+    assert result.estimate.condition < 20 and not result.weak
 
 
 def test_lwr_is_poorly_excited_and_says_so(arm):

@@ -1,11 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from sidegan.identification import Noise, study
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import study
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
+from tests.identification.recordings import NOISE, study_settings
 
 
 @pytest.fixture(scope="module")
@@ -25,24 +29,19 @@ def families():
     return {"long-6": draw(long, 1), "seeds": draw(short, 2)}, draw(short, 3)
 
 
-def settings(**changes):
-    values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": Noise(), "repeats": 2}
-    return study.Settings(**{**values, **changes})
-
-
 def compare(body, families, seed=0, **changes):
-    return study.compare(body, *families, settings(**changes), np.random.SeedSequence(seed))
+    return study.compare(body, *families, study_settings(**changes), np.random.SeedSequence(seed))
 
 
 def test_without_noise_every_set_recovers_the_arm(body, families):
-    results, _ = compare(body, families, noise=Noise(level=0.0))
+    results, _ = compare(body, families, noise=replace(NOISE, level=0.0))
     assert results.nmse.max() < 1e-8
 
 
 def test_there_is_a_row_for_everything(body, families, planar):
     told = []
     results, facts = study.compare(
-        body, *families, settings(), np.random.SeedSequence(0), lambda *x: told.append(x)
+        body, *families, study_settings(), np.random.SeedSequence(0), lambda *x: told.append(x)
     )
     assert list(results.columns) == ["set", "repeat", "weighted", "joint", "nmse"]
     assert (
@@ -89,7 +88,9 @@ def test_weighting_is_left_out_when_it_is_not_wanted(body, families):
 
 
 def test_more_noise_gives_more_error(body, families):
-    errors = [compare(body, families, noise=Noise(level=level))[0].nmse.mean() for level in (0.01, 0.3)]
+    errors = [
+        compare(body, families, noise=replace(NOISE, level=level))[0].nmse.mean() for level in (0.01, 0.3)
+    ]
     assert errors[0] < errors[1]
 
 
@@ -102,3 +103,38 @@ def test_a_short_period_does_not_hide_its_harmonics_from_the_condition(body):
         fine = study._stacked_condition(body, (family, c))
         exact = float(study.excitation_of(body, study.gram(body, family, c, 2000)).eigenvalue_fitness[0])
         assert fine == pytest.approx(exact, rel=0.05)
+
+
+class TestReplication:
+    def test_sums_of_sets_identify_like_the_sets_together(self, body, families):
+        """Without noise on states the sums are those of the samples, in whatever order they were added."""
+        sets, tests = families
+        exact = study_settings(noise=replace(NOISE, level=0.0), prior=1e12)
+        told = []
+        seeds, long = (
+            study.measured_sums(body, sets[name], exact, np.random.SeedSequence(0), lambda *x: told.append(x))
+            for name in ("seeds", "long-6")
+        )
+        assert told == [(2, 2), (1, 1)]
+        results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
+        assert results.nmse.max() < 1e-8
+        assert list(results.columns) == ["set", "weighted", "joint", "nmse"] and len(results) == 2 * 2 * 2
+        samples = dict(zip(facts["set"], facts.samples))
+        assert samples == {"one": 322, "both": 322 + 321}
+        norms = dict(zip(facts["set"], facts.covariance_norm))
+        assert norms["both"] < norms["one"]
+
+    def test_what_cannot_be_added_is_refused(self, body, families):
+        sets, tests = families
+        sums = study.measured_sums(body, sets["seeds"], study_settings(), np.random.SeedSequence(0))
+        with pytest.raises(ConfigError, match=r"forgetting factor 0.9, expected 1"):
+            study.combined(body, {"a": [sums]}, tests, study_settings(forgetting=0.9))
+        with pytest.raises(ShapeError, match="set 'a' has no sums"):
+            study.combined(body, {"a": []}, tests, study_settings())
+        other = sums._replace(information=sums.information[:, :-1, :-1])
+        with pytest.raises(ShapeError, match="sums of information are"):
+            study.combined(body, {"a": [sums, other]}, tests, study_settings())
+
+
+def test_covariance_norm_by_hand():
+    assert study.covariance_norm(torch.tensor([[3.0, 100.0], [100.0, 4.0]])) == pytest.approx(5.0)

@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import (
-    Limits,
     Measurements,
+    Thresholds,
     estimate,
     folds,
     grams_of,
     most_informative,
-    nmse,
     score,
     trust,
 )
@@ -51,7 +50,9 @@ class TestScore:
         model, found, data = good
         predicted = model.torque(found.parameters, *data.states)
         result = score(model, found.parameters, [data[:300], data[300:]])
-        torch.testing.assert_close(result.nmse, nmse(data.torque, predicted))
+        variance = data.torque.var(0, correction=0)
+        expected = (data.torque - predicted).square().mean(0) / variance
+        torch.testing.assert_close(result.nmse, expected)
         torch.testing.assert_close(result.rmse, (data.torque - predicted).square().mean(0).sqrt())
         assert result.samples == 1000
 
@@ -90,7 +91,6 @@ class TestScore:
         for k in range(3):
             others = [x for i, x in enumerate(recordings) if i != k]
             parameters = estimate("weighted", model, others).parameters
-            torch.testing.assert_close(found.parameters[k], parameters)
             torch.testing.assert_close(found.nmse[k], score(model, parameters, recordings[k]).nmse)
         with pytest.raises(ConfigError, match="at least two recordings, got 1"):
             folds("weighted", model, recordings[:1])
@@ -105,7 +105,6 @@ class TestVerdict:
         assert result.reasons[0].startswith("mean nMSE 0.00")
         assert result.validation.nmse_mean < result.nominal_score.nmse_mean < 0.02
         assert (result.torque_deviation < 0.1).all()
-        assert torch.equal(result.nominal, model.nominal) and len(result.formulas) == model.count
 
     def test_without_validation_it_is_usable_at_best(self, good):
         model, found, _ = good
@@ -137,7 +136,7 @@ class TestVerdict:
             data, velocity=torch.zeros_like(data.velocity), acceleration=torch.zeros_like(data.velocity)
         )
         result = trust(model, estimate("ols", model, still))
-        assert result.verdict == "not trustworthy" and math.isinf(result.condition)
+        assert result.verdict == "not trustworthy" and math.isinf(result.estimate.condition)
         assert any("some parameters have no effect" in r for r in result.reasons)
         assert any("more than 1000%" in r for r in result.reasons)
 
@@ -170,8 +169,8 @@ class TestVerdict:
 
     def test_limits_are_the_users(self, good):
         model, found, validation = good
-        strict = Limits(good_nmse=1e-6, usable_nmse=1e-5, condition=1.0)
-        result = trust(model, found, [validation], limits=strict)
+        strict = Thresholds(good_nmse=1e-6, usable_nmse=1e-5, condition=1.0)
+        result = trust(model, found, [validation], thresholds=strict)
         assert result.verdict == "not trustworthy"
         assert any("act alike" in r for r in result.reasons)
 

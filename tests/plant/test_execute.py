@@ -8,7 +8,7 @@ import torch
 from sidegan.errors import InfeasibleError, RobotError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
-from sidegan.plant import Plant, PlantSettings
+from sidegan.plant import IDEAL, Plant
 from sidegan.robot import built_in_robots, load_robot
 
 RATE = 1000.0  # Hz
@@ -31,14 +31,14 @@ def rms(x):
 @pytest.mark.parametrize("name", built_in_robots())
 def test_without_friction_the_torque_is_the_rigid_bodys(name, motions):
     arm = load_robot(name)
-    executed = Plant(arm, PlantSettings()).execute(motions(arm), 0)
+    executed = Plant(arm, IDEAL).execute(motions(arm), 0)
     torch.testing.assert_close(executed.torque[:-1], rigid(arm, executed), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("joints", [1, 4, 7])
 def test_any_chain_obeys_its_equations_of_motion(chain, motions, joints):
     arm = replace(chain(joints, 1), torque_limit=torch.full((joints,), torch.inf))
-    settings = PlantSettings(viscous=[1.5], rotor_inertia=[0.3])
+    settings = replace(IDEAL, viscous=[1.5], rotor_inertia=[0.3])
     executed = Plant(arm, settings).execute(motions(arm), 0)
     wanted = rigid(arm, executed) + 0.3 * accelerations(executed) + 1.5 * executed.velocity[1:]
     torch.testing.assert_close(executed.torque[:-1], wanted, rtol=0, atol=1e-8)
@@ -46,9 +46,9 @@ def test_any_chain_obeys_its_equations_of_motion(chain, motions, joints):
 
 def test_a_drive_at_its_limit_obeys_the_equations_of_motion_too(planar, motions):
     motion = motions(planar)
-    most = Plant(planar, PlantSettings()).execute(motion, 0).torque.abs().amax(0)
+    most = Plant(planar, IDEAL).execute(motion, 0).torque.abs().amax(0)
     weak = replace(planar, torque_limit=0.97 * most)
-    executed = Plant(weak, PlantSettings(tolerance=1.0)).execute(motion, 0)
+    executed = Plant(weak, replace(IDEAL, tolerance=1.0)).execute(motion, 0)
     assert ((executed.torque.abs() >= 0.97 * most).sum(0) > 10).all()
     assert (executed.torque.abs().amax(0) < 0.975 * most).all()
     torch.testing.assert_close(executed.torque[:-1], rigid(weak, executed), rtol=0, atol=1e-8)
@@ -56,7 +56,7 @@ def test_a_drive_at_its_limit_obeys_the_equations_of_motion_too(planar, motions)
 
 def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
     coulomb = torch.linspace(0.3, 5.0, 7, dtype=torch.float64)
-    settings = PlantSettings(coulomb=coulomb.tolist(), rotor_inertia=[0.5])
+    settings = replace(IDEAL, coulomb=coulomb.tolist(), rotor_inertia=[0.5])
     executed = Plant(arm, settings).execute(motions(arm), 0)
     friction = executed.torque[:-1] - rigid(arm, executed) - 0.5 * accelerations(executed)
     speed = executed.velocity[1:]
@@ -70,7 +70,7 @@ def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
 
 def test_a_known_arm_is_tracked_to_a_tenth_of_a_milliradian(arm, motions):
     motion = motions(arm, period=16.0)
-    executed = Plant(arm, PlantSettings()).execute(motion, 0)
+    executed = Plant(arm, IDEAL).execute(motion, 0)
     assert (executed.position - motion.position[0]).abs().max() < 1e-4
 
 
@@ -83,7 +83,7 @@ def test_the_standard_plant_has_a_tracking_error(arm, motions, standard):
 def test_a_controller_that_knows_less_tracks_worse(arm, motions):
     motion = motions(arm)
     errors = [
-        rms(Plant(arm, PlantSettings(feed_forward=share)).execute(motion, 0).position - motion.position[0])
+        rms(Plant(arm, replace(IDEAL, feed_forward=share)).execute(motion, 0).position - motion.position[0])
         for share in (1.0, 0.9, 0.5)
     ]
     assert errors[0] < errors[1] < errors[2]
@@ -101,15 +101,15 @@ def test_motions_are_executed_one_after_another(planar, motions, standard):
 
 
 def test_another_rate(planar, motions):
-    executed = Plant(planar, PlantSettings(rate=500.0)).execute(motions(planar, rate=500.0), 0)
+    executed = Plant(planar, replace(IDEAL, rate=500.0)).execute(motions(planar, rate=500.0), 0)
     assert executed.time.diff().max() == pytest.approx(2e-3)
 
 
 class TestSensors:
     def test_positions_are_whole_counts(self, planar, motions):
-        settings = PlantSettings(encoder_resolution=[1e-3, 0.0])
+        settings = replace(IDEAL, encoder_resolution=[1e-3, 0.0])
         executed = Plant(planar, settings).execute(motions(planar), 0)
-        true = Plant(planar, PlantSettings()).execute(motions(planar), 0)
+        true = Plant(planar, IDEAL).execute(motions(planar), 0)
         counts = executed.position[:, 0] / 1e-3
         torch.testing.assert_close(counts, counts.round(), rtol=0, atol=1e-9)
         assert (executed.position - true.position).abs().amax(0)[0] <= 0.5e-3 + 1e-12
@@ -118,9 +118,9 @@ class TestSensors:
         assert (executed.velocity - true.velocity)[:, 0].abs().max() <= 0.5 + 1e-3  # half a count per ms
 
     def test_torques_have_the_stated_noise_and_bias(self, planar, motions):
-        settings = PlantSettings(torque_noise=[0.5, 2.0], torque_bias=[-3.0, 0.25])
+        settings = replace(IDEAL, torque_noise=[0.5, 2.0], torque_bias=[-3.0, 0.25])
         executed = Plant(planar, settings).execute(motions(planar, period=16.0), 0)
-        true = Plant(planar, PlantSettings()).execute(motions(planar, period=16.0), 0)
+        true = Plant(planar, IDEAL).execute(motions(planar, period=16.0), 0)
         noise = executed.torque - true.torque
         assert torch.equal(executed.position, true.position)
         assert noise.mean(0).tolist() == pytest.approx([-3.0, 0.25], abs=0.06)  # 4σ of 16,001 samples
@@ -140,33 +140,33 @@ class TestRefused:
             InfeasibleError,
             match=r"joint 'elbow' does not follow: after 0\.\d+ s .* 0.1 rad .* limit of 1 N·m",
         ):
-            Plant(weak, PlantSettings()).execute(motions(planar), 0)
+            Plant(weak, IDEAL).execute(motions(planar), 0)
 
     def test_a_servo_that_is_too_slow(self, planar, motions):
-        settings = PlantSettings(bandwidth=[0.2], feed_forward=0.0, tolerance=0.01)
+        settings = replace(IDEAL, bandwidth=[0.2], feed_forward=0.0, tolerance=0.01)
         with pytest.raises(InfeasibleError, match=r"more than 0.01 rad off its reference$"):
             Plant(planar, settings).execute(motions(planar), 0)
 
     def test_a_servo_that_is_faster_than_its_rate(self, planar, motions):
         with pytest.raises(InfeasibleError, match="does not follow"):
-            Plant(planar, PlantSettings(bandwidth=[800.0], damping_ratio=[0.05])).execute(motions(planar), 0)
+            Plant(planar, replace(IDEAL, bandwidth=[800.0], damping_ratio=[0.05])).execute(motions(planar), 0)
 
     def test_an_arm_that_cannot_exist(self, planar):
         parameters = planar.inertial_parameters.clone()
         parameters[0, 4:] *= 0.1
         with pytest.raises(RobotError, match=r"link 'upper_arm': .* too far out for its inertia"):
-            Plant(replace(planar, inertial_parameters=parameters), PlantSettings())
+            Plant(replace(planar, inertial_parameters=parameters), IDEAL)
 
     def test_a_motion_at_another_rate(self, planar, motions):
         with pytest.raises(ShapeError, match=r"0\.01 s, expected 0\.001 s: the plant runs at 1000 Hz"):
-            Plant(planar, PlantSettings()).execute(motions(planar, rate=100.0), 0)
+            Plant(planar, IDEAL).execute(motions(planar, rate=100.0), 0)
 
     def test_a_motion_of_another_arm(self, arm, planar, motions):
         with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
-            Plant(arm, PlantSettings()).execute(motions(planar), 0)
+            Plant(arm, IDEAL).execute(motions(planar), 0)
 
     def test_a_motion_that_is_not_finite(self, planar, motions):
         motion = motions(planar)
         motion.velocity[0, 5, 1] = torch.nan
         with pytest.raises(ShapeError, match="velocity of the motion is not finite"):
-            Plant(planar, PlantSettings()).execute(motion, 0)
+            Plant(planar, IDEAL).execute(motion, 0)

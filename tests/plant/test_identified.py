@@ -1,16 +1,14 @@
 """What the plant executes is identified through the door of recordings: its settings come back."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 import torch
 
 from sidegan.design.problem import Problem
-from sidegan.identification import Measurements, Model, estimate, nmse
+from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant import execute_all
+from sidegan.plant import Plant
 from sidegan.recording import Recording, Settings, condition
 from sidegan.validity import Constraints
 
@@ -26,12 +24,12 @@ def measurements_of(executed, joint_names, settings):
 def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
-    how = partial(measurements_of, joint_names=arm.joint_names, settings=Settings(bandwidth=6 / 16))
-    return execute_all(arm, standard, FAMILY, c, np.random.SeedSequence(0), how, workers=1)
+    executed = Plant(arm, standard).execute_each(FAMILY, c, np.random.SeedSequence(0))
+    return [measurements_of(one, arm.joint_names, Settings(bandwidth=6 / 16)) for one in executed]
 
 
 def test_friction_rotors_and_bias_come_back(arm, standard, executions):
-    model = Model(RigidBody(arm))
+    model = TorqueModel(RigidBody(arm))
     found = estimate("weighted", model, [part for parts in executions[:6] for part in parts])
     values = dict(zip(model.names, found.parameters.tolist()))
     for name, setting, error in (("fv", "viscous", 0.2), ("fc", "coulomb", 0.1), ("fo", "torque_bias", 0.05)):
@@ -40,5 +38,4 @@ def test_friction_rotors_and_bias_come_back(arm, standard, executions):
     rotors = [value for name, value in values.items() if name.startswith("Ia")]
     assert rotors == pytest.approx([standard.rotor_inertia[0]] * len(rotors), abs=0.03)
     tests = [part for parts in executions[6:] for part in parts]
-    pairs = [(part.torque, model.torque(found.parameters, *part.inputs)) for part in tests]
-    assert float(nmse(*(torch.cat(x) for x in zip(*pairs))).mean()) < 0.02
+    assert score(model, found.parameters, tests).nmse_mean < 0.02

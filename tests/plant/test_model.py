@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,9 +10,20 @@ import torch
 
 from sidegan.errors import ConfigError, RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.plant import PlantSettings, inverse_dynamics, mujoco_model
+from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import built_in_robots, load_robot, pinocchio_model
 from tests.chains import random_states
+
+
+def inverse_dynamics(model, q, dq, ddq):
+    """MuJoCo's inverse dynamics [N·m], (S, J), of states (S, J)."""
+    data = mujoco.MjData(model)
+    torques = []
+    for position, velocity, acceleration in zip(q.numpy(), dq.numpy(), ddq.numpy()):
+        data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
+        mujoco.mj_inverse(model, data)
+        torques.append(torch.from_numpy(data.qfrc_inverse.copy()))
+    return torch.stack(torques)
 
 
 @pytest.mark.parametrize("name", built_in_robots())
@@ -35,7 +47,7 @@ def test_inverse_dynamics_of_any_chain_are_ours(chain, joints, seed):
 
 
 def test_rotors_and_viscous_friction_add_to_the_rigid_body(planar):
-    settings = PlantSettings(viscous=[2.0, 3.0], rotor_inertia=[0.5, 0.25])
+    settings = replace(IDEAL, viscous=[2.0, 3.0], rotor_inertia=[0.5, 0.25])
     q, dq, ddq = random_states(planar, 50)
     torques = inverse_dynamics(mujoco_model(planar, settings), q, dq, ddq)
     added = dq * torch.tensor([2.0, 3.0]) + ddq * torch.tensor([0.5, 0.25])
@@ -61,4 +73,4 @@ def test_what_mujoco_refuses_is_told(planar):
 @pytest.mark.parametrize("name", ["viscous", "coulomb", "rotor_inertia", "bandwidth", "torque_bias"])
 def test_settings_of_another_number_of_joints_are_refused(planar, name):
     with pytest.raises(ConfigError, match=rf"plant.{name} has 3 values, expected 2 \(one per joint\) or one"):
-        PlantSettings(**{name: [0.1, 0.1, 0.1]}).check(planar.joints)
+        replace(IDEAL, **{name: [0.1, 0.1, 0.1]}).check(planar.joints)

@@ -1,4 +1,6 @@
-"""Sets of trajectories in worker processes."""
+"""Sets of trajectories, executed one by one."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,7 +8,7 @@ import torch
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant import Plant, PlantSettings, execute_all
+from sidegan.plant import IDEAL, Plant
 
 FAMILY = Trajectory(2, 3, 1.0)
 
@@ -16,35 +18,29 @@ def coefficients():
     return 0.2 * torch.randn(4, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
 
 
-def every_tenth(executed):
-    return executed.torque[::10]
-
-
-def test_results_do_not_depend_on_the_number_of_workers(planar, standard, coefficients):
-    one, two = (
-        execute_all(planar, standard, FAMILY, coefficients, np.random.SeedSequence(0), every_tenth, workers)
-        for workers in (1, 2)
-    )
-    assert len(one) == 4
-    assert all(torch.equal(a, b) for a, b in zip(one, two))
-
-
 def test_each_trajectory_is_executed_with_its_own_noise(planar, standard, coefficients):
-    random = np.random.SeedSequence(7)
-    same = coefficients[:1].expand(2, -1, -1, -1)
-    found = execute_all(planar, standard, FAMILY, same, random, every_tenth, 1)
-    assert not torch.equal(*found)
+    same, plant = coefficients[:1].expand(2, -1, -1, -1), Plant(planar, standard)
+    one, other = plant.execute_each(FAMILY, same, np.random.SeedSequence(7))
+    assert not torch.equal(one.torque, other.torque)
     motion = FAMILY.roll_out(coefficients[:1], FAMILY.times(standard.rate))
-    alone = Plant(planar, standard).execute(motion, np.random.SeedSequence(7).spawn(1)[0])
-    assert torch.equal(found[0], alone.torque[::10])
+    alone = plant.execute(motion, np.random.SeedSequence(7).spawn(1)[0])
+    torch.testing.assert_close(one.torque, alone.torque)
+
+
+def test_recordings_come_in_the_order_of_the_trajectories(planar, coefficients):
+    executed = list(Plant(planar, IDEAL).execute_each(FAMILY, coefficients, np.random.SeedSequence(0)))
+    assert len(executed) == 4
+    for one, c in zip(executed, coefficients):
+        reference = FAMILY.roll_out(c[None], FAMILY.times(IDEAL.rate)).position[0]
+        assert (one.position - reference).abs().max() < 1e-2
 
 
 def test_a_trajectory_that_cannot_be_followed_is_an_error(planar, coefficients):
-    settings = PlantSettings(tolerance=1e-9)
+    plant = Plant(planar, replace(IDEAL, tolerance=1e-9))
     with pytest.raises(InfeasibleError, match="does not follow"):
-        execute_all(planar, settings, FAMILY, coefficients, np.random.SeedSequence(0), every_tenth, 1)
+        list(plant.execute_each(FAMILY, coefficients, np.random.SeedSequence(0)))
 
 
 def test_coefficients_of_another_family_are_refused(planar, standard):
     with pytest.raises(ShapeError, match="expected"):
-        execute_all(planar, standard, FAMILY, torch.zeros(1, 2, 4, 2), np.random.SeedSequence(0), every_tenth)
+        list(Plant(planar, standard).execute_each(FAMILY, torch.zeros(1, 2, 4, 2), np.random.SeedSequence(0)))

@@ -194,6 +194,12 @@ class TestDigest:
         assert old in text
         assert load(text).digest != load(text.replace(old, new)).digest
 
+    def test_of_the_built_in_arms_is_the_one_that_artifacts_carry(self):
+        assert {name: load_robot(name).digest for name in built_in_robots()} == {
+            "kuka_lwr4": "ac8f005317e3349fe3371916674b3207a84acd6ad35499d52e8b4c6e62b50325",
+            "planar2": "782716eca7baafb26ac6dc57887f35d6df963518e909723f28e8cd421602c45f",
+        }
+
     @pytest.mark.parametrize("name", built_in_robots())
     def test_survives_rounding_errors(self, name):
         arm = load_robot(name)

@@ -1,0 +1,260 @@
+"""Least squares on sums, against least squares of the rows and the classical recursion."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import Measurements, estimate, measure, score
+from sidegan.identification.fit import least_squares, recursive
+from sidegan.identification.gather import gather
+from sidegan.motion.trajectory import Motion
+from tests.identification.recordings import NOISE, Fixed
+
+
+def classical(y, tau, prior, forgetting):
+    """Covariance recursion, a sample of all joints at a time (Ljung 1999, eq. 11.29)."""
+    p = np.eye(y.shape[2]) * prior
+    estimate = np.zeros(y.shape[2])
+    for rows, torque in zip(y.numpy(), tau.numpy()):
+        gain = p @ rows.T @ np.linalg.inv(forgetting * np.eye(len(rows)) + rows @ p @ rows.T)
+        estimate = estimate + gain @ (torque - rows @ estimate)
+        p = (p - gain @ rows @ p) / forgetting
+        p = (p + p.T) / 2
+    return estimate, p
+
+
+def batch(y, tau, prior, weights=(1.0, 1.0, 1.0), forgetting=1.0):
+    """Least squares of all rows, weighted by joint and age, and of the prior's rows."""
+    count, _, parameters = y.shape
+    decay = np.sqrt(forgetting ** np.arange(count - 1, -1, -1))
+    scale = (decay[:, None] * np.asarray(weights)).reshape(-1)
+    rest = np.sqrt(forgetting**count / prior) * np.eye(parameters)
+    rows = np.vstack([scale[:, None] * y.numpy().reshape(-1, parameters), rest])
+    right = np.concatenate([scale * tau.numpy().reshape(-1), np.zeros(parameters)])
+    estimate = np.linalg.lstsq(rows, right, rcond=None)[0]
+    return estimate, np.linalg.inv(rows.T @ rows)
+
+
+def gathered(y, tau, size=None, forgetting=1.0):
+    model = Fixed(y)
+    return gather(model, model.measurements(tau), size or len(y), forgetting)
+
+
+def fed(y, tau, size=None, prior=1e6, forgetting=1.0, weighted=False):
+    data = gathered(y, tau, size, forgetting)
+    return recursive(data.sums, data.samples, prior, forgetting, weighted)
+
+
+def assert_close(one, other, tolerance=1e-9):
+    """Relative to the largest entry, as a norm."""
+    other = np.asarray(other)
+    assert np.abs(np.asarray(one) - other).max() <= tolerance * np.abs(other).max()
+
+
+class TestOracles:
+    @pytest.mark.parametrize("prior", [1e-2, 1.0, 1e6, 1e12])
+    @pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (0.1, 3.0, 40.0)])
+    def test_batch_least_squares(self, random_rows, prior, weights):
+        sums = gathered(*random_rows).sums
+        fit = least_squares(sums, torch.tensor(weights, dtype=torch.float64), 1 / prior)
+        parameters, inverse = batch(*random_rows, prior, weights)
+        assert_close(fit.parameters, parameters)
+        assert_close(fit.inverse, inverse)
+
+    @pytest.mark.parametrize("forgetting", [0.9, 0.99, 1.0])
+    @pytest.mark.parametrize("prior", [0.5, 1e3])
+    def test_the_classical_recursion(self, random_rows, forgetting, prior):
+        fit = fed(*random_rows, 37, prior, forgetting)
+        parameters, covariance = classical(*random_rows, prior, forgetting)
+        assert_close(fit.parameters, parameters)
+        assert_close(fit.inverse, covariance)
+
+    @pytest.mark.parametrize("forgetting", [0.8, 0.99])
+    def test_weighted_least_squares_with_forgetting(self, random_rows, forgetting):
+        fit = fed(*random_rows, forgetting=forgetting, weighted=True)
+        parameters, inverse = batch(*random_rows, 1e6, fit.weights.numpy(), forgetting)
+        assert_close(fit.parameters, parameters)
+        assert_close(fit.inverse, inverse)
+
+    def test_by_hand(self):
+        y = torch.tensor([[[1.0]], [[2.0]]], dtype=torch.float64)
+        tau = torch.tensor([[3.0], [8.0]], dtype=torch.float64)
+        # A = 1 + 4 + 1/2 and b = 3 + 2 · 8: π = 19 / 5.5.
+        fit = fed(y, tau, prior=2.0)
+        assert fit.parameters.tolist() == pytest.approx([19 / 5.5], rel=1e-14)
+        assert float(fit.inverse) == pytest.approx(1 / 5.5, rel=1e-14)
+        # A = 0.5 · 1 + 4 + 0.25 / 2 and b = 0.5 · 3 + 16.
+        forgetful = fed(y, tau, prior=2.0, forgetting=0.5)
+        assert forgetful.parameters.tolist() == pytest.approx([17.5 / 4.625], rel=1e-14)
+
+
+class TestLaws:
+    @settings(max_examples=30, deadline=None)
+    @given(st.integers(1, 60), st.integers(1, 300), st.sampled_from([0.9, 1.0]))
+    def test_the_size_of_the_pieces_does_not_matter(self, size, count, forgetting):
+        random = np.random.default_rng(0)
+        y, tau = (torch.from_numpy(random.normal(size=s)) for s in ((count, 2, 4), (count, 2)))
+        one, other = (fed(y, tau, s, forgetting=forgetting) for s in (size, count))
+        assert_close(one.parameters, other.parameters, 1e-10)
+        assert_close(one.inverse, other.inverse, 1e-10)
+
+    def test_the_order_of_samples_does_not_matter_without_forgetting(self, random_rows):
+        y, tau = random_rows
+        assert_close(fed(y.flip(0), tau.flip(0), 30).parameters, fed(y, tau, 50).parameters, 1e-12)
+
+    def test_with_forgetting_the_latest_model_wins(self, random_rows):
+        y, _ = random_rows
+        before, after = torch.ones(6, dtype=torch.float64), torch.arange(6, dtype=torch.float64)
+        tau = torch.cat([y[:100] @ before, y[100:] @ after])
+        assert_close(fed(y, tau, forgetting=0.7).parameters, after, 1e-6)
+        assert (fed(y, tau).parameters - after).abs().max() > 0.1
+
+    def test_more_samples_make_it_surer(self, random_rows):
+        y, tau = random_rows
+        traces = [float(fed(y[:n], tau[:n]).inverse.trace()) for n in (2, 10, 100, 200)]
+        assert traces == sorted(traces, reverse=True)
+
+    def test_single_precision_is_summed_in_double(self, random_rows):
+        y, tau = (x.float() for x in random_rows)
+        assert_close(fed(y.double(), tau).parameters, fed(y.double(), tau.double()).parameters, 1e-14)
+
+    def test_gradients_are_not_collected(self, random_rows):
+        y, tau = random_rows
+        with torch.no_grad():
+            assert not fed(y.clone().requires_grad_(), tau).parameters.requires_grad
+
+
+class TestPoorData:
+    @pytest.mark.parametrize("prior", [1e-2, 1e6, 1e14])
+    @pytest.mark.parametrize("size", [1, 7, 200])
+    def test_directions_without_data_stay_at_the_prior(self, random_rows, prior, size):
+        y, tau = (x.clone() for x in random_rows)
+        y[..., 2] = 0  # no effect at all
+        y[..., 5] = 0.3 * y[..., 1]  # only the sum of two shows
+        fit = fed(y, tau, size, prior)
+        blind = torch.tensor([[0, 0, 1, 0, 0, 0], [0, -0.3, 0, 0, 0, 1]], dtype=torch.float64)
+        blind = blind / blind.norm(dim=1, keepdim=True)
+        assert_close(blind @ fit.parameters + 1, [1, 1], 1e-9)
+        assert_close((blind @ fit.inverse @ blind.T).diagonal(), [prior, prior], 1e-6)
+        kept = y[..., [0, 1, 3, 4]]
+        seen = np.linalg.lstsq(kept.reshape(-1, 4).numpy(), tau.reshape(-1).numpy(), rcond=None)[0]
+        if prior > 1:
+            np.testing.assert_allclose(y @ fit.parameters, kept @ torch.from_numpy(seen), rtol=0, atol=1e-4)
+
+    def test_fewer_equations_than_parameters(self, random_rows):
+        y, tau = (x[:1] for x in random_rows)
+        fit = fed(y, tau, prior=1e8)
+        assert_close((y @ fit.parameters)[0], tau[0], 1e-3)
+        assert_close(fit.parameters, batch(y, tau, 1e8)[0], 1e-6)
+
+    @pytest.mark.parametrize("decades", [2, 4, 6])
+    def test_ill_conditioned_data(self, decades):
+        random = np.random.default_rng(1)
+        u = np.linalg.qr(random.normal(size=(900, 8)))[0]
+        v = np.linalg.qr(random.normal(size=(8, 8)))[0]
+        y = torch.from_numpy((u * np.logspace(0, -decades, 8) @ v).reshape(300, 3, 8))
+        true = torch.from_numpy(random.normal(size=8))
+        parameters = fed(y, y @ true, 64, prior=1e18).parameters
+        # cond(YᵀY) = 10^(2 · decades) times rounding is what the information form can lose.
+        assert_close(parameters, true, 1e-15 * 100**decades * 10)
+        assert_close(y @ parameters, y @ true, 1e-9)
+
+    def test_units_that_differ_by_ten_decades_are_no_lack_of_excitation(self, random_rows):
+        y, tau = random_rows
+        unit = torch.tensor([1e-5, 1, 1, 1e5, 1, 1], dtype=torch.float64)
+        one, other = fed(y, tau, prior=1e18), fed(y * unit, tau, prior=1e18)
+        assert_close(other.parameters * unit, one.parameters, 1e-7)
+
+    def test_the_inverse_is_symmetric_and_positive(self, random_rows):
+        y, tau = random_rows
+        y = torch.cat([y, y @ torch.ones(6, 1, dtype=torch.float64)], 2)
+        inverse = fed(y, tau, prior=1e4).inverse
+        torch.testing.assert_close(inverse, inverse.T)
+        assert torch.linalg.eigvalsh(inverse).min() > 0
+
+    def test_a_long_forgotten_prior_stays_finite(self, random_rows):
+        y, tau = (x.repeat(20, *[1] * (x.ndim - 1)) for x in random_rows)
+        y[..., 2] = 0
+        fit = fed(y, tau, 200, forgetting=0.5)
+        assert fit.parameters.isfinite().all() and fit.inverse.isfinite().all()
+        assert abs(fit.parameters[2]) < 1e-12 and fit.inverse[2, 2] > 1e100
+
+
+class TestWeighted:
+    def test_the_weights_are_those_of_the_residuals(self, random_rows):
+        y, tau = random_rows
+        fit = fed(y, tau, weighted=True)
+        residual = (tau - y @ fit.parameters).square().mean(0).sqrt()
+        torch.testing.assert_close(fit.weights, 1 / residual, rtol=2e-3, atol=0)
+        assert_close(fit.parameters, batch(y, tau, 1e6, fit.weights.numpy())[0])
+
+    def test_a_small_joint_is_not_drowned(self):
+        random = np.random.default_rng(2)
+        y = torch.from_numpy(random.normal(size=(500, 2, 4)))
+        true = torch.from_numpy(random.normal(size=4))
+        tau = y @ true + torch.from_numpy(random.normal(size=(500, 2)) * [10, 1e-3])
+        plain, weighted = (fed(y, tau, weighted=w) for w in (False, True))
+        assert (weighted.parameters - true).norm() < 1e-3 * (plain.parameters - true).norm()
+        assert (1 / weighted.weights).tolist() == pytest.approx([10, 1e-3], rel=0.1)
+
+    def test_exact_data_do_not_divide_by_zero(self, random_rows):
+        y, _ = random_rows
+        true = torch.arange(1.0, 7.0, dtype=torch.float64)
+        fit = fed(y, y @ true, prior=1e12, weighted=True)
+        assert fit.weights.isfinite().all()
+        assert_close(fit.parameters, true, 1e-8)
+
+    def test_a_joint_without_torque_does_not_divide_by_zero(self, random_rows):
+        y, tau = (x.clone() for x in random_rows)
+        y[:, 1], tau[:, 1] = 0, 0
+        fit = fed(y, tau, weighted=True)
+        assert fit.weights.isfinite().all() and fit.parameters.isfinite().all()
+
+
+class TestGather:
+    @pytest.mark.parametrize("samples", [1, 7, 128, 10_000])
+    @pytest.mark.parametrize("method", ["rls", "weighted"])
+    def test_a_stream_is_read_once_in_bounded_pieces(self, body, motion, method, samples):
+        noisy = measure(body, motion, NOISE, 0)
+        whole = estimate(method, body, noisy)
+        body.largest = 0
+        stream = (noisy[i : i + 50] for i in range(0, 300, 50))
+        result = estimate(method, body, stream, samples_at_once=samples)
+        assert body.largest == min(samples, 50)
+        torch.testing.assert_close(result.parameters, whole.parameters, rtol=1e-9, atol=1e-12)
+        assert result.samples == 300
+
+    @pytest.mark.parametrize("value", [torch.nan, torch.inf, 1e200])
+    def test_values_that_cannot_be_squared_are_refused(self, random_rows, value):
+        y, tau = (x.clone() for x in random_rows)
+        y[5, 1] = value
+        with pytest.raises(ShapeError, match="not finite or too large to square"):
+            gathered(y, tau)
+
+    @pytest.mark.parametrize("nothing", [[], [slice(0)]])
+    def test_no_samples_are_refused(self, body, motion, nothing):
+        clean = measure(body, motion)
+        with pytest.raises(ShapeError, match="no samples"):
+            gather(body, [clean[x] for x in nothing])
+
+    def test_no_samples_at_once_are_refused(self, body, motion):
+        with pytest.raises(ConfigError, match="at least 1, got 0"):
+            gather(body, measure(body, motion), samples_at_once=0)
+
+    def test_a_motion_at_rest_leaves_the_rest_at_the_prior(self, body):
+        still = torch.full((1, 50, 3), 0.4, dtype=torch.float64)
+        motion = Motion(torch.linspace(0, 1, 50), still, 0 * still, 0 * still)
+        sums = gather(body, measure(body, motion, NOISE, 0)).sums
+        fit = recursive(sums, 50, prior=5.0)
+        # Accelerations and speeds are zero: the third and sixth parameter never show.
+        assert fit.parameters[[2, 5]].abs().max() < 1e-12
+        assert fit.inverse.diagonal()[[2, 5]].tolist() == pytest.approx([5, 5])
+
+    def test_a_test_at_rest_is_refused(self, body):
+        still = torch.ones(20, 3, dtype=torch.float64)
+        rest = Measurements(still, 0 * still, 0 * still, body.torque(still, 0 * still, 0 * still))
+        with pytest.raises(ShapeError, match=r"joints \[1, 2, 3\] is constant"):
+            score(body, body.values, rest)

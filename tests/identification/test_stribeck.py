@@ -1,0 +1,31 @@
+"""Stribeck velocities: the one thing of a model that is not linear."""
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ConfigError
+from sidegan.identification import Measurements, estimate, stribeck_velocities
+from tests.identification.recordings import model_of, multisine, recorded
+
+
+def noise_like(x, seed):
+    return torch.from_numpy(np.random.default_rng(seed).normal(size=x.shape))
+
+
+def test_velocities_are_found(planar):
+    truth = model_of(planar, (0.05, 0.2))
+    states = multisine(2, 3000)
+    terms = {n: torch.tensor([2.0, 1.0]) for n in ("viscous", "coulomb", "stribeck")}
+    torque = truth.torque(truth.base_of(planar.inertial_parameters, terms), *states)
+    data = Measurements(*states, torque + 0.05 * noise_like(torque, 0))
+    found = stribeck_velocities(model_of(planar), iter([data]), (0.02, 0.05, 0.1, 0.2, 0.4))
+    assert found == [0.05, 0.2]
+    better = estimate("weighted", model_of(planar, found), data)
+    assert (better.residual_rms < estimate("weighted", model_of(planar), data).residual_rms).all()
+
+
+@pytest.mark.parametrize("candidates", [(), (0.1, 0.0)])
+def test_bad_candidates(planar, candidates):
+    with pytest.raises(ConfigError, match="expected some above zero"):
+        stribeck_velocities(model_of(planar), recorded(model_of(planar), 50), candidates)
