@@ -16,7 +16,8 @@ from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Sha
 from sidegan.errors import ConfigError
 from sidegan.pipeline.config_beyond import Beyond
 from sidegan.pipeline.config_conditional import Conditional
-from sidegan.pipeline.config_identify import Identify, Model, Recording, check_files
+from sidegan.pipeline.config_identify import Identify, Model, check_files
+from sidegan.recording.settings import RecordingSettings
 
 Vector = tuple[float, float, float]
 
@@ -411,7 +412,7 @@ class Config:
     conditional: Conditional
     recordings: list[str]  # files to identify from
     validation: list[str]  # files that are held out
-    recording: Recording
+    recording: RecordingSettings
     model: Model
     identify: Identify
     tracking: Tracking

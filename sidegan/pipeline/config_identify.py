@@ -1,46 +1,10 @@
 """The part of the schema of ``conf/`` that is about identifying an arm from recordings."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
-from sidegan.base.typed import Bound, Count, NonNegative, Positive
+from sidegan.base.typed import Count, Positive
 from sidegan.errors import ConfigError
-
-
-@dataclass(frozen=True)
-class Units:
-    """Units of a recording."""
-
-    time: Literal["s", "ms", "us", "ns"]
-    angle: Literal["rad", "deg"]
-    torque: Literal["N·m", "Nm", "mNm"]
-    current: Literal["A", "mA"]
-
-
-@dataclass(frozen=True)
-class Recording:
-    """What is where in a recording, and how it is conditioned."""
-
-    time: str
-    position: str
-    velocity: str | None
-    acceleration: str | None
-    torque: str | None
-    current: str | None
-    units: Units
-    joints: list[str] | None  # names that the file uses, in the arm's order; null: the arm's own
-    topic: str | None  # of a bag
-    effort: Literal["torque", "current"]
-    reverse: list[str]  # joints whose torque or current is counted the other way round
-    bandwidth: Positive | None  # [Hz]; null: measured
-    cutoff: Positive | None  # [Hz]; null: headroom × bandwidth
-    headroom: Positive
-    order: Count
-    oversampling: Annotated[float, Bound(">", 2)]
-    gap: Positive | None  # [s]; null: five sampling steps
-    still: NonNegative  # [rad/s or m/s]
-    pause: NonNegative  # [s]
-    rows: Annotated[int, Bound("≥", 1000)]  # that are read at once
 
 
 @dataclass(frozen=True)

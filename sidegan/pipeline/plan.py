@@ -209,6 +209,7 @@ class Task:
             inputs = {"selection": self.selection(name, training).digest}
         values = {**asdict(self.cfg.plant), "tests": self.cfg.identification.tests}
         values["repeats"] = self.cfg.replication.repeats
+        values["recording"] = asdict(self.cfg.recording)
         code = ["plant", "recording", "identification.estimate", "identification.model", "stages.plant"]
         return self.stamp("plant", name, values, inputs, code, self._trained(name, training))
 

@@ -11,22 +11,24 @@ from sidegan.identification import Measurements, Model, estimate, nmse
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import execute_all
-from sidegan.recording import Recording, Settings, condition
+from sidegan.recording.recording import Recording
+from sidegan.recording.segments import preprocess
 from sidegan.validity import Constraints
+from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(7, 6, 16.0)
 
 
 def measurements_of(executed, joint_names, settings):
     recording = Recording("plant", joint_names, *executed[:3], torque=executed.torque)
-    return [Measurements(*segment[1:]) for segment in condition(recording, settings)]
+    return [Measurements(*segment[1:]) for segment in preprocess(recording, settings)]
 
 
 @pytest.fixture(scope="module")
 def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
-    how = partial(measurements_of, joint_names=arm.joint_names, settings=Settings(bandwidth=6 / 16))
+    how = partial(measurements_of, joint_names=arm.joint_names, settings=of_file(bandwidth=6 / 16))
     return execute_all(arm, standard, FAMILY, c, np.random.SeedSequence(0), how, workers=1)
 
 

@@ -6,7 +6,9 @@ import pytest
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import Recording
+from sidegan.recording.recording import Recording
+from sidegan.recording.settings import RecordingSettings
+from tests.settings import settings
 
 
 def real(name):
@@ -16,6 +18,11 @@ def real(name):
     if not path.exists():
         pytest.skip(f"{name} is not at hand: put it beside the project in shared/data, or set SIDEGAN_DATA")
     return path.resolve()
+
+
+def of_file(**changes):
+    """Settings of a CSV file with a column per joint and signal."""
+    return settings(RecordingSettings, "recording/csv", **changes)
 
 
 def states(time, joints=2):

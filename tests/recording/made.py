@@ -5,7 +5,7 @@ import math
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import Recording
+from sidegan.recording.recording import Recording
 
 
 def moved(arm, time, viscous, coulomb, generator, harmonics=5, period=10.0, noise=0.02):

@@ -8,27 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sidegan.base.storage import read_json, replacing, write_json
+from sidegan.base.storage import read_json, replacing
 from sidegan.errors import ConfigError, RecordingError
+from sidegan.identification.workflow import Candidates, identify_arm, measurements_of, model_of
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
-from sidegan.pipeline.stages import check
-from sidegan.pipeline.stages.check import CHECK
-from sidegan.pipeline.stages.identify_fit import fitted
-from sidegan.pipeline.stages.identify_read import examined
-from sidegan.pipeline.stages.identify_results import REPORT, VERDICT, write_results
 from sidegan.pipeline.stamp import Stamp
 from sidegan.pipeline.tracking import Tracker
+from sidegan.recording.check import CheckedRecording, read_and_check
+from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
 from sidegan.robot import Arm, load_robot, require_consistent
 
 log = logging.getLogger(__name__)
 
-_PARTS = ("check", "identify", "identify_read", "identify_fit", "identify_report", "identify_results")
-_CODE = (
-    *("robot", "dynamics", "kernels", "recording", "identification", "report.identification", "report.page"),
-    *(f"stages.{part}" for part in _PARTS),
-)
-_PIECE = 2**20  # bytes of a file that are digested at once
+_CODE = ("robot", "motion", "recording", "identification", "report.identification", "report.page")
 
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
@@ -47,13 +40,23 @@ def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     folder = store.produce(stamp(cfg, store, arm), partial(_make, cfg, arm))
     for path in sorted(folder.iterdir()):
         if path.name != "stamp.json":
-            _copy(path, store.run_folder / path.name)
+            with replacing(store.run_folder / path.name) as neighbour:
+                shutil.copyfile(path, neighbour)
             tracker.log_artifact(path, "identify")
-    _tell(read_json(folder / VERDICT), store.run_folder, tracker)
+    _log(read_json(folder / VERDICT), store.run_folder, tracker)
+
+
+def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
+    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed."""
+    settings = (arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
+    training = read_and_check(cfg.recordings, "training", *settings)
+    validation = read_and_check(cfg.validation, "validation", *settings)
+    show_checks([*training, *validation])
+    return training, validation
 
 
 def stamp(cfg: Config, store: Store, arm: Arm) -> Stamp:
-    """Of what is identified from the configured recordings."""
+    """Stamp of what is identified from the configured recordings."""
     files = {f"recordings.{i}": Path(name) for i, name in enumerate(cfg.recordings)}
     files |= {f"validation.{i}": Path(name) for i, name in enumerate(cfg.validation)}
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
@@ -71,14 +74,26 @@ def stamp(cfg: Config, store: Store, arm: Arm) -> Stamp:
 
 
 def _make(cfg: Config, arm: Arm, folder: Path, work: Path) -> None:
-    training = examined(cfg, arm, cfg.recordings, "training")
-    validation = examined(cfg, arm, cfg.validation, "validation")
-    check.tell([*training, *validation])
-    write_json(folder / CHECK, [one.findings.plain() for one in (*training, *validation)])
-    write_results(cfg, fitted(cfg, arm, training, validation), folder)
+    training, validation = checked(cfg, arm)
+    terms, options = asdict(cfg.model), cfg.identify
+    model = model_of(arm, terms, terms.pop("stribeck"), measurements_of(training))
+    methods: dict[str, dict[str, Any]] = {options.method: dict(options.settings)}
+    methods.setdefault("ols", {})
+    consistent = ("pull", "strength", "margin", "total_mass")
+    methods["consistent"] = {name: getattr(options, name) for name in consistent}
+    candidates = Candidates(Path(options.library), options.recommend) if options.library else None
+    identified = identify_arm(model, training, validation, methods, candidates)
+    groups = {name: asdict(getattr(cfg, name)) for name in ("robot", "recording", "model", "identify")}
+    write_results(identified, Origin(_command(cfg), groups, options.library), folder)
 
 
-def _tell(verdict: dict[str, Any], folder: Path, tracker: Tracker) -> None:
+def _command(cfg: Config) -> str:
+    lists = {"recordings": cfg.recordings, "validation": cfg.validation}
+    files = " ".join(f"'{name}=[{','.join(paths)}]'" for name, paths in lists.items() if paths)
+    return f"python -m sidegan.run +experiment=identify robot.name={cfg.robot.name} {files}"
+
+
+def _log(verdict: dict[str, Any], folder: Path, tracker: Tracker) -> None:
     """Sum up for people and for MLflow."""
     validation = verdict["validation"]
     log.info("%s: mean nMSE %.4g (%s)", verdict["verdict"], validation["nmse_mean"], validation["kind"])
@@ -86,11 +101,6 @@ def _tell(verdict: dict[str, Any], folder: Path, tracker: Tracker) -> None:
         log.info("  %s", reason)
     log.info("report: %s", folder / REPORT)
     tracker.log_metrics({"identify/nmse": validation["nmse_mean"]})
-
-
-def _copy(source: Path, target: Path) -> None:
-    with replacing(target) as neighbour:
-        shutil.copyfile(source, neighbour)
 
 
 def _digest(path: Path) -> str:
@@ -105,8 +115,7 @@ def _digest(path: Path) -> str:
         for one in files:
             digest.update(one.name.encode())
             with one.open("rb") as file:
-                while piece := file.read(_PIECE):
-                    digest.update(piece)
+                digest.update(hashlib.file_digest(file, "sha256").digest())
     except FileNotFoundError as error:
         raise RecordingError(f"there is no file {path}") from error
     except OSError as error:

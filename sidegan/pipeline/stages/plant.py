@@ -1,6 +1,6 @@
 """Stage plant: execute every excitation set on the arm in MuJoCo, and identify from what was recorded."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,8 +20,9 @@ from sidegan.pipeline.stages.identification import excitation_set
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.tracking import Tracker
 from sidegan.plant import Executed, PlantSettings, execute_all
-from sidegan.recording import Recording, condition
-from sidegan.recording.settings import Settings
+from sidegan.recording.recording import Recording
+from sidegan.recording.segments import preprocess
+from sidegan.recording.settings import Preprocessing
 from sidegan.report.tables import arrow
 from sidegan.robot import Arm
 
@@ -62,17 +63,17 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
 
 
 def _recorded(task: Task, family: Trajectory, c: torch.Tensor, purpose: str) -> list[Measurements]:
-    """What the plant's sensors saw along every trajectory, conditioned as a real recording is."""
+    """What the plant's sensors saw along every trajectory, preprocessed as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
-    settings = Settings(bandwidth=family.harmonics / family.period)
+    settings = replace(task.cfg.recording, bandwidth=family.harmonics / family.period, cutoff=None)
     plant = PlantSettings(**asdict(task.cfg.plant))
     read = partial(measurements_of, arm=task.arm, settings=settings)
     return execute_all(task.arm, plant, family, c, random, read, workers=1)
 
 
-def measurements_of(executed: Executed, arm: Arm, settings: Settings) -> Measurements:
+def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Measurements:
     """Measurements from an execution, through the same door as a recording."""
     signals = (executed.time, executed.position, executed.velocity)
     recording = Recording(NAME, arm.joint_names, *signals, torque=executed.torque)
-    parts = list(zip(*condition(recording, settings)))[1:]
+    parts = list(zip(*preprocess(recording, settings)))[1:]
     return Measurements(*(torch.cat(part) for part in parts))
