@@ -1,8 +1,8 @@
 """ROS 2 bags and MCAP files with `sensor_msgs/JointState`; the only door to rosbags."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ import numpy as np
 
 from sidegan.errors import RecordingError
 from sidegan.recording.columns import Columns
-from sidegan.recording.joint_states import FIELDS, NANOSECONDS, JointStates
 from sidegan.recording.tables import Piece, Where, reading
 
 if TYPE_CHECKING:
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 _KIND = "sensor_msgs/msg/JointState"
+_FIELDS = ("position", "velocity", "effort")
+_NANOSECONDS = 1e-9
 _SEARCHED = 1000  # joint names after which a message with all of the arm's is no longer looked for
 
 
@@ -86,7 +87,7 @@ def _fields(
         message: Any = reader.deserialize(raw, connection.msgtype)
         seen |= set(message.name)
         if set(names) <= set(message.name):
-            fields = [field for field in FIELDS if len(getattr(message, field)) == len(message.name)]
+            fields = [field for field in _FIELDS if len(getattr(message, field)) == len(message.name)]
             if "position" not in fields:
                 raise RecordingError(f"{path.name}: its joint states have no positions")
             return fields
@@ -103,14 +104,27 @@ def _pieces(
     path: Path, columns: Columns, names: Sequence[str], fields: Sequence[str], rows: int
 ) -> Iterator[Piece]:
     """Pieces of ``rows`` messages, without those that have none of the joints, such as a gripper's."""
-    row = 1
     with _opened(path) as reader, reading(path):
-        states = JointStates(names, fields, partial(reader.deserialize, typ=_KIND))
         messages = reader.messages(connections=_connections(path, reader, columns.topic))
-        while chunk := list(islice(messages, rows)):
-            concerned, numbers = states.read([bytes(raw) for *_, raw in chunk])
-            stamp, *values = np.split(numbers[concerned], [1 + len(names) * k for k in range(len(fields))], 1)
-            received = np.array([time for _, time, _ in chunk])[concerned] * NANOSECONDS
-            time = np.where(stamp[:, 0] == 0, received, stamp[:, 0])
-            yield Piece(dict(zip(("time", *fields), (time, *values))), np.arange(row, row + len(time)))
-            row += len(time)
+        read = (
+            _row(reader.deserialize(raw, _KIND), received, names, fields) for _, received, raw in messages
+        )
+        rows_of_arm = (row for row in read if row is not None)
+        first = 1
+        while chunk := list(islice(rows_of_arm, rows)):
+            time, *values = np.split(np.array(chunk), [1 + len(names) * k for k in range(len(fields))], 1)
+            yield Piece({"time": time[:, 0], **dict(zip(fields, values))}, first + np.arange(len(chunk)))
+            first += len(chunk)
+
+
+def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float] | None:
+    """Time [s], that of the bag where the header has none, and the joints' values; None without a joint."""
+    place = {name: i for i, name in enumerate(message.name)}
+    if place.keys().isdisjoint(names):
+        return None
+    stamp = message.header.stamp
+    row = [stamp.sec + stamp.nanosec * _NANOSECONDS or received * _NANOSECONDS]
+    for field in fields:
+        values = dict(enumerate(getattr(message, field).tolist()))
+        row += [values.get(place.get(name, -1), math.nan) for name in names]
+    return row

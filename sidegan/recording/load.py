@@ -1,6 +1,6 @@
-"""From a file to recordings in SI units, whole or in pieces of bounded memory."""
+"""From a file to recordings in SI units, in pieces of bounded memory."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_pieces, is_bag
 from sidegan.recording.binary import npz_table, parquet_table
 from sidegan.recording.columns import SIGNALS, Columns
-from sidegan.recording.recording import Recording, joined
+from sidegan.recording.recording import Recording
 from sidegan.recording.tables import Numbers, Piece, Where, reading
 from sidegan.recording.text import text_table
 
@@ -85,19 +85,6 @@ class Source:
             table = _READERS[suffix](self.path, self.rows)
         where = self.columns.resolve(self.name, table.columns, self.joint_names)
         return table.pieces([c for columns in where.values() for c in columns]), where
-
-
-def load_recording(path: Path | str, columns: Columns, joint_names: Sequence[str]) -> Recording:
-    """A whole recording in memory; arguments as for ``Source``.
-
-    Raises:
-        RecordingError: when the file cannot be read, holds no samples, or does not fit the arm.
-    """
-    source = Source(Path(path), columns, tuple(joint_names))
-    parts = list(source)
-    if not parts:
-        raise RecordingError(f"{source.name} holds no samples")
-    return joined(parts)
 
 
 def _recording(source: Source, piece: Piece, where: Where) -> Recording:

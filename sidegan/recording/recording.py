@@ -1,10 +1,8 @@
 """A recording as it was made, and segments of it after preprocessing."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
@@ -75,19 +73,3 @@ class Segment(NamedTuple):
     acceleration: Tensor
     torque: Tensor
     sign: Tensor
-
-
-def joined(parts: Iterable[Recording]) -> Recording:
-    """One recording of consecutive parts of the same file.
-
-    Raises:
-        RecordingError: when there is no part, or no sample in any.
-    """
-    parts = list(parts)
-    if not sum(map(len, parts)):
-        raise RecordingError(f"{parts[0].name if parts else 'the recording'} holds no samples")
-    first = parts[0]
-    signals = {name: torch.cat([part.signals()[name] for part in parts]) for name in first.signals()}
-    corrupt = tuple(row for part in parts for row in part.corrupt)
-    time = torch.cat([part.time for part in parts])
-    return Recording(first.name, first.joint_names, time, corrupt=corrupt, **signals)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -53,33 +54,18 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Clock:
-    """Sampling of a recording.
+class Statistics:
+    """Statistics of a raw recording.
 
     Attributes:
+        name: of the recording.
+        samples: whole rows.
         duration: from first to last sample [s].
         step: mean time between samples, gaps apart [s].
         jitter: standard deviation of that time over its mean.
         duplicates: rows with the time stamp of the row before.
         gaps: start and length of every gap [s].
         gap: time above which it is one [s].
-    """
-
-    duration: float
-    step: float
-    jitter: float
-    duplicates: int
-    gaps: tuple[tuple[float, float], ...]
-    gap: float
-
-
-@dataclass(frozen=True)
-class Statistics(Clock):
-    """Statistics of a raw recording.
-
-    Attributes:
-        name: of the recording.
-        samples: whole rows.
         corrupt: row and reason of what was left out.
         bandwidth: frequency below which nearly all of the motion's energy lies [Hz].
         signals: by name.
@@ -87,6 +73,12 @@ class Statistics(Clock):
 
     name: str
     samples: int
+    duration: float
+    step: float
+    jitter: float
+    duplicates: int
+    gaps: tuple[tuple[float, float], ...]
+    gap: float
     corrupt: tuple[tuple[int, str], ...]
     bandwidth: float
     signals: dict[str, Signal]
@@ -126,18 +118,13 @@ def statistics_of(recording: Recording | Iterable[Recording], gap: float | None 
             f"{name or 'the recording'} holds {samples} samples, expected {_LEAST_SAMPLES} or more"
         )
     clock = _clock(name, np.concatenate(times), gap)
-    return Statistics(
-        **vars(clock),
-        name=name,
-        samples=samples,
-        corrupt=tuple(corrupt),
-        bandwidth=_bandwidth(head, clock.step) if head else 0.0,
-        signals={signal: tally.result() for signal, tally in tallies.items()},
-    )
+    bandwidth = _bandwidth(head, clock["step"]) if head else 0.0
+    signals = {signal: tally.result() for signal, tally in tallies.items()}
+    return Statistics(name, samples, **clock, corrupt=tuple(corrupt), bandwidth=bandwidth, signals=signals)
 
 
-def _clock(name: str, time: Numbers, gap: float | None) -> Clock:
-    """Sampling of time stamps [s], (S,)."""
+def _clock(name: str, time: Numbers, gap: float | None) -> dict[str, Any]:
+    """Those of the statistics that follow from the time stamps [s], (S,)."""
     steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0))
@@ -153,14 +140,14 @@ def _clock(name: str, time: Numbers, gap: float | None) -> Clock:
     if not len(regular):
         raise RecordingError(f"{name}: all samples are further apart than the longest gap, {limit:g} s")
     step = float(regular.mean())
-    return Clock(
-        duration=float(time[-1] - time[0]),
-        step=step,
-        jitter=float(regular.std()) / step,
-        duplicates=int((steps == 0).sum()),
-        gaps=tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
-        gap=limit,
-    )
+    return {
+        "duration": float(time[-1] - time[0]),
+        "step": step,
+        "jitter": float(regular.std()) / step,
+        "duplicates": int((steps == 0).sum()),
+        "gaps": tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
+        "gap": limit,
+    }
 
 
 def _bandwidth(head: list[Recording], step: float) -> float:

@@ -5,8 +5,7 @@ import torch
 
 from sidegan.errors import ConfigError, StorageError
 from sidegan.plant import Plant, save_recording
-from sidegan.recording.load import load_recording
-from tests.recording.conftest import of_file
+from tests.recording.conftest import load_recording, of_file
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,9 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.check import check_recording
-from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
-from tests.recording.conftest import of_file, real, recorded
+from tests.recording.conftest import load_recording, of_file, real, recorded
 
 GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)
 

@@ -3,8 +3,9 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.recording.load import Source, load_recording
-from tests.recording.conftest import of_file, recorded
+from sidegan.recording.load import Source
+from sidegan.recording.statistics import statistics_of
+from tests.recording.conftest import load_recording, of_file, recorded
 from tests.recording.files import frame, write_bag, write_csv, write_mcap, write_npz, write_parquet
 
 KINDS = [write_csv, write_parquet, write_npz, write_bag, write_mcap]
@@ -147,8 +148,8 @@ def test_other_refusals_say_what_was_expected(made, tmp_path):
     with pytest.raises(RecordingError, match="begins with numbers"):
         load_recording(tmp_path / "n.csv", of_file(), joints)
     (tmp_path / "h.csv").write_text("t,q1,q2\n")
-    with pytest.raises(RecordingError, match="holds no samples"):
-        load_recording(tmp_path / "h.csv", of_file(), joints)
+    with pytest.raises(RecordingError, match="holds 0 samples, expected 10"):
+        statistics_of(Source(tmp_path / "h.csv", of_file(), joints))
     with pytest.raises(RecordingError, match="1 joint names are given, the arm has 2"):
         load_recording(write_csv(made, tmp_path), of_file(joints=["a"]), joints)
     with pytest.raises(ConfigError, match=r"units\.angle is 'turn', expected one of rad, deg"):

@@ -1,10 +1,10 @@
 import torch
 
 from benchmarks.long_recording import main, write
-from sidegan.recording.load import Source, load_recording
+from sidegan.recording.load import Source
 from sidegan.recording.segments import grid_for, preprocess
 from sidegan.recording.statistics import statistics_of
-from tests.recording.conftest import of_file
+from tests.recording.conftest import load_recording, of_file
 
 
 def test_a_long_recording_is_conditioned_in_pieces(arm, tmp_path):
