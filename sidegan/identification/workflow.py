@@ -26,15 +26,10 @@ EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identifica
 
 
 class Errors(NamedTuple):
-    """Errors of predicted torques.
+    """Errors of predicted torques."""
 
-    Attributes:
-        nmse: normalised mean squared error, (J,).
-        rmse: [N·m or N], (J,).
-    """
-
-    nmse: Tensor
-    rmse: Tensor
+    nmse: Tensor  # normalised mean squared error, (J,)
+    rmse: Tensor  # [N·m or N], (J,)
 
 
 class Candidates(NamedTuple):
@@ -46,29 +41,18 @@ class Candidates(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedArm:
-    """A model identified from recordings, with everything that is known about its quality.
+    """A model identified from recordings, with everything that is known about its quality."""
 
-    Attributes:
-        model: what torque is explained with.
-        training: recordings that were identified from.
-        validation: recordings that were held out.
-        kind: what the tests below were made on.
-        estimates: by method: the chosen one first, then equal weights and the consistent one.
-        tests: errors of each of them on what it had not seen, where there was something.
-        trained: errors of each of them on what it was identified from.
-        standard: physically consistent parameters in ``Model.standard_names``' order, (F,).
-        trust: whether to trust the estimate of the chosen method.
-    """
-
-    model: Model
-    training: list[CheckedRecording]
-    validation: list[CheckedRecording]
-    kind: str
+    model: Model  # what torque is explained with
+    training: list[CheckedRecording]  # recordings that were identified from
+    validation: list[CheckedRecording]  # recordings that were held out
+    kind: str  # what the tests below were made on
+    # by method: the chosen one first, then equal weights and the consistent one
     estimates: dict[str, Estimate]
-    tests: dict[str, Errors]
-    trained: dict[str, Errors]
-    standard: Tensor
-    trust: Trust
+    tests: dict[str, Errors]  # errors of each of them on what it had not seen, where there was something
+    trained: dict[str, Errors]  # errors of each of them on what it was identified from
+    standard: Tensor  # physically consistent parameters in ``Model.standard_names``' order, (F,)
+    trust: Trust  # whether to trust the estimate of the chosen method
 
     @property
     def links(self) -> Tensor:

@@ -31,27 +31,16 @@ _LISTED = 100  # corrupt rows
 
 @dataclass(frozen=True, eq=False)
 class CheckedRecording:
-    """A recording that was checked and preprocessed.
+    """A recording that was checked and preprocessed."""
 
-    Attributes:
-        role: what it is for.
-        joint_names: of the arm.
-        statistics: of the raw recording.
-        grid: what it was preprocessed with.
-        segments: preprocessed stretches.
-        agreement: of the torques with the arm's description.
-        excitation: of each base parameter.
-        warnings: what a person should look at.
-    """
-
-    role: Role
-    joint_names: tuple[str, ...]
-    statistics: Statistics
-    grid: Grid
-    segments: list[Segment]
-    agreement: Agreement
-    excitation: Excitation
-    warnings: list[str]
+    role: Role  # what it is for
+    joint_names: tuple[str, ...]  # of the arm
+    statistics: Statistics  # of the raw recording
+    grid: Grid  # what it was preprocessed with
+    segments: list[Segment]  # preprocessed stretches
+    agreement: Agreement  # of the torques with the arm's description
+    excitation: Excitation  # of each base parameter
+    warnings: list[str]  # what a person should look at
 
     @property
     def name(self) -> str:

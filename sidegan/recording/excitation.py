@@ -17,22 +17,14 @@ _ROUNDING = 1e-13  # relative eigenvalue that is no information
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What a recording can tell about the base parameters, (p,) each.
+    """What a recording can tell about the base parameters, (p,) each."""
 
-    Attributes:
-        names: of the base parameters.
-        contribution: root mean square of the torque that the arm's own value of it makes, over all joints
-            [N·m or N]. Zero where the description has no such value.
-        alone: share of a parameter's regressor column that no other column can stand in for, 0 to 1.
-        deviation: expected standard deviation of its estimate, for independent errors of ``noise``.
-        condition_number: of the regressor with columns scaled to one length.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the base parameters
+    # root mean square of the torque that the arm's own value of it makes, over all joints [N·m or N]
     contribution: Tensor
-    alone: Tensor
-    deviation: Tensor
-    condition_number: float
+    alone: Tensor  # share of a parameter's regressor column that no other column can stand in for, 0 to 1
+    deviation: Tensor  # expected standard deviation of its estimate, for independent errors of ``noise``
+    condition_number: float  # of the regressor with columns scaled to one length
 
     @property
     def weak(self) -> list[str]:

@@ -13,19 +13,12 @@ _LEAST = 4  # samples of a run: the interpolation looks at so many
 
 
 class Block(NamedTuple):
-    """Consecutive points of a uniform grid.
+    """Consecutive points of a uniform grid."""
 
-    Attributes:
-        run: number of the stretch without gaps.
-        first: index of the first point in its run.
-        time: [s], (S,).
-        signals: (S, C).
-    """
-
-    run: int
-    first: int
-    time: Numbers
-    signals: Numbers
+    run: int  # number of the stretch without gaps
+    first: int  # index of the first point in its run
+    time: Numbers  # [s], (S,)
+    signals: Numbers  # (S, C)
 
 
 def uniform(pieces: Iterable[tuple[Numbers, Numbers]], step: float, gap: float) -> Iterator[Block]:

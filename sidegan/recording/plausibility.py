@@ -104,7 +104,7 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     )
     if outside.any():
         warnings.append(f"{_named(arm, outside)} leaves its limits of position")
-    for name in signals.keys() & {"velocity", "acceleration"}:
+    for name in [name for name in ("velocity", "acceleration") if name in signals]:
         dead = signals[name].constant & ~position.constant
         if dead.any():
             raise RecordingError(

@@ -24,25 +24,15 @@ _LEAST_POINTS = 8  # of a segment
 
 @dataclass(frozen=True)
 class Grid:
-    """Uniform grid and low-pass that a recording is preprocessed with; ``statement`` says it to people.
+    """Uniform grid and low-pass that a recording is preprocessed with; ``statement`` says it to people."""
 
-    Attributes:
-        step: of the grid [s].
-        gap: longest time that is interpolated over [s].
-        bandwidth: of the motion [Hz].
-        measured: whether the bandwidth was measured, and not given.
-        cutoff: of the low-pass [Hz].
-        order: of the low-pass.
-        stride: every so manieth sample of the grid is kept.
-    """
-
-    step: float
-    gap: float
-    bandwidth: float
-    measured: bool
-    cutoff: float
-    order: int
-    stride: int
+    step: float  # of the grid [s]
+    gap: float  # longest time that is interpolated over [s]
+    bandwidth: float  # of the motion [Hz]
+    measured: bool  # whether the bandwidth was measured, and not given
+    cutoff: float  # of the low-pass [Hz]
+    order: int  # of the low-pass
+    stride: int  # every so manieth sample of the grid is kept
 
     @property
     def rate(self) -> float:

@@ -26,21 +26,13 @@ _SECOND_DIFFERENCE = math.sqrt(6)  # of white noise, over the noise itself
 
 @dataclass(frozen=True)
 class Signal:
-    """Statistics of one signal of all joints as it was recorded, (J,) each, SI units.
+    """Statistics of one signal of all joints as it was recorded, (J,) each, SI units."""
 
-    Attributes:
-        lower: smallest value.
-        upper: largest value.
-        noise: standard deviation of white noise with the same second differences: the noise floor.
-        quantum: smallest step between neighbouring samples.
-        clipped: longest stay at an extreme, in samples.
-    """
-
-    lower: Tensor
-    upper: Tensor
-    noise: Tensor
-    quantum: Tensor
-    clipped: Tensor
+    lower: Tensor  # smallest value
+    upper: Tensor  # largest value
+    noise: Tensor  # standard deviation of white noise with the same second differences: the noise floor
+    quantum: Tensor  # smallest step between neighbouring samples
+    clipped: Tensor  # longest stay at an extreme, in samples
 
     @property
     def largest(self) -> Tensor:
@@ -55,33 +47,19 @@ class Signal:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Statistics of a raw recording.
+    """Statistics of a raw recording."""
 
-    Attributes:
-        name: of the recording.
-        samples: whole rows.
-        duration: from first to last sample [s].
-        step: mean time between samples, gaps apart [s].
-        jitter: standard deviation of that time over its mean.
-        duplicates: rows with the time stamp of the row before.
-        gaps: start and length of every gap [s].
-        gap: time above which it is one [s].
-        corrupt: row and reason of what was left out.
-        bandwidth: frequency below which nearly all of the motion's energy lies [Hz].
-        signals: by name.
-    """
-
-    name: str
-    samples: int
-    duration: float
-    step: float
-    jitter: float
-    duplicates: int
-    gaps: tuple[tuple[float, float], ...]
-    gap: float
-    corrupt: tuple[tuple[int, str], ...]
-    bandwidth: float
-    signals: dict[str, Signal]
+    name: str  # of the recording
+    samples: int  # whole rows
+    duration: float  # from first to last sample [s]
+    step: float  # mean time between samples, gaps apart [s]
+    jitter: float  # standard deviation of that time over its mean
+    duplicates: int  # rows with the time stamp of the row before
+    gaps: tuple[tuple[float, float], ...]  # start and length of every gap [s]
+    gap: float  # time above which it is one [s]
+    corrupt: tuple[tuple[int, str], ...]  # row and reason of what was left out
+    bandwidth: float  # frequency below which nearly all of the motion's energy lies [Hz]
+    signals: dict[str, Signal]  # by name
 
 
 def statistics_of(recording: Recording | Iterable[Recording], gap: float | None = None) -> Statistics:

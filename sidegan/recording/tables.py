@@ -16,16 +16,11 @@ Where = dict[str, list[str]]  # columns of time and of every signal; a single co
 
 @dataclass(frozen=True)
 class Piece:
-    """Consecutive rows of a table.
+    """Consecutive rows of a table."""
 
-    Attributes:
-        columns: numbers by column, (S,) or (S, J); what is not a number is NaN.
-        rows: number of each row, as a person counts them in the file.
-        skipped: row and reason of what could not even be cut into columns.
-    """
-
-    columns: dict[str, Numbers]
-    rows: NDArray[np.int64]
+    columns: dict[str, Numbers]  # numbers by column, (S,) or (S, J); what is not a number is NaN
+    rows: NDArray[np.int64]  # number of each row, as a person counts them in the file
+    # row and reason of what could not even be cut into columns
     skipped: list[tuple[int, str]] = field(default_factory=list)
 
 

@@ -18,13 +18,13 @@ def made(planar, clock):
 
 @pytest.mark.parametrize("write", KINDS)
 def test_what_was_written_is_read(made, tmp_path, write):
-    found = load_recording(write(made, tmp_path), of_file(), made.joint_names)
+    loaded = load_recording(write(made, tmp_path), of_file(), made.joint_names)
     start = 1 if write in (write_bag, write_mcap) else 0  # stamps of zero would mean that there are none
-    torch.testing.assert_close(found.time, made.time + start, atol=1e-6, rtol=0)
+    torch.testing.assert_close(loaded.time, made.time + start, atol=1e-6, rtol=0)
     for name, x in made.signals().items():
-        torch.testing.assert_close(found.signals()[name], x, atol=1e-12, rtol=0)
-    assert found.signals().keys() == made.signals().keys()
-    assert not found.corrupt
+        torch.testing.assert_close(loaded.signals()[name], x, atol=1e-12, rtol=0)
+    assert loaded.signals().keys() == made.signals().keys()
+    assert not loaded.corrupt
 
 
 @pytest.mark.parametrize("write", KINDS)
@@ -48,9 +48,9 @@ def test_units_become_si(made, tmp_path):
     table[["tau1", "tau2"]] *= 1e3
     table.to_csv(tmp_path / "a.csv", index=False)
     units = {"time": "ms", "angle": "deg", "torque": "mNm"}
-    found = load_recording(tmp_path / "a.csv", of_file(units=units), made.joint_names)
+    loaded = load_recording(tmp_path / "a.csv", of_file(units=units), made.joint_names)
     for name, x in {"time": made.time, **made.signals()}.items():
-        torch.testing.assert_close(getattr(found, name), x)
+        torch.testing.assert_close(getattr(loaded, name), x)
 
 
 def test_joints_are_matched_by_name(made, tmp_path):
@@ -59,15 +59,15 @@ def test_joints_are_matched_by_name(made, tmp_path):
     table = frame(made).rename(columns={"q1": "pos.b", "q2": "pos.a"})
     table[table.columns[::-1]].to_csv(tmp_path / "a.csv", index=False)
     columns = of_file(position="pos.{joint}", joints=["b", "a"])
-    found = load_recording(tmp_path / "a.csv", columns, made.joint_names)
-    torch.testing.assert_close(found.position, made.position)
+    loaded = load_recording(tmp_path / "a.csv", columns, made.joint_names)
+    torch.testing.assert_close(loaded.position, made.position)
 
 
 def test_arrays_of_all_joints_are_read(made, tmp_path):
     np.savez(tmp_path / "a.npz", t=made.time, q=made.position, tau=made.torque)
     columns = of_file(position="q", torque="tau")
-    found = load_recording(tmp_path / "a.npz", columns, made.joint_names)
-    torch.testing.assert_close(found.torque, made.torque)
+    loaded = load_recording(tmp_path / "a.npz", columns, made.joint_names)
+    torch.testing.assert_close(loaded.torque, made.torque)
     with pytest.raises(RecordingError, match="the arm has 3 joints"):
         load_recording(tmp_path / "a.npz", columns, ("a", "b", "c"))
 
@@ -79,13 +79,13 @@ def test_corrupt_rows_are_counted_and_named(made, tmp_path):
     lines[12] = lines[12].rsplit(",", 2)[0]  # two fields short
     lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
     (tmp_path / "a.csv").write_text("\n".join(lines))
-    found = load_recording(tmp_path / "a.csv", of_file(), made.joint_names)
-    assert len(found) == 196
-    assert sorted(row for row, _ in found.corrupt) == [6, 10, 13, 21]
-    told = dict(found.corrupt)
-    assert told[6] == "9 fields, expected 7"
-    assert told[10] == "no number in t"
-    assert told[13] == "no number in tau1, tau2"
+    loaded = load_recording(tmp_path / "a.csv", of_file(), made.joint_names)
+    assert len(loaded) == 196
+    assert sorted(row for row, _ in loaded.corrupt) == [6, 10, 13, 21]
+    reasons = dict(loaded.corrupt)
+    assert reasons[6] == "9 fields, expected 7"
+    assert reasons[10] == "no number in t"
+    assert reasons[13] == "no number in tau1, tau2"
 
 
 def test_a_column_without_numbers_is_refused(made, tmp_path):
@@ -95,7 +95,7 @@ def test_a_column_without_numbers_is_refused(made, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "joints", "said"),
+    ("change", "joints", "message"),
     [
         ({}, 3, r"no position of 1 of the arm's 3 joints: no column 'q3'"),
         ({}, 1, r"has q2: position of more than the arm's 1 joints"),
@@ -103,9 +103,9 @@ def test_a_column_without_numbers_is_refused(made, tmp_path):
         ({"t": "when"}, 2, r"no column 't' of time stamps"),
     ],
 )
-def test_columns_that_do_not_fit_the_arm_are_refused(made, tmp_path, change, joints, said):
+def test_columns_that_do_not_fit_the_arm_are_refused(made, tmp_path, change, joints, message):
     frame(made).rename(columns=change).to_csv(tmp_path / "a.csv", index=False)
-    with pytest.raises(RecordingError, match=said):
+    with pytest.raises(RecordingError, match=message):
         load_recording(tmp_path / "a.csv", of_file(), tuple("abc"[:joints]))
 
 
@@ -218,6 +218,6 @@ def test_a_bag_is_walked_through_again(made, tmp_path, monkeypatch):
 def test_a_last_row_that_is_cut_off_is_no_reason_to_refuse(made, tmp_path):
     text = write_csv(made, tmp_path).read_text()
     (tmp_path / "a.csv").write_text(text[:-30])
-    found = list(Source(tmp_path / "a.csv", of_file(), made.joint_names, rows=199))
-    assert sum(map(len, found)) == 199
-    assert [row for part in found for row, _ in part.corrupt] == [201]
+    loaded = list(Source(tmp_path / "a.csv", of_file(), made.joint_names, rows=199))
+    assert sum(map(len, loaded)) == 199
+    assert [row for part in loaded for row, _ in part.corrupt] == [201]

@@ -7,15 +7,17 @@ from sidegan.recording.statistics import statistics_of
 from tests.recording.conftest import load_recording, of_file
 
 
-def test_a_long_recording_is_conditioned_in_pieces(arm, tmp_path):
+def test_a_long_recording_is_preprocessed_in_pieces(arm, tmp_path, monkeypatch):
     """What is held follows from the bandwidth and the duration, not from the sampling rate."""
-    samples = write(tmp_path / "long.parquet", 2.0)
-    source = Source(tmp_path / "long.parquet", of_file(), arm.joint_names, rows=20_000)
+    samples = write(tmp_path / "long.parquet", 0.8)
+    monkeypatch.setattr("sidegan.recording.segments._POINTS_AT_ONCE", 10_000)
+    source = Source(tmp_path / "long.parquet", of_file(), arm.joint_names, rows=8_000)
     grid = grid_for(statistics_of(source), of_file())
     segments = preprocess(source, of_file(), grid=grid)
     kept = sum(len(segment.time) for segment in segments)
-    assert samples > 100_000 and kept < samples / 5
+    assert samples == 48_000 and kept < samples / 5
     assert grid.rate >= 10 * grid.cutoff * 0.9
+    monkeypatch.undo()
     whole = load_recording(source.path, of_file(), arm.joint_names)
     at_once = preprocess(whole, of_file(), grid=grid)
     assert len(segments) == len(at_once)

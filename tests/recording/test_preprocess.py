@@ -31,11 +31,11 @@ def test_missing_signals_are_derived(planar, clock, keep):
 
 def test_pieces_make_no_difference(planar, clock, monkeypatch):
     recording = recorded(planar, clock)
-    known = grid_for(statistics_of(recording), of_file())
-    whole = preprocess(recording, of_file(), grid=known)
+    grid = grid_for(statistics_of(recording), of_file())
+    whole = preprocess(recording, of_file(), grid=grid)
     monkeypatch.setattr("sidegan.recording.segments._POINTS_AT_ONCE", 300)
     assert statistics_of(cut(recording, 13, 700, 701, 1500)).step == statistics_of(recording).step
-    parts = preprocess(cut(recording, 13, 700, 701, 1500), of_file(), grid=known)
+    parts = preprocess(cut(recording, 13, 700, 701, 1500), of_file(), grid=grid)
     assert len(whole) == len(parts) == 1
     for a, b in zip(whole[0], parts[0]):
         torch.testing.assert_close(a, b, atol=1e-7, rtol=0)
@@ -43,9 +43,9 @@ def test_pieces_make_no_difference(planar, clock, monkeypatch):
 
 def test_a_gap_splits_a_recording(planar, clock):
     clock[900:] += 3.0
-    found = preprocess(recorded(planar, clock), of_file())
-    assert len(found) == 2
-    assert found[0].time[-1] < clock[899] < clock[900] < found[1].time[0]
+    segments = preprocess(recorded(planar, clock), of_file())
+    assert len(segments) == 2
+    assert segments[0].time[-1] < clock[899] < clock[900] < segments[1].time[0]
 
 
 def test_a_lost_sample_is_interpolated_over(planar, clock):
@@ -85,15 +85,15 @@ def test_torque_is_not_shifted(planar, clock):
 
 
 def test_the_cutoff_follows_the_bandwidth_and_is_stated(planar, clock):
-    known = statistics_of(recorded(planar, clock))
-    assert 0.3 < known.bandwidth < 0.6
-    measured = grid_for(known, of_file())
-    assert measured.cutoff == pytest.approx(12 * known.bandwidth)
+    statistics = statistics_of(recorded(planar, clock))
+    assert 0.3 < statistics.bandwidth < 0.6
+    measured = grid_for(statistics, of_file())
+    assert measured.cutoff == pytest.approx(12 * statistics.bandwidth)
     assert "measured" in measured.statement
-    given = grid_for(known, of_file(bandwidth=0.5, headroom=8.0))
+    given = grid_for(statistics, of_file(bandwidth=0.5, headroom=8.0))
     assert given.cutoff == 4.0 and "at 4 Hz" in given.statement and "given" in given.statement
     assert given.rate >= 10 * given.cutoff / 2
-    assert grid_for(known, of_file(cutoff=1.0)).stride == 10
+    assert grid_for(statistics, of_file(cutoff=1.0)).stride == 10
 
 
 def test_refusals_say_what_was_expected(planar, clock):
@@ -131,11 +131,11 @@ def test_time_that_runs_backwards_is_refused(planar, clock):
 def test_the_survey_counts(planar, clock):
     time = np.sort(np.append(clock, clock[300]))
     time[1500:] += 2.0
-    known = statistics_of(recorded(planar, time))
-    assert known.samples == 2001 and known.duplicates == 1 and len(known.gaps) == 1
-    assert known.gaps[0][1] == pytest.approx(2.0, abs=0.05)
-    assert known.step == pytest.approx(0.01, rel=1e-2)
-    assert isinstance(grid_for(known, of_file()), Grid)
+    statistics = statistics_of(recorded(planar, time))
+    assert statistics.samples == 2001 and statistics.duplicates == 1 and len(statistics.gaps) == 1
+    assert statistics.gaps[0][1] == pytest.approx(2.0, abs=0.05)
+    assert statistics.step == pytest.approx(0.01, rel=1e-2)
+    assert isinstance(grid_for(statistics, of_file()), Grid)
 
 
 def test_noise_floor_quantum_and_saturation_are_measured(planar, clock):
@@ -145,10 +145,12 @@ def test_noise_floor_quantum_and_saturation_are_measured(planar, clock):
     most = noisy[:, 1].max() * 0.5
     noisy[:, 1] = noisy[:, 1].clamp_max(most)
     position = (recording.position / 1e-3).round() * 1e-3
-    known = statistics_of(replace(recording, torque=noisy, position=position)).signals
-    assert float(known["torque"].noise[0]) == pytest.approx(0.5, rel=0.1)
-    torch.testing.assert_close(known["position"].quantum, torch.full((2,), 1e-3).double(), atol=1e-9, rtol=0)
-    assert known["torque"].clipped[0] == 0 and known["torque"].clipped[1] > 10
+    signals = statistics_of(replace(recording, torque=noisy, position=position)).signals
+    assert float(signals["torque"].noise[0]) == pytest.approx(0.5, rel=0.1)
+    torch.testing.assert_close(
+        signals["position"].quantum, torch.full((2,), 1e-3).double(), atol=1e-9, rtol=0
+    )
+    assert signals["torque"].clipped[0] == 0 and signals["torque"].clipped[1] > 10
 
 
 def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise(planar):

@@ -18,17 +18,11 @@ _CLOUD = 4000  # samples beside it
 
 
 class Origin(NamedTuple):
-    """How an identification was made.
+    """How an identification was made."""
 
-    Attributes:
-        command: that made it.
-        settings: by group, plain values.
-        library: of trajectories to recommend from.
-    """
-
-    command: str
-    settings: Mapping[str, Any]
-    library: str | None = None
+    command: str  # that made it
+    settings: Mapping[str, Any]  # by group, plain values
+    library: str | None = None  # of trajectories to recommend from
 
 
 def content(

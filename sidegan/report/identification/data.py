@@ -12,35 +12,21 @@ Level = Literal["good", "fair", "poor"]
 
 
 class Finding(NamedTuple):
-    """Something that the check of the data says.
+    """Something that the check of the data says."""
 
-    Attributes:
-        level: how bad it is.
-        where: the recording, or the joint.
-        text: a sentence.
-    """
-
-    level: Literal["ok", "warning", "error"]
-    where: str
-    text: str
+    level: Literal["ok", "warning", "error"]  # how bad it is
+    where: str  # the recording, or the joint
+    text: str  # a sentence
 
 
 class Signals(NamedTuple):
-    """Torques of one recording [N·m or N]; a row of NaN breaks the line.
+    """Torques of one recording [N·m or N]; a row of NaN breaks the line."""
 
-    Attributes:
-        name: of the recording.
-        role: what it was used for.
-        time: [s], (S,).
-        measured: (S, J).
-        predicted: of the same states by the identified model, (S, J).
-    """
-
-    name: str
-    role: Literal["training", "validation"]
-    time: Numbers
-    measured: Numbers
-    predicted: Numbers
+    name: str  # of the recording
+    role: Literal["training", "validation"]  # what it was used for
+    time: Numbers  # [s], (S,)
+    measured: Numbers  # (S, J)
+    predicted: Numbers  # of the same states by the identified model, (S, J)
 
     @property
     def residual(self) -> Numbers:
@@ -49,64 +35,34 @@ class Signals(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Friction of each joint.
+    """Friction of each joint."""
 
-    Attributes:
-        velocity: of the curve [rad/s or m/s], (J, K).
-        torque: identified friction with offset [N·m or N], (J, K).
-        measured_velocity: of samples, (N, J).
-        measured: their torque less that of the rigid body, (N, J).
-    """
-
-    velocity: Numbers
-    torque: Numbers
-    measured_velocity: Numbers
-    measured: Numbers
+    velocity: Numbers  # of the curve [rad/s or m/s], (J, K)
+    torque: Numbers  # identified friction with offset [N·m or N], (J, K)
+    measured_velocity: Numbers  # of samples, (N, J)
+    measured: Numbers  # their torque less that of the rigid body, (N, J)
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Content of the report of an identification, in the order in which it is shown.
+    """Content of the report of an identification, in the order in which it is shown."""
 
-    Attributes:
-        title: the arm.
-        verdict: whether to trust the model, in a sentence.
-        level: of the verdict.
-        reasons: for the verdict, a sentence each.
-        facts: what → how much, shown large.
-        joint_names: of the J joints.
-        findings: of the check of the data.
-        errors: a row per joint, in order, with columns nmse_ and rmse_ of training and validation.
-        signals: one per recording.
-        parameters: a row per parameter, of ``results.parameter_table``; relative_std is a share, urdf
-            is NaN where nothing is known.
-        covariance: of the parameters' errors in their order, (P, P).
-        condition_number: of the weighted regressor.
-        singular_values: of the same, (P,).
-        friction: curves and samples.
-        links: consistent inertial parameters about the centre of mass, of ``results.link_table``.
-        recommendations: what to do next, a sentence each.
-        settings: as text.
-        files: what → name of a file beside the report.
-        command: that made it.
-    """
-
-    title: str
-    verdict: str
-    level: Level
-    reasons: Sequence[str]
-    facts: Mapping[str, str]
-    joint_names: Sequence[str]
-    findings: Sequence[Finding]
-    errors: pd.DataFrame
-    signals: Sequence[Signals]
-    parameters: pd.DataFrame
-    covariance: Numbers | None = None
-    condition_number: float | None = None
-    singular_values: Numbers | None = None
-    friction: Friction | None = None
-    links: pd.DataFrame | None = None
-    recommendations: Sequence[str] = ()
-    settings: str = ""
-    files: Mapping[str, str] = field(default_factory=dict)
-    command: str = ""
+    title: str  # the arm
+    verdict: str  # whether to trust the model, in a sentence
+    level: Level  # of the verdict
+    reasons: Sequence[str]  # for the verdict, a sentence each
+    facts: Mapping[str, str]  # what → how much, shown large
+    joint_names: Sequence[str]  # of the J joints
+    findings: Sequence[Finding]  # of the check of the data
+    errors: pd.DataFrame  # a row per joint, in order, with columns nmse_ and rmse_ of training and validation
+    signals: Sequence[Signals]  # one per recording
+    parameters: pd.DataFrame  # of ``results.parameter_table``
+    covariance: Numbers | None = None  # of the parameters' errors in their order, (P, P)
+    condition_number: float | None = None  # of the weighted regressor
+    singular_values: Numbers | None = None  # of the same, (P,)
+    friction: Friction | None = None  # curves and samples
+    links: pd.DataFrame | None = None  # consistent inertial parameters, of ``results.link_table``
+    recommendations: Sequence[str] = ()  # what to do next, a sentence each
+    settings: str = ""  # as text
+    files: Mapping[str, str] = field(default_factory=dict)  # what → name of a file beside the report
+    command: str = ""  # that made it
