@@ -104,11 +104,11 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     )
     if outside.any():
         warnings.append(f"{_named(arm, outside)} leaves its limits of position")
-    for name in [name for name in ("velocity", "acceleration") if name in signals]:
-        dead = signals[name].constant & ~position.constant
+    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
+        dead = signals[rate].constant & ~position.constant
         if dead.any():
             raise RecordingError(
-                f"{statistics.name}: the {name} of {_named(arm, dead)} is constant while it moves"
+                f"{statistics.name}: the {rate} of {_named(arm, dead)} is constant while it moves"
             )
     for name in ("torque", "current"):
         if name in signals:

@@ -22,6 +22,8 @@ def text_table(path: Path, rows: int) -> Table:
     Raises:
         RecordingError: when it is empty or its first line is not one of column names.
     """
+    import pandas as pd
+
     with path.open(encoding="utf-8", errors="replace", newline="") as file:
         first = file.readline()
     if not first.strip():
@@ -31,7 +33,7 @@ def text_table(path: Path, rows: int) -> Table:
     names = [name or f"column {i + 1}" for i, name in enumerate(names)]
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice in the first line: {first.strip()[:100]!r}")
-    if all(_is_number(name) for name in names):
+    if pd.to_numeric(pd.Series(names), errors="coerce").notna().all():
         raise RecordingError(f"{path} begins with numbers, expected a first line of column names")
     return Table(names, lambda columns: _pieces(path, names, separator, columns, rows))
 
@@ -79,11 +81,3 @@ def _line_numbers(first: int, count: int, skipped: set[int]) -> NDArray[np.int64
         return np.arange(first, first + count)
     lines = np.arange(first, first + count + len(skipped))
     return lines[~np.isin(lines, list(skipped))][:count]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
