@@ -1,21 +1,26 @@
 """ROS 2 bags and MCAP files with `sensor_msgs/JointState`; the only door to rosbags."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from sidegan.errors import RecordingError
-from sidegan.recording.batch import Batch
 from sidegan.recording.columns import Columns
-from sidegan.recording.tables import Piece, reading
+from sidegan.recording.tables import Piece, Where, reading
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
 
 _KIND = "sensor_msgs/msg/JointState"
+_FIELDS = ("position", "velocity", "effort")
+_NANOSECONDS = 1e-9
+_SEARCHED = 1000  # joint names after which a message with all of the arm's is no longer looked for
 
 
 def is_bag(path: Path) -> bool:
@@ -25,7 +30,7 @@ def is_bag(path: Path) -> bool:
 
 def bag_pieces(
     path: Path, columns: Columns, joint_names: Sequence[str], rows: int
-) -> tuple[Iterator[Piece], dict[str, list[str]]]:
+) -> tuple[Iterator[Piece], Where]:
     """Pieces of a bag's joint states, and which of their columns is which signal.
 
     Time is that of the header, or that of the bag where headers have none. A message that lacks one of the
@@ -38,9 +43,9 @@ def bag_pieces(
     names = columns.file_joints(path.name, joint_names)
     with _opened(path) as reader, reading(path):
         connections = _connections(path, reader, columns.topic)
-        present = _signals(path, reader, connections, names, columns.effort)
-    where = {"time": ["time"], **{signal: [signal] for signal in present}}
-    return _pieces(path, columns, names, list(present), rows), where
+        fields = _fields(path, reader, connections, names)
+    where = {columns.effort if field == "effort" else field: [field] for field in fields}
+    return _pieces(path, columns, names, fields, rows), {"time": ["time"], **where}
 
 
 @contextmanager
@@ -58,9 +63,9 @@ def _opened(path: Path) -> "Iterator[AnyReader]":
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
-    """Those of the topic of joint states that is meant."""
-    found = [c for c in reader.connections if c.msgtype == _KIND]
-    topics = sorted({c.topic for c in found})
+    """Connections of the configured topic of joint states, or of the only one."""
+    of_states = [c for c in reader.connections if c.msgtype == _KIND]
+    topics = sorted({c.topic for c in of_states})
     if not topics:
         others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})) or "nothing"
         raise RecordingError(f"{path.name} has no joint states ({_KIND}); it has {others}")
@@ -70,42 +75,56 @@ def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Co
         )
     if topic is not None and topic not in topics:
         raise RecordingError(f"{path.name} has no joint states on {topic}, but on {', '.join(topics)}")
-    return [c for c in found if topic is None or c.topic == topic]
+    return [c for c in of_states if topic is None or c.topic == topic]
 
 
-def _signals(
-    path: Path, reader: "AnyReader", connections: "list[Connection]", names: Sequence[str], effort: str
-) -> dict[str, str]:
-    """Field of the messages for every signal that the first message with the arm's joints has."""
+def _fields(
+    path: Path, reader: "AnyReader", connections: "list[Connection]", names: Sequence[str]
+) -> list[str]:
+    """Fields that the first message with all of the arm's joints has values of."""
     seen: set[str] = set()
     for connection, _, raw in reader.messages(connections=connections):
         message: Any = reader.deserialize(raw, connection.msgtype)
         seen |= set(message.name)
         if set(names) <= set(message.name):
-            fields = {"position": "position", "velocity": "velocity", effort: "effort"}
-            found = {s: f for s, f in fields.items() if len(getattr(message, f)) == len(message.name)}
-            if "position" not in found:
+            fields = [field for field in _FIELDS if len(getattr(message, field)) == len(message.name)]
+            if "position" not in fields:
                 raise RecordingError(f"{path.name}: its joint states have no positions")
-            return found
-        if len(seen) > 1000:
+            return fields
+        if len(seen) > _SEARCHED:
             break
-    missing = [name for name in names if name not in seen]
     if not seen:
         raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
-    told = f"has no joint {', '.join(missing)}" if missing else "has no message with all of the arm's joints"
-    raise RecordingError(f"{path.name} {told}; it has {', '.join(sorted(seen))}")
+    missing = [name for name in names if name not in seen]
+    lack = f"has no joint {', '.join(missing)}" if missing else "has no message with all of the arm's joints"
+    raise RecordingError(f"{path.name} {lack}; it has {', '.join(sorted(seen))}")
 
 
 def _pieces(
-    path: Path, columns: Columns, names: Sequence[str], present: list[str], rows: int
+    path: Path, columns: Columns, names: Sequence[str], fields: Sequence[str], rows: int
 ) -> Iterator[Piece]:
-    """Pieces of ``rows`` messages; those that know none of the joints, such as a gripper's, are left out."""
-    batch = Batch(names, {signal: "effort" if signal == columns.effort else signal for signal in present})
+    """Pieces of ``rows`` messages, without those that have none of the joints, such as a gripper's."""
     with _opened(path) as reader, reading(path):
-        connections = _connections(path, reader, columns.topic)
-        for connection, received, raw in reader.messages(connections=connections):
-            batch.add(received, bytes(raw), partial(reader.deserialize, typ=connection.msgtype))
-            if len(batch) == rows:
-                yield batch.piece()
-    if len(batch):
-        yield batch.piece()
+        messages = reader.messages(connections=_connections(path, reader, columns.topic))
+        read = (
+            _row(reader.deserialize(raw, _KIND), received, names, fields) for _, received, raw in messages
+        )
+        rows_of_arm = (row for row in read if row is not None)
+        first = 1
+        while chunk := list(islice(rows_of_arm, rows)):
+            time, *values = np.split(np.array(chunk), [1 + len(names) * k for k in range(len(fields))], 1)
+            yield Piece({"time": time[:, 0], **dict(zip(fields, values))}, first + np.arange(len(chunk)))
+            first += len(chunk)
+
+
+def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float] | None:
+    """Time [s], that of the bag where the header has none, and the joints' values; None without a joint."""
+    place = {name: i for i, name in enumerate(message.name)}
+    if place.keys().isdisjoint(names):
+        return None
+    stamp = message.header.stamp
+    row = [stamp.sec + stamp.nanosec * _NANOSECONDS or received * _NANOSECONDS]
+    for field in fields:
+        values = dict(enumerate(getattr(message, field).tolist()))
+        row += [values.get(place.get(name, -1), math.nan) for name in names]
+    return row

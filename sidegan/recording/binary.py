@@ -21,18 +21,18 @@ def parquet_table(path: Path, rows: int) -> Table:
 
     with pq.ParquetFile(path) as file:
         names = list(file.schema_arrow.names)
-    return Table(names, lambda wanted: _parquet_pieces(path, wanted, rows))
+    return Table(names, lambda columns: _parquet_pieces(path, columns, rows))
 
 
-def _parquet_pieces(path: Path, wanted: Sequence[str], rows: int) -> Iterator[Piece]:
+def _parquet_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
     import pyarrow.parquet as pq
 
     row = 1
     # With its own ideas of buffers, pyarrow keeps all that it has read.
     with reading(path), pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file:
-        for batch in file.iter_batches(rows, columns=list(wanted)):
-            found = {name: _numbers(batch.column(name)) for name in wanted}
-            yield Piece(found, np.arange(row, row + len(batch)))
+        for batch in file.iter_batches(rows, columns=list(columns)):
+            numbers = {name: _numbers(batch.column(name)) for name in columns}
+            yield Piece(numbers, np.arange(row, row + len(batch)))
             row += len(batch)
 
 
@@ -49,16 +49,17 @@ def npz_table(path: Path, rows: int) -> Table:
     """An NPZ file: an array (S,) per column, or (S, J) per signal; nothing in it is run."""
     with np.load(path, allow_pickle=False) as file:
         names = list(file.files)
-    return Table(names, lambda wanted: _npz_pieces(path, wanted, rows))
+    return Table(names, lambda columns: _npz_pieces(path, columns, rows))
 
 
-def _npz_pieces(path: Path, wanted: Sequence[str], rows: int) -> Iterator[Piece]:
+def _npz_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
     with reading(path), np.load(path, allow_pickle=False) as file:
-        found = {name: np.asarray(file[name], dtype=np.float64) for name in wanted}
-    lengths = {name: len(x) if x.ndim else 0 for name, x in found.items()}
+        arrays = {name: np.asarray(file[name], dtype=np.float64) for name in columns}
+    lengths = {name: len(x) if x.ndim else 0 for name, x in arrays.items()}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        raise RecordingError(f"{path}: the arrays are not of the same length: {told}")
-    for first in range(0, max(lengths.values()), rows):
-        piece = {name: x[first : first + rows] for name, x in found.items()}
-        yield Piece(piece, np.arange(first, first + len(next(iter(piece.values())))) + 1)
+        listed = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        raise RecordingError(f"{path}: the arrays are not of the same length: {listed}")
+    count = max(lengths.values())
+    for first in range(0, count, rows):
+        piece = {name: x[first : first + rows] for name, x in arrays.items()}
+        yield Piece(piece, np.arange(first, min(first + rows, count)) + 1)

@@ -1,166 +1,181 @@
-"""What a recording is worth, told before anything is fitted."""
+"""Check of a recording before anything is fitted to it: is it plausible, and what can it tell?"""
 
-from collections.abc import Iterable
+import logging
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import plausible, suspicion
-from sidegan.recording.conditioning import condition, grid_for
-from sidegan.recording.excited import Excited, excited
-from sidegan.recording.raw import Survey, reasons, survey
-from sidegan.recording.recording import Recording, Segment
-from sidegan.recording.settings import Grid, Settings
+from sidegan.recording import plausibility
+from sidegan.recording.agreement import Agreement, agreement_of, velocity_warnings
+from sidegan.recording.excitation import Excitation, excitation_of
+from sidegan.recording.load import Source
+from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
+from sidegan.recording.segments import Grid, grid_for, preprocess
+from sidegan.recording.settings import Preprocessing, RecordingSettings
+from sidegan.recording.statistics import Statistics, statistics_of
 from sidegan.robot import Arm
 
+log = logging.getLogger(__name__)
+
+Role = Literal["training", "validation"]
 _LEAST_NOISE = 1e-6  # of a joint's torque
+_LISTED = 100  # corrupt rows
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
-    """What is known about a recording.
+class CheckedRecording:
+    """A recording that was checked and preprocessed."""
 
-    Attributes:
-        survey: of the raw recording.
-        grid: what it is conditioned with.
-        kept: samples that are left for identification.
-        moving: time that they cover [s].
-        excited: how well each base parameter is excited.
-        sign: correlation of each joint's torque with the description, friction apart, −1 to 1, (J,).
-        lag: time by which torques are later than states [s], as far as the motion tells.
-        warnings: what a person should look at.
-    """
+    role: Role  # what it is for
+    joint_names: tuple[str, ...]  # of the arm
+    statistics: Statistics  # of the raw recording
+    grid: Grid  # what it was preprocessed with
+    segments: list[Segment]  # preprocessed stretches
+    agreement: Agreement  # of the torques with the arm's description
+    excitation: Excitation  # of each base parameter
+    warnings: list[str]  # what a person should look at
 
-    survey: Survey
-    grid: Grid
-    kept: int
-    moving: float
-    excited: Excited
-    sign: Tensor
-    lag: float
-    warnings: list[str]
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self.statistics.name
+
+    @property
+    def kept(self) -> int:
+        """Number of samples that are left for identification."""
+        return sum(len(segment.time) for segment in self.segments)
+
+    @property
+    def moving(self) -> float:
+        """Time that they cover [s]."""
+        return sum(float(segment.time[-1] - segment.time[0]) for segment in self.segments)
 
     @property
     def derived(self) -> list[str]:
         """Signals that were not recorded, and are derivatives of others."""
-        return [name for name in ("velocity", "acceleration") if name not in self.survey.signals]
+        return [name for name in ("velocity", "acceleration") if name not in self.statistics.signals]
 
-    def plain(self) -> dict[str, Any]:
-        """All of it as JSON takes it."""
-        known = self.survey
+    def as_json(self) -> dict[str, Any]:
+        """All of it but the samples, as plain values."""
+        raw = self.statistics
         signals = {
-            name: {key: x.tolist() for key, x in vars(signal).items()}
-            for name, signal in known.signals.items()
+            name: {key: x.tolist() for key, x in vars(signal).items()} for name, signal in raw.signals.items()
         }
-        told = excited_rows(self.excited)
+        reasons = dict(Counter(reason for _, reason in raw.corrupt).most_common())
         return {
-            "name": known.name,
-            "samples": known.samples,
-            "duration": known.duration,
-            "rate": 1 / known.step,
-            "jitter": known.jitter,
-            "duplicates": known.duplicates,
-            "gaps": [list(gap) for gap in known.gaps],
-            "corrupt": {"count": len(known.corrupt), "reasons": reasons(known.corrupt)},
-            "corrupt_rows": [list(row) for row in known.corrupt[:100]],
+            "name": raw.name,
+            "samples": raw.samples,
+            "duration": raw.duration,
+            "rate": 1 / raw.step,
+            "jitter": raw.jitter,
+            "duplicates": raw.duplicates,
+            "gaps": [list(gap) for gap in raw.gaps],
+            "corrupt": {"count": len(raw.corrupt), "reasons": reasons},
+            "corrupt_rows": [list(row) for row in raw.corrupt[:_LISTED]],
             "signals": signals,
             "derived": self.derived,
             "conditioning": {**asdict(self.grid), "statement": self.grid.statement},
             "kept": self.kept,
             "moving": self.moving,
-            "sign": self.sign.tolist(),
-            "lag": self.lag,
-            "condition": self.excited.condition,
-            "excited": told,
-            "weak": self.excited.weak,
+            "sign": self.agreement.sign.tolist(),
+            "lag": self.agreement.lag,
+            "condition": self.excitation.condition_number,
+            "excited": self.excitation.rows,
+            "weak": self.excitation.weak,
             "warnings": self.warnings,
         }
 
 
+def read_and_check(
+    files: Sequence[str],
+    role: Role,
+    arm: Arm,
+    settings: RecordingSettings,
+    gains: Sequence[float] | None = None,
+    sign_width: float = SIGN_WIDTH,
+) -> list[CheckedRecording]:
+    """Recordings of files, checked and preprocessed; what is odd about them is logged.
+
+    Arguments and errors are those of ``check_recording``.
+    """
+    recordings = []
+    for file in files:
+        source = Source(Path(file), settings, arm.joint_names, settings.rows)
+        checked = check_recording(source, arm, settings, gains, sign_width, settings.units.angle, role)
+        raw = checked.statistics
+        log.info("%s: %d samples in %.4g s, %s", file, raw.samples, raw.duration, role)
+        log.info("  %s", checked.grid.statement)
+        for warning in checked.warnings:
+            log.warning("%s: %s", file, warning)
+        recordings.append(checked)
+    return recordings
+
+
 def check_recording(
-    recording: Recording | Iterable[Recording], arm: Arm, settings: Settings | None = None, angle: str = "rad"
-) -> Findings:
-    """What a recording is worth; nothing is fitted to it. Arguments and errors are those of ``examine``."""
-    return examine(recording, arm, settings, angle)[0]
-
-
-def examine(
-    recording: Recording | Iterable[Recording], arm: Arm, settings: Settings | None = None, angle: str = "rad"
-) -> tuple[Findings, list[Segment]]:
-    """What a recording is worth, and its conditioned segments.
+    recording: Recording | Iterable[Recording],
+    arm: Arm,
+    settings: Preprocessing,
+    gains: Sequence[float] | None = None,
+    sign_width: float = SIGN_WIDTH,
+    angle: str = "rad",
+    role: Role = "training",
+) -> CheckedRecording:
+    """A recording, checked and preprocessed.
 
     Args:
         recording: whole, or its pieces; they are walked through twice.
         arm: whose description the torques are compared with.
-        settings: of the conditioning.
+        settings: of the preprocessing.
+        gains: of the drives, motor current to joint torque [N·m/A], one per joint.
+        sign_width: velocity at which the smooth sign is at 76 % [rad/s or m/s].
         angle: unit that the file's angles were declared in.
+        role: what it is for.
 
     Raises:
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
             zero or constant, positions are in another unit than declared.
     """
-    settings = settings or Settings()
-    known = survey(recording, settings.gap)
-    if known.signals["position"].lower.shape != (arm.joints,):
-        raise RecordingError(
-            f"{known.name} has {len(known.signals['position'].lower)} joints, {arm.name} has {arm.joints}"
-        )
-    plausible.refuse_wrong_units(known, arm, angle)
-    plausible.refuse_idle(known)
-    grid = grid_for(known, settings)
-    segments = condition(recording, settings, grid)
+    statistics = statistics_of(recording, settings.gap)
+    joints = len(statistics.signals["position"].lower)
+    if joints != arm.joints:
+        raise RecordingError(f"{statistics.name} has {joints} joints, {arm.name} has {arm.joints}")
+    plausibility.refuse_wrong_units(statistics, arm, angle)
+    plausibility.refuse_idle(statistics)
+    grid = grid_for(statistics, settings)
+    segments = preprocess(recording, settings, gains, sign_width, grid)
     body = RigidBody(arm)
-    warnings = plausible.clock_warnings(known) + plausible.range_warnings(known, arm)
-    warnings += suspicion.velocity_mismatch(known, arm, segments)
-    correlation, friction = suspicion.signs(body, segments)
-    late, believed = suspicion.lag(body, segments)
-    warnings += _model_warnings(arm, correlation, friction, late if believed else 0.0)
-    told = excited(body, segments, _torque_noise(known, segments, settings))
-    if told.weak:
-        warnings.append(
-            f"{len(told.weak)} of {len(told.names)} base parameters are hardly excited (condition number "
-            f"{told.condition:.3g}): {', '.join(told.weak)}"
-        )
-    kept = sum(len(segment.time) for segment in segments)
-    moving = sum(float(segment.time[-1] - segment.time[0]) for segment in segments)
-    return Findings(known, grid, kept, moving, told, correlation, late, warnings), segments
+    warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
+    warnings += velocity_warnings(statistics, arm, segments)
+    agreement = agreement_of(body, segments)
+    excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains))
+    warnings += agreement.warnings(arm) + _excitation_warnings(excitation)
+    return CheckedRecording(
+        role, arm.joint_names, statistics, grid, segments, agreement, excitation, warnings
+    )
 
 
-def excited_rows(told: Excited) -> list[dict[str, Any]]:
-    """A row per base parameter."""
-    columns = (told.contribution.tolist(), told.alone.tolist(), told.deviation.tolist())
-    keys = ("contribution", "alone", "deviation")
-    return [{"name": name, **dict(zip(keys, row))} for name, *row in zip(told.names, *columns)]
+def _excitation_warnings(excitation: Excitation) -> list[str]:
+    weak = excitation.weak
+    if not weak:
+        return []
+    return [
+        f"{len(weak)} of {len(excitation.names)} base parameters are hardly excited (condition number "
+        f"{excitation.condition_number:.3g}): {', '.join(weak)}"
+    ]
 
 
-def _model_warnings(arm: Arm, correlation: Tensor, friction: Tensor, late: float) -> list[str]:
-    wrong, unknown = suspicion.suspicious(arm, correlation, friction)
-    found = []
-    if wrong:
-        found.append(
-            f"the torque of {', '.join(wrong)} runs against the description: is its sign wrong? "
-            f"(recording.reverse=[{','.join(wrong)}])"
-        )
-    if unknown:
-        found.append(
-            f"the motion does not tell whether the sign of the torque of {', '.join(unknown)} is right"
-        )
-    if late:
-        found.append(
-            f"torques look {abs(late) * 1e3:.0f} ms {'later' if late > 0 else 'earlier'} than the states"
-        )
-    return found
-
-
-def _torque_noise(known: Survey, segments: list[Segment], settings: Settings) -> Tensor:
+def _torque_noise(statistics: Statistics, segments: list[Segment], gains: Sequence[float] | None) -> Tensor:
     """Noise floor of each joint's torque [N·m or N], (J,)."""
-    if "torque" in known.signals:
-        noise = known.signals["torque"].noise
+    if "torque" in statistics.signals:
+        noise = statistics.signals["torque"].noise
     else:
-        noise = known.signals["current"].noise * torch.tensor(settings.gains, dtype=torch.float64)
+        noise = statistics.signals["current"].noise * torch.tensor(gains, dtype=torch.float64)
     size = torch.cat([segment.torque for segment in segments]).square().mean(0).sqrt()
     return torch.maximum(noise, _LEAST_NOISE * size.max())

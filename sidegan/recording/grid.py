@@ -13,19 +13,12 @@ _LEAST = 4  # samples of a run: the interpolation looks at so many
 
 
 class Block(NamedTuple):
-    """Consecutive points of a uniform grid.
+    """Consecutive points of a uniform grid."""
 
-    Attributes:
-        run: number of the stretch without gaps.
-        first: index of the first point in its run.
-        time: [s], (S,).
-        signals: (S, C).
-    """
-
-    run: int
-    first: int
-    time: Numbers
-    signals: Numbers
+    run: int  # number of the stretch without gaps
+    first: int  # index of the first point in its run
+    time: Numbers  # [s], (S,)
+    signals: Numbers  # (S, C)
 
 
 def uniform(pieces: Iterable[tuple[Numbers, Numbers]], step: float, gap: float) -> Iterator[Block]:
@@ -66,8 +59,8 @@ def _resampled(run: int, parts: Iterator[tuple[Numbers, Numbers]], step: float) 
     origin, first = time[0], 0
     rest: tuple[Numbers, Numbers] | None = None
     for rest in parts:
-        known = max(0, len(time) - 2)  # up to the last sample but one, nothing to come changes the curve
-        count = _points(origin, first, time[known], step) if known else first
+        settled = max(0, len(time) - 2)  # up to the last sample but one, nothing to come changes the curve
+        count = _points(origin, first, time[settled], step) if settled else first
         if count > first and len(time) >= _LEAST:
             yield _block(run, first, count, origin, step, time, signals)
             first = count
@@ -88,5 +81,5 @@ def _block(
     run: int, first: int, count: int, origin: float, step: float, time: Numbers, signals: Numbers
 ) -> Block:
     grid = np.asarray(origin + np.arange(first, count) * step, dtype=np.float64)
-    found = PchipInterpolator(time, signals)(np.minimum(grid, time[-1]))
-    return Block(run, first, grid, np.asarray(found, dtype=np.float64))
+    values = PchipInterpolator(time, signals)(np.minimum(grid, time[-1]))
+    return Block(run, first, grid, np.asarray(values, dtype=np.float64))

@@ -1,6 +1,6 @@
-"""From a file to recordings in SI units, whole or in pieces of bounded memory."""
+"""From a file to recordings in SI units, in pieces of bounded memory."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_pieces, is_bag
 from sidegan.recording.binary import npz_table, parquet_table
-from sidegan.recording.columns import Columns
-from sidegan.recording.recording import SIGNALS, Recording, joined
-from sidegan.recording.tables import ROWS_AT_ONCE, Numbers, Piece, Table, reading
+from sidegan.recording.columns import SIGNALS, Columns
+from sidegan.recording.recording import Recording
+from sidegan.recording.tables import Numbers, Piece, Where, reading
 from sidegan.recording.text import text_table
 
+_ROWS = 65_536  # at once; of 29 columns: 15 MB
 _MOST_CORRUPT = 0.5  # of the rows of a piece
 _LEAST_JUDGED = 1000  # rows of a piece that is judged by itself; a file may end in a few broken ones
 _FIRST_ROW = 2  # number of the first row, after the header
 _MOST_KEPT = 800_000_000  # bytes of a bag that are kept for the next walk: bags are read slowly
+_LISTED = 8  # columns that a refusal names
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
@@ -41,7 +43,7 @@ class Source:
     path: Path
     columns: Columns
     joint_names: tuple[str, ...]
-    rows: int = ROWS_AT_ONCE
+    rows: int = _ROWS
     _kept: list[Recording] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
@@ -55,99 +57,77 @@ class Source:
         Raises:
             RecordingError: when the file cannot be read or does not fit the arm.
         """
-        if not self.path.exists():
-            raise RecordingError(f"there is no recording {self.path}")
         if self._kept:
             yield from self._kept
             return
-        if not is_bag(self.path):
-            table = _open(self.path, self.rows)
-            where = self.columns.resolve(self.name, table.columns, self.joint_names)
-            pieces = table.pieces([c for columns in where.values() for c in columns])
-            yield from (_recording(self, piece, where) for piece in pieces)
-            return
-        pieces, where = bag_pieces(self.path, self.columns, self.joint_names, self.rows)
+        pieces, where = self._open()
         read, size = [], 0
         for piece in pieces:
-            size += sum(x.nbytes for x in piece.columns.values())
             part = _recording(self, piece, where)
+            size += sum(x.nbytes for x in piece.columns.values()) if is_bag(self.path) else _MOST_KEPT
             if size < _MOST_KEPT:
                 read.append(part)
             yield part
         self._kept.extend(read if size < _MOST_KEPT else [])
 
-
-def load_recording(path: Path | str, columns: Columns, joint_names: Sequence[str]) -> Recording:
-    """A whole recording in memory.
-
-    Args:
-        path: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3 or .mcap).
-        columns: where it keeps what, and in which units.
-        joint_names: of the arm.
-
-    Raises:
-        RecordingError: when the file cannot be read, holds no samples, or does not fit the arm.
-    """
-    source = Source(Path(path), columns, tuple(joint_names))
-    parts = list(source)
-    if not parts:
-        raise RecordingError(f"{source.name} holds no samples")
-    return joined(parts)
+    def _open(self) -> tuple[Iterator[Piece], Where]:
+        """Pieces of the file, and which of their columns is which signal."""
+        if not self.path.exists():
+            raise RecordingError(f"there is no recording {self.path}")
+        if is_bag(self.path):
+            return bag_pieces(self.path, self.columns, self.joint_names, self.rows)
+        suffix = self.path.suffix.lower()
+        if suffix not in _READERS:
+            raise RecordingError(
+                f"{self.path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag"
+            )
+        with reading(self.path):
+            table = _READERS[suffix](self.path, self.rows)
+        where = self.columns.resolve(self.name, table.columns, self.joint_names)
+        return table.pieces([c for columns in where.values() for c in columns]), where
 
 
-def _open(path: Path, rows: int) -> Table:
-    """A file that is not a bag, by its suffix."""
-    suffix = path.suffix.lower()
-    if suffix not in _READERS:
-        raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
-    with reading(path):
-        return _READERS[suffix](path, rows)
-
-
-def _recording(source: Source, piece: Piece, where: dict[str, list[str]]) -> Recording:
+def _recording(source: Source, piece: Piece, where: Where) -> Recording:
     """A piece in SI units without its corrupt rows."""
     joints, units = len(source.joint_names), source.columns.units
-    found: dict[str, Numbers] = {}
-    for signal in ("time", *SIGNALS):
-        if signal in where:
-            parts = [piece.columns[c] for c in where[signal]]
-            x = parts[0] if len(parts) == 1 else np.stack(parts, 1)
-            if signal != "time" and x.ndim == 1:
-                x = x[:, None]
-            if signal != "time" and x.shape[1:] != (joints,):
+    signals: dict[str, Numbers] = {}
+    for name in ("time", *(signal for signal in SIGNALS if signal in where)):
+        parts = [piece.columns[c] for c in where[name]]
+        x = parts[0] if len(parts) == 1 else np.stack(parts, 1)
+        if name != "time":
+            x = x[:, None] if x.ndim == 1 else x
+            if x.shape[1:] != (joints,):
                 raise RecordingError(
-                    f"{source.name}: {where[signal][0]!r} is {x.shape}, the arm has {joints} joints"
+                    f"{source.name}: {where[name][0]!r} is {x.shape}, the arm has {joints} joints"
                 )
-            found[signal] = x * units.factor(signal)
-    good, corrupt = _finite_rows(source, piece, where, found)
-    tensors = {name: torch.from_numpy(x[good]) for name, x in found.items()}
+        signals[name] = x * units.factor(name)
+    good, corrupt = _finite_rows(source.name, piece, where, signals)
+    tensors = {name: torch.from_numpy(x[good]) for name, x in signals.items()}
     return Recording(source.name, source.joint_names, corrupt=(*piece.skipped, *corrupt), **tensors)
 
 
 def _finite_rows(
-    source: Source, piece: Piece, where: dict[str, list[str]], found: dict[str, Numbers]
+    file: str, piece: Piece, where: Where, signals: dict[str, Numbers]
 ) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the row and reason of the others."""
-    flat = [x[:, None] if x.ndim == 1 else x for x in found.values()]
-    bad = ~np.isfinite(np.concatenate(flat, 1))
+    flat = {name: x[:, None] if x.ndim == 1 else x for name, x in signals.items()}
+    bad = ~np.isfinite(np.concatenate(list(flat.values()), 1))
     names = [
-        columns[k] if len(columns) > 1 or x.shape[1] == 1 else f"{columns[0]}[{k}]"
-        for columns, x in zip((where[s] for s in found), flat)
+        where[name][k] if len(where[name]) > 1 or x.shape[1] == 1 else f"{where[name][0]}[{k}]"
+        for name, x in flat.items()
         for k in range(x.shape[1])
     ]
     wrong = np.asarray(bad.any(1))
     judged = len(wrong) >= _LEAST_JUDGED or (len(wrong) > 0 and piece.rows[0] <= _FIRST_ROW)
     if judged and wrong.mean() > _MOST_CORRUPT:
-        share = bad.mean(0)
-        worst = [name for name, part in zip(names, share) if part > _MOST_CORRUPT / len(names)]
-        rows = f"rows {piece.rows[0]} to {piece.rows[-1]}"
+        worst = [name for name, share in zip(names, bad.mean(0)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
-            f"{source.name}: {wrong.mean():.0%} of {rows} are without a number, "
-            f"in column {', '.join(worst[:8])}"
+            f"{file}: {wrong.mean():.0%} of rows {piece.rows[0]} to {piece.rows[-1]} are without a number, "
+            f"in column {', '.join(worst[:_LISTED])}"
         )
     corrupt = []
     for k in np.flatnonzero(wrong):
         lacking = [name for name, is_bad in zip(names, bad[k]) if is_bad]
-        told = ", ".join(lacking[:3]) + (" …" if len(lacking) > 3 else "")
-        corrupt.append((int(piece.rows[k]), f"no number in {told}"))
+        listed = ", ".join(lacking[:3]) + (" …" if len(lacking) > 3 else "")
+        corrupt.append((int(piece.rows[k]), f"no number in {listed}"))
     return ~wrong, corrupt

@@ -1,15 +1,14 @@
-"""What a recording is, raw and conditioned."""
+"""A recording as it was made, and segments of it after preprocessing."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
+from sidegan.recording.columns import SIGNALS
 
-SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
+SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at 76 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +57,8 @@ class Recording:
 
     def signals(self) -> dict[str, Tensor]:
         """The signals that were recorded, by name, (S, J) each."""
-        found = {name: getattr(self, name) for name in SIGNALS}
-        return {name: x for name, x in found.items() if x is not None}
+        signals = {name: getattr(self, name) for name in SIGNALS}
+        return {name: x for name, x in signals.items() if x is not None}
 
 
 class Segment(NamedTuple):
@@ -74,19 +73,3 @@ class Segment(NamedTuple):
     acceleration: Tensor
     torque: Tensor
     sign: Tensor
-
-
-def joined(parts: Iterable[Recording]) -> Recording:
-    """One recording of consecutive parts of the same file.
-
-    Raises:
-        RecordingError: when there is no part, or no sample in any.
-    """
-    parts = list(parts)
-    if not sum(map(len, parts)):
-        raise RecordingError(f"{parts[0].name if parts else 'the recording'} holds no samples")
-    first = parts[0]
-    found = {name: torch.cat([part.signals()[name] for part in parts]) for name in first.signals()}
-    corrupt = tuple(row for part in parts for row in part.corrupt)
-    time = torch.cat([part.time for part in parts])
-    return Recording(first.name, first.joint_names, time, corrupt=corrupt, **found)

@@ -22,6 +22,8 @@ def text_table(path: Path, rows: int) -> Table:
     Raises:
         RecordingError: when it is empty or its first line is not one of column names.
     """
+    import pandas as pd
+
     with path.open(encoding="utf-8", errors="replace", newline="") as file:
         first = file.readline()
     if not first.strip():
@@ -31,13 +33,13 @@ def text_table(path: Path, rows: int) -> Table:
     names = [name or f"column {i + 1}" for i, name in enumerate(names)]
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice in the first line: {first.strip()[:100]!r}")
-    if all(_is_number(name) for name in names):
+    if pd.to_numeric(pd.Series(names), errors="coerce").notna().all():
         raise RecordingError(f"{path} begins with numbers, expected a first line of column names")
-    return Table(names, lambda wanted: _pieces(path, names, separator, wanted, rows))
+    return Table(names, lambda columns: _pieces(path, names, separator, columns, rows))
 
 
 def _pieces(
-    path: Path, names: list[str], separator: str, wanted: Sequence[str], rows: int
+    path: Path, names: list[str], separator: str, columns: Sequence[str], rows: int
 ) -> Iterator[Piece]:
     import pandas as pd
 
@@ -55,22 +57,22 @@ def _pieces(
     line = 2  # of the next row; people count the header as the first
     with reading(path), pd.read_csv(path, **options, chunksize=rows) as reader:
         while True:
-            with warnings.catch_warnings(record=True) as said:
+            with warnings.catch_warnings(record=True) as messages:
                 warnings.simplefilter("always")
                 frame = next(reader, None)
             if frame is None:
                 return
-            skipped = _skipped(said)
-            numbers = _line_numbers(line, len(frame), {row for row, _ in skipped})
-            line = int(max([*numbers[-1:], *(row for row, _ in skipped), line - 1])) + 1
-            found = {c: pd.to_numeric(frame[c], errors="coerce").to_numpy(np.float64) for c in wanted}
-            yield Piece(found, numbers, skipped)
+            skipped = _skipped(messages)
+            lines = _line_numbers(line, len(frame), {row for row, _ in skipped})
+            line = int(max([*lines[-1:], *(row for row, _ in skipped), line - 1])) + 1
+            numbers = {c: pd.to_numeric(frame[c], errors="coerce").to_numpy(np.float64) for c in columns}
+            yield Piece(numbers, lines, skipped)
 
 
-def _skipped(said: list[warnings.WarningMessage]) -> list[tuple[int, str]]:
+def _skipped(messages: list[warnings.WarningMessage]) -> list[tuple[int, str]]:
     """Lines that pandas could not cut into columns."""
-    found = [match for one in said for match in _SKIPPED.finditer(str(one.message))]
-    return [(int(m[1]), f"{m[3]} fields, expected {m[2]}") for m in found]
+    matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
+    return [(int(m[1]), f"{m[3]} fields, expected {m[2]}") for m in matches]
 
 
 def _line_numbers(first: int, count: int, skipped: set[int]) -> NDArray[np.int64]:
@@ -79,11 +81,3 @@ def _line_numbers(first: int, count: int, skipped: set[int]) -> NDArray[np.int64
         return np.arange(first, first + count)
     lines = np.arange(first, first + count + len(skipped))
     return lines[~np.isin(lines, list(skipped))][:count]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

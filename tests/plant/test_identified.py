@@ -9,15 +9,17 @@ from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import Plant
-from sidegan.recording import Recording, Settings, condition
+from sidegan.recording.recording import Recording
+from sidegan.recording.segments import preprocess
 from sidegan.validity import Constraints
+from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(7, 6, 16.0)
 
 
 def measurements_of(executed, joint_names, settings):
     recording = Recording("plant", joint_names, *executed[:3], torque=executed.torque)
-    return [Measurements(*segment[1:]) for segment in condition(recording, settings)]
+    return [Measurements(*segment[1:]) for segment in preprocess(recording, settings)]
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +27,7 @@ def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
     executed = Plant(arm, standard).execute_each(FAMILY, c, np.random.SeedSequence(0))
-    return [measurements_of(one, arm.joint_names, Settings(bandwidth=6 / 16)) for one in executed]
+    return [measurements_of(one, arm.joint_names, of_file(bandwidth=6 / 16)) for one in executed]
 
 
 def test_friction_rotors_and_bias_come_back(arm, standard, executions):

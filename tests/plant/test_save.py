@@ -5,8 +5,7 @@ import torch
 
 from sidegan.errors import ConfigError, StorageError
 from sidegan.plant import Plant, save_recording
-from sidegan.recording.columns import Columns
-from sidegan.recording.load import load_recording
+from tests.recording.conftest import load_recording, of_file
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +17,7 @@ def executed(planar, motions, standard):
 def test_every_number_comes_back_through_the_door_of_recordings(executed, planar, tmp_path, suffix):
     path = tmp_path / f"plant{suffix}"
     save_recording(executed, path)
-    read = load_recording(path, Columns(), planar.joint_names)
+    read = load_recording(path, of_file(), planar.joint_names)
     assert not read.corrupt
     assert read.acceleration is None
     for name, values in executed._asdict().items():

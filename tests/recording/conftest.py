@@ -6,7 +6,10 @@ import pytest
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import Recording
+from sidegan.recording.load import Source
+from sidegan.recording.recording import Recording
+from sidegan.recording.settings import RecordingSettings
+from tests.settings import settings
 
 
 def real(name):
@@ -16,6 +19,19 @@ def real(name):
     if not path.exists():
         pytest.skip(f"{name} is not at hand: put it beside the project in shared/data, or set SIDEGAN_DATA")
     return path.resolve()
+
+
+def of_file(**changes):
+    """Settings of a CSV file with a column per joint and signal."""
+    return settings(RecordingSettings, "recording/csv", **changes)
+
+
+def load_recording(path, columns, joint_names):
+    """A whole recording of a file."""
+    parts = list(Source(Path(path), columns, tuple(joint_names)))
+    signals = {name: torch.cat([part.signals()[name] for part in parts]) for name in parts[0].signals()}
+    time, corrupt = torch.cat([part.time for part in parts]), [row for part in parts for row in part.corrupt]
+    return Recording(parts[0].name, parts[0].joint_names, time, corrupt=tuple(corrupt), **signals)
 
 
 def states(time, joints=2):

@@ -37,13 +37,13 @@ def write_bag(recording, folder, plugin=StoragePlugin.SQLITE3, names=None, topic
     stamp = store.types["builtin_interfaces/msg/Time"]
     names = names or list(recording.joint_names)
     order = order or list(range(len(names)))
-    found = recording.signals()
+    signals = recording.signals()
     with Writer(folder / "bag", version=9, storage_plugin=plugin) as writer:
         to = writer.add_connection(topic, state.__msgtype__, typestore=store)
         for k, t in enumerate(recording.time.tolist()):
             nanoseconds = round(t * 1e9) + 10**9
             values = [
-                found[name][k].numpy()[order] if name in found else np.zeros(0)
+                signals[name][k].numpy()[order] if name in signals else np.zeros(0)
                 for name in ("position", "velocity", "torque")
             ]
             when = stamp(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)

@@ -1,15 +1,15 @@
-"""Recordings of motions that were made up, with a friction that is known."""
+"""Recordings of random motions with a given friction."""
 
 import math
 
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import Recording
+from sidegan.recording.recording import Recording
 
 
 def moved(arm, time, viscous, coulomb, generator, harmonics=5, period=10.0, noise=0.02):
-    """A random periodic motion of an arm, which begins and ends anywhere; the torque is noisy."""
+    """A random periodic motion of an arm, which begins and ends anywhere, with noisy torque."""
     t = torch.as_tensor(time, dtype=torch.float64)[:, None, None]
     w = 2 * math.pi / period * torch.arange(1, harmonics + 1, dtype=torch.float64)
     draw = torch.randn(2, arm.joints, harmonics, generator=generator, dtype=torch.float64)

@@ -7,38 +7,39 @@ import pytest
 import torch
 
 from sidegan.errors import RecordingError
-from sidegan.recording import Columns, Recording, Settings, check_recording, examine, load_recording
+from sidegan.recording.check import check_recording
+from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
-from tests.recording.conftest import real, recorded
+from tests.recording.conftest import load_recording, of_file, real, recorded
 
 GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)
 
 
 def joined_warnings(recording, arm, **settings):
-    return "\n".join(check_recording(recording, arm, Settings(**settings)).warnings)
+    return "\n".join(check_recording(recording, arm, of_file(**settings)).warnings)
 
 
 def test_a_good_recording_raises_no_suspicion(planar, clock):
-    found = check_recording(recorded(planar, clock), planar)
-    assert not [w for w in found.warnings if "excited" not in w]
-    assert (found.sign > 0.9).all()
-    assert found.lag == 0
-    assert found.derived == ["acceleration"]
-    assert 15 < found.moving < 20
-    json.dumps(found.plain(), allow_nan=False)
+    checked = check_recording(recorded(planar, clock), planar, of_file())
+    assert not [w for w in checked.warnings if "excited" not in w]
+    assert (checked.agreement.sign > 0.9).all()
+    assert abs(checked.agreement.lag) < 1e-9  # at the very sample
+    assert checked.derived == ["acceleration"]
+    assert 15 < checked.moving < 20
+    json.dumps(checked.as_json(), allow_nan=False)
 
 
 def test_degrees_for_radians_are_noticed(planar, clock):
     recording = recorded(planar, clock)
     turned = replace(recording, position=recording.position * 180 / math.pi)
     with pytest.raises(RecordingError, match="are these degrees"):
-        check_recording(turned, planar)
+        check_recording(turned, planar, of_file())
     turned = replace(recording, position=recording.position * math.pi / 180)
     with pytest.raises(RecordingError, match="are these radians"):
-        check_recording(turned, planar, angle="deg")
+        check_recording(turned, planar, of_file(), angle="deg")
     turned = replace(recording, velocity=recording.velocity * 180 / math.pi)
     with pytest.raises(RecordingError, match="one of them is in degrees"):
-        check_recording(turned, planar)
+        check_recording(turned, planar, of_file())
 
 
 def test_a_wrong_sign_is_noticed(planar, clock):
@@ -46,7 +47,7 @@ def test_a_wrong_sign_is_noticed(planar, clock):
     flipped = replace(recording, torque=recording.torque * torch.tensor([1.0, -1.0]))
     name = planar.joint_names[1]
     assert f"recording.reverse=[{name}]" in joined_warnings(flipped, planar)
-    assert "reverse" not in joined_warnings(flipped, planar, reverse=(name,))
+    assert "reverse" not in joined_warnings(flipped, planar, reverse=[name])
     backwards = replace(recording, velocity=recording.velocity * torch.tensor([-1.0, 1.0]))
     assert "is its sign wrong?" in joined_warnings(backwards, planar)
 
@@ -55,66 +56,66 @@ def test_a_wrong_sign_is_noticed(planar, clock):
 def test_a_late_torque_is_noticed(planar, late):
     time = np.arange(2000) * 0.01
     shifted = recorded(planar, time - late).torque
-    found = check_recording(replace(recorded(planar, time), torque=shifted), planar)
-    assert found.lag == pytest.approx(late, abs=0.02)
-    assert ("later" if late > 0 else "earlier") in "\n".join(found.warnings)
+    checked = check_recording(replace(recorded(planar, time), torque=shifted), planar, of_file())
+    assert checked.agreement.lag == pytest.approx(late, abs=0.02)
+    assert ("later" if late > 0 else "earlier") in "\n".join(checked.warnings)
 
 
 def test_what_cannot_be_used_is_refused(planar, clock):
     recording = recorded(planar, clock)
     with pytest.raises(RecordingError, match="there is no motion"):
-        check_recording(replace(recording, position=torch.ones_like(recording.position)), planar)
+        check_recording(replace(recording, position=torch.ones_like(recording.position)), planar, of_file())
     with pytest.raises(RecordingError, match="every torque is zero"):
-        check_recording(replace(recording, torque=torch.zeros_like(recording.torque)), planar)
+        check_recording(replace(recording, torque=torch.zeros_like(recording.torque)), planar, of_file())
     stuck = recording.torque.clone()
     stuck[:, 1] = 3.0
     with pytest.raises(RecordingError, match="torque of joint 2 is constant"):
-        check_recording(replace(recording, torque=stuck), planar)
+        check_recording(replace(recording, torque=stuck), planar, of_file())
     with pytest.raises(RecordingError, match="neither torque nor current"):
-        check_recording(recorded(planar, clock, ("position",)), planar)
+        check_recording(recorded(planar, clock, ("position",)), planar, of_file())
     with pytest.raises(RecordingError, match="is constant while it moves"):
-        check_recording(replace(recording, velocity=torch.ones_like(recording.velocity)), planar)
+        check_recording(replace(recording, velocity=torch.ones_like(recording.velocity)), planar, of_file())
     one = Recording("one", ("a",), recording.time, recording.position[:, :1], torque=recording.torque[:, :1])
     with pytest.raises(RecordingError, match="has 1 joints, planar2 has 2"):
-        check_recording(one, planar)
+        check_recording(one, planar, of_file())
 
 
-def test_what_a_person_should_look_at_is_told(planar, clock):
+def test_what_a_person_should_look_at_is_a_warning(planar, clock):
     recording = recorded(planar, clock)
     time = recording.time.clone()
     time[700] = time[699]
     time[1000:] += 2
     cut = recording.torque.clamp(max=float(recording.torque.max()) / 2)
     odd = replace(recording, time=time, torque=cut, corrupt=((7, "no number in q1"),))
-    told = joined_warnings(odd, planar)
+    warnings = joined_warnings(odd, planar)
     for part in (
         "1 gaps, the longest 2",
         "1 samples have the time stamp",
         "looks saturated",
         "row 7: no number",
     ):
-        assert part in told
+        assert part in warnings
     still = recording.position.clone()
     still[:, 1] = 0.3
-    told = joined_warnings(replace(recording, position=still, velocity=None), planar)
-    assert f"{planar.joint_names[1]} never moves" in told
+    warnings = joined_warnings(replace(recording, position=still, velocity=None), planar)
+    assert f"{planar.joint_names[1]} never moves" in warnings
 
 
 def test_the_ur10e_is_found_sound_but_for_a_joint_that_does_not_tell():
     arm = load_robot(real("ur10e/reference.urdf"))
     path = real("ur10e/recorded_20s8h.csv")
-    found, segments = examine(load_recording(path, Columns(), arm.joint_names), arm, Settings(gains=GAINS))
-    assert (found.sign[:5] > 0.5).all()
-    assert found.warnings == [
+    checked = check_recording(load_recording(path, of_file(), arm.joint_names), arm, of_file(), GAINS)
+    assert (checked.agreement.sign[:5] > 0.5).all()
+    assert checked.warnings == [
         "the motion does not tell whether the sign of the torque of wrist_3_joint is right"
     ]
-    assert 0.3 < found.survey.bandwidth < 0.5 and len(segments) == 1
+    assert 0.3 < checked.statistics.bandwidth < 0.5 and len(checked.segments) == 1
 
 
 def test_the_lwr_is_found_poorly_excited(arm):
     path = real("kuka_lwr4/recorded_hw1_50hz.csv")
-    found = check_recording(load_recording(path, Columns(), arm.joint_names), arm)
-    assert (found.sign[:4] > 0.9).all()
-    told = "\n".join(found.warnings)
-    assert "does not tell whether the sign of the torque of joint_5, joint_6, joint_7 is right" in told
-    assert "hardly excited" in told and found.derived == []
+    checked = check_recording(load_recording(path, of_file(), arm.joint_names), arm, of_file())
+    assert (checked.agreement.sign[:4] > 0.9).all()
+    warnings = "\n".join(checked.warnings)
+    assert "does not tell whether the sign of the torque of joint_5, joint_6, joint_7 is right" in warnings
+    assert "hardly excited" in warnings and checked.derived == []

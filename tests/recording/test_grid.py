@@ -28,9 +28,9 @@ def joined(blocks):
 
 
 def test_the_grid_is_uniform_and_the_signal_the_same():
-    time, found = joined(uniform(pieces(stamps()), 0.01, 0.1))
+    time, resampled = joined(uniform(pieces(stamps()), 0.01, 0.1))
     np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-12)
-    np.testing.assert_allclose(found, signal(time), atol=5e-4)
+    np.testing.assert_allclose(resampled, signal(time), atol=5e-4)
 
 
 @settings(max_examples=40, deadline=None)
@@ -48,8 +48,8 @@ def test_a_gap_is_not_crossed(cuts, at):
     time[at:] += 1.0
     blocks = list(uniform(pieces(time, cuts), 0.01, 0.1))
     assert {block.run for block in blocks} == {0, 1}
-    found, _ = joined(blocks)
-    assert not ((found > time[at - 1] + 1e-9) & (found < time[at] - 1e-9)).any()
+    resampled, _ = joined(blocks)
+    assert not ((resampled > time[at - 1] + 1e-9) & (resampled < time[at] - 1e-9)).any()
     for run in (0, 1):
         index = np.concatenate([b.first + np.arange(len(b.time)) for b in blocks if b.run == run])
         assert (index == np.arange(len(index))).all()
@@ -83,8 +83,8 @@ def test_windows_give_every_point_once_with_its_neighbours(cuts, halo, least):
 def test_the_low_pass_keeps_slow_signals_in_place():
     time = np.arange(2000) * 0.01
     slow, fast = np.sin(2 * np.pi * 0.3 * time)[:, None], np.sin(2 * np.pi * 20 * time)[:, None]
-    found = low_pass(slow + fast, 5.0, 0.01, 4)[200:-200]
-    np.testing.assert_allclose(found, slow[200:-200], atol=1e-4)
+    resampled = low_pass(slow + fast, 5.0, 0.01, 4)[200:-200]
+    np.testing.assert_allclose(resampled, slow[200:-200], atol=1e-4)
 
 
 def test_a_cutoff_at_half_the_rate_filters_nothing():

@@ -3,8 +3,9 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.recording import Columns, Source, Units, load_recording
-from tests.recording.conftest import recorded
+from sidegan.recording.load import Source
+from sidegan.recording.statistics import statistics_of
+from tests.recording.conftest import load_recording, of_file, recorded
 from tests.recording.files import frame, write_bag, write_csv, write_mcap, write_npz, write_parquet
 
 KINDS = [write_csv, write_parquet, write_npz, write_bag, write_mcap]
@@ -17,27 +18,27 @@ def made(planar, clock):
 
 @pytest.mark.parametrize("write", KINDS)
 def test_what_was_written_is_read(made, tmp_path, write):
-    found = load_recording(write(made, tmp_path), Columns(), made.joint_names)
+    loaded = load_recording(write(made, tmp_path), of_file(), made.joint_names)
     start = 1 if write in (write_bag, write_mcap) else 0  # stamps of zero would mean that there are none
-    torch.testing.assert_close(found.time, made.time + start, atol=1e-6, rtol=0)
+    torch.testing.assert_close(loaded.time, made.time + start, atol=1e-6, rtol=0)
     for name, x in made.signals().items():
-        torch.testing.assert_close(found.signals()[name], x, atol=1e-12, rtol=0)
-    assert found.signals().keys() == made.signals().keys()
-    assert not found.corrupt
+        torch.testing.assert_close(loaded.signals()[name], x, atol=1e-12, rtol=0)
+    assert loaded.signals().keys() == made.signals().keys()
+    assert not loaded.corrupt
 
 
 @pytest.mark.parametrize("write", KINDS)
 def test_pieces_are_the_whole(made, tmp_path, write):
     path = write(made, tmp_path)
-    whole = load_recording(path, Columns(), made.joint_names)
-    parts = list(Source(path, Columns(), made.joint_names, rows=64))
+    whole = load_recording(path, of_file(), made.joint_names)
+    parts = list(Source(path, of_file(), made.joint_names, rows=64))
     assert [len(part) for part in parts] == [64, 64, 64, 8]
     torch.testing.assert_close(torch.cat([part.torque for part in parts]), whole.torque)
 
 
 def test_a_loose_file_of_a_bag_is_read(made, tmp_path):
     path = next(write_mcap(made, tmp_path).glob("*.mcap")).rename(tmp_path / "alone.mcap")
-    assert len(load_recording(path, Columns(), made.joint_names)) == 200
+    assert len(load_recording(path, of_file(), made.joint_names)) == 200
 
 
 def test_units_become_si(made, tmp_path):
@@ -46,27 +47,27 @@ def test_units_become_si(made, tmp_path):
     table[[c for c in table if c.startswith("q")]] *= 180 / np.pi
     table[["tau1", "tau2"]] *= 1e3
     table.to_csv(tmp_path / "a.csv", index=False)
-    units = Units(time="ms", angle="deg", torque="mNm")
-    found = load_recording(tmp_path / "a.csv", Columns(units=units), made.joint_names)
+    units = {"time": "ms", "angle": "deg", "torque": "mNm"}
+    loaded = load_recording(tmp_path / "a.csv", of_file(units=units), made.joint_names)
     for name, x in {"time": made.time, **made.signals()}.items():
-        torch.testing.assert_close(getattr(found, name), x)
+        torch.testing.assert_close(getattr(loaded, name), x)
 
 
 def test_joints_are_matched_by_name(made, tmp_path):
     path = write_bag(made, tmp_path, order=[1, 0])
-    torch.testing.assert_close(load_recording(path, Columns(), made.joint_names).position, made.position)
+    torch.testing.assert_close(load_recording(path, of_file(), made.joint_names).position, made.position)
     table = frame(made).rename(columns={"q1": "pos.b", "q2": "pos.a"})
     table[table.columns[::-1]].to_csv(tmp_path / "a.csv", index=False)
-    columns = Columns(position="pos.{joint}", joints=["b", "a"])
-    found = load_recording(tmp_path / "a.csv", columns, made.joint_names)
-    torch.testing.assert_close(found.position, made.position)
+    columns = of_file(position="pos.{joint}", joints=["b", "a"])
+    loaded = load_recording(tmp_path / "a.csv", columns, made.joint_names)
+    torch.testing.assert_close(loaded.position, made.position)
 
 
 def test_arrays_of_all_joints_are_read(made, tmp_path):
     np.savez(tmp_path / "a.npz", t=made.time, q=made.position, tau=made.torque)
-    columns = Columns(position="q", torque="tau")
-    found = load_recording(tmp_path / "a.npz", columns, made.joint_names)
-    torch.testing.assert_close(found.torque, made.torque)
+    columns = of_file(position="q", torque="tau")
+    loaded = load_recording(tmp_path / "a.npz", columns, made.joint_names)
+    torch.testing.assert_close(loaded.torque, made.torque)
     with pytest.raises(RecordingError, match="the arm has 3 joints"):
         load_recording(tmp_path / "a.npz", columns, ("a", "b", "c"))
 
@@ -78,23 +79,23 @@ def test_corrupt_rows_are_counted_and_named(made, tmp_path):
     lines[12] = lines[12].rsplit(",", 2)[0]  # two fields short
     lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
     (tmp_path / "a.csv").write_text("\n".join(lines))
-    found = load_recording(tmp_path / "a.csv", Columns(), made.joint_names)
-    assert len(found) == 196
-    assert sorted(row for row, _ in found.corrupt) == [6, 10, 13, 21]
-    told = dict(found.corrupt)
-    assert told[6] == "9 fields, expected 7"
-    assert told[10] == "no number in t"
-    assert told[13] == "no number in tau1, tau2"
+    loaded = load_recording(tmp_path / "a.csv", of_file(), made.joint_names)
+    assert len(loaded) == 196
+    assert sorted(row for row, _ in loaded.corrupt) == [6, 10, 13, 21]
+    reasons = dict(loaded.corrupt)
+    assert reasons[6] == "9 fields, expected 7"
+    assert reasons[10] == "no number in t"
+    assert reasons[13] == "no number in tau1, tau2"
 
 
 def test_a_column_without_numbers_is_refused(made, tmp_path):
     frame(made).assign(tau2=np.nan).to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises(RecordingError, match="without a number, in column tau2"):
-        load_recording(tmp_path / "a.csv", Columns(), made.joint_names)
+        load_recording(tmp_path / "a.csv", of_file(), made.joint_names)
 
 
 @pytest.mark.parametrize(
-    ("change", "joints", "said"),
+    ("change", "joints", "message"),
     [
         ({}, 3, r"no position of 1 of the arm's 3 joints: no column 'q3'"),
         ({}, 1, r"has q2: position of more than the arm's 1 joints"),
@@ -102,21 +103,21 @@ def test_a_column_without_numbers_is_refused(made, tmp_path):
         ({"t": "when"}, 2, r"no column 't' of time stamps"),
     ],
 )
-def test_columns_that_do_not_fit_the_arm_are_refused(made, tmp_path, change, joints, said):
+def test_columns_that_do_not_fit_the_arm_are_refused(made, tmp_path, change, joints, message):
     frame(made).rename(columns=change).to_csv(tmp_path / "a.csv", index=False)
-    with pytest.raises(RecordingError, match=said):
-        load_recording(tmp_path / "a.csv", Columns(), tuple("abc"[:joints]))
+    with pytest.raises(RecordingError, match=message):
+        load_recording(tmp_path / "a.csv", of_file(), tuple("abc"[:joints]))
 
 
 def test_a_signal_that_is_not_there_is_left_out(made, tmp_path):
     frame(made).drop(columns=["qd1", "qd2"]).to_csv(tmp_path / "a.csv", index=False)
-    assert load_recording(tmp_path / "a.csv", Columns(), made.joint_names).velocity is None
+    assert load_recording(tmp_path / "a.csv", of_file(), made.joint_names).velocity is None
 
 
 def test_arrays_of_other_lengths_are_refused(made, tmp_path):
     np.savez(tmp_path / "a.npz", t=made.time, q=made.position[:-3], tau=made.torque)
     with pytest.raises(RecordingError, match="not of the same length: t has 200, q has 197"):
-        load_recording(tmp_path / "a.npz", Columns(position="q", torque="tau"), made.joint_names)
+        load_recording(tmp_path / "a.npz", of_file(position="q", torque="tau"), made.joint_names)
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.npz", "a.mcap", "a.db3"])
@@ -124,7 +125,7 @@ def test_arrays_of_other_lengths_are_refused(made, tmp_path):
 def test_a_file_that_is_none_is_refused(planar, tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=name.replace(".", r"\.")):
-        load_recording(tmp_path / name, Columns(), planar.joint_names)
+        load_recording(tmp_path / name, of_file(), planar.joint_names)
 
 
 @pytest.mark.parametrize("write", [write_parquet, write_npz, write_mcap, write_bag])
@@ -133,38 +134,36 @@ def test_a_truncated_file_is_refused(made, tmp_path, write):
     file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
     with pytest.raises(RecordingError):
-        load_recording(path, Columns(), made.joint_names)
+        load_recording(path, of_file(), made.joint_names)
 
 
 def test_other_refusals_say_what_was_expected(made, tmp_path):
     joints = made.joint_names
     with pytest.raises(RecordingError, match="there is no recording"):
-        load_recording(tmp_path / "none.csv", Columns(), joints)
+        load_recording(tmp_path / "none.csv", of_file(), joints)
     (tmp_path / "a.xls").write_text("x")
     with pytest.raises(RecordingError, match=r"ends in \.xls, expected \.csv"):
-        load_recording(tmp_path / "a.xls", Columns(), joints)
+        load_recording(tmp_path / "a.xls", of_file(), joints)
     (tmp_path / "n.csv").write_text("1,2\n3,4\n")
     with pytest.raises(RecordingError, match="begins with numbers"):
-        load_recording(tmp_path / "n.csv", Columns(), joints)
+        load_recording(tmp_path / "n.csv", of_file(), joints)
     (tmp_path / "h.csv").write_text("t,q1,q2\n")
-    with pytest.raises(RecordingError, match="holds no samples"):
-        load_recording(tmp_path / "h.csv", Columns(), joints)
+    with pytest.raises(RecordingError, match="holds 0 samples, expected 10"):
+        statistics_of(Source(tmp_path / "h.csv", of_file(), joints))
     with pytest.raises(RecordingError, match="1 joint names are given, the arm has 2"):
-        load_recording(write_csv(made, tmp_path), Columns(joints=["a"]), joints)
-    with pytest.raises(RecordingError, match="lists 3 columns, the arm has 2 joints"):
-        load_recording(write_csv(made, tmp_path), Columns(position=["q1", "q2", "tau1"]), joints)
-    with pytest.raises(ConfigError, match="unit of angle is 'turn', expected rad, deg"):
-        Units(angle="turn")
-    with pytest.raises(ConfigError, match="positions are needed"):
-        Columns(position=None)
+        load_recording(write_csv(made, tmp_path), of_file(joints=["a"]), joints)
+    with pytest.raises(ConfigError, match=r"units\.angle is 'turn', expected one of rad, deg"):
+        of_file(units={"angle": "turn"})
+    with pytest.raises(ConfigError, match="position is None, expected text"):
+        of_file(position=None)
 
 
 def test_bags_without_the_arm_are_refused(made, tmp_path):
     path = write_bag(made, tmp_path, names=["x", "y"])
     with pytest.raises(RecordingError, match=rf"has no joint {', '.join(made.joint_names)}; it has x, y"):
-        load_recording(path, Columns(), made.joint_names)
+        load_recording(path, of_file(), made.joint_names)
     with pytest.raises(RecordingError, match="has no joint states on /arm, but on /joint_states"):
-        load_recording(path, Columns(topic="/arm"), made.joint_names)
+        load_recording(path, of_file(topic="/arm"), made.joint_names)
 
 
 def test_a_bag_without_joint_states_is_refused(planar, tmp_path):
@@ -177,7 +176,7 @@ def test_a_bag_without_joint_states_is_refused(planar, tmp_path):
         to = writer.add_connection("/talk", text.__msgtype__, typestore=store)
         writer.write(to, 1, store.serialize_cdr(text("hello"), text.__msgtype__))
     with pytest.raises(RecordingError, match=r"has no joint states .*; it has /talk \(std_msgs/msg/String\)"):
-        load_recording(tmp_path / "bag", Columns(), planar.joint_names)
+        load_recording(tmp_path / "bag", of_file(), planar.joint_names)
 
 
 def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
@@ -198,7 +197,7 @@ def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
             raw = store.serialize_cdr(state(*message), state.__msgtype__, little_endian=k % 4 != 3)
             writer.write(to, k + 1, raw)
     for rows in (7, 1000):
-        parts = list(Source(tmp_path / "bag", Columns(), made.joint_names, rows=rows))
+        parts = list(Source(tmp_path / "bag", of_file(), made.joint_names, rows=rows))
         position = torch.cat([part.position for part in parts])
         expected = [float(k) for k in range(36) if k % 4 != 2]
         assert position[:, 0].tolist() == expected and (position[:, 1] == -position[:, 0]).all()
@@ -210,7 +209,7 @@ def test_a_bag_is_walked_through_again(made, tmp_path, monkeypatch):
     path = write_bag(made, tmp_path)
     for most in (800_000_000, 0):
         monkeypatch.setattr("sidegan.recording.load._MOST_KEPT", most)
-        source = Source(path, Columns(), made.joint_names, rows=64)
+        source = Source(path, of_file(), made.joint_names, rows=64)
         first, second = (torch.cat([part.torque for part in source]) for _ in range(2))
         torch.testing.assert_close(first, second)
         torch.testing.assert_close(first, made.torque)
@@ -219,6 +218,6 @@ def test_a_bag_is_walked_through_again(made, tmp_path, monkeypatch):
 def test_a_last_row_that_is_cut_off_is_no_reason_to_refuse(made, tmp_path):
     text = write_csv(made, tmp_path).read_text()
     (tmp_path / "a.csv").write_text(text[:-30])
-    found = list(Source(tmp_path / "a.csv", Columns(), made.joint_names, rows=199))
-    assert sum(map(len, found)) == 199
-    assert [row for part in found for row, _ in part.corrupt] == [201]
+    loaded = list(Source(tmp_path / "a.csv", of_file(), made.joint_names, rows=199))
+    assert sum(map(len, loaded)) == 199
+    assert [row for part in loaded for row, _ in part.corrupt] == [201]

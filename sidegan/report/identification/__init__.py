@@ -1,6 +1,22 @@
-"""The report of an identification: one HTML file that a lab can put in its wiki."""
+"""The report of an identification: tables, a verdict, and one HTML file that a lab can put in its wiki."""
 
+from sidegan.report.identification.check import show_checks
+from sidegan.report.identification.content import Origin
 from sidegan.report.identification.data import Finding, Friction, Report, Signals
+from sidegan.report.identification.results import CHECK, REPORT, VERDICT, write_checks, write_results
 from sidegan.report.identification.write import write_report
 
-__all__ = ["Finding", "Friction", "Report", "Signals", "write_report"]
+__all__ = [
+    "CHECK",
+    "REPORT",
+    "VERDICT",
+    "Finding",
+    "Friction",
+    "Origin",
+    "Report",
+    "Signals",
+    "show_checks",
+    "write_checks",
+    "write_report",
+    "write_results",
+]

@@ -1,12 +1,13 @@
 """Interactive plots of an identification."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sidegan.report.identification.data import Friction, Numbers, Report, Signals
+from sidegan.report.identification.numbers import correlation_of
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -45,8 +46,7 @@ def torques(report: Report) -> "go.Figure":
     ]
     corner = {"x": 0, "xref": "x domain", "xanchor": "left", "y": 1, "yref": "y domain", "yanchor": "bottom"}
     for j, name in enumerate(names):
-        words = {"text": name, "showarrow": False}
-        figure.add_annotation(**words, **corner, row=j + 1, col=1)
+        figure.add_annotation(text=name, showarrow=False, **corner, row=j + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(names), col=1)
     menus = [{"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "pad": {"b": 22}}]
     _style(figure, 104 * len(names) + 160, top=90)
@@ -96,7 +96,7 @@ def residual_correlation(report: Report) -> "go.Figure":
     step = float(np.nanmedian(np.diff(longest.time)))
     figure = go.Figure()
     for j, name in enumerate(report.joint_names):
-        correlation = autocorrelation(longest.measured[:, j] - longest.predicted[:, j])
+        correlation = autocorrelation(longest.residual[:, j])
         line = {"color": _JOINTS[j % len(_JOINTS)], "width": 1.4}
         lags = np.arange(len(correlation)) * step
         figure.add_scatter(x=lags, y=correlation, name=name, mode="lines", line=line)
@@ -106,52 +106,53 @@ def residual_correlation(report: Report) -> "go.Figure":
     return figure.update_layout(legend={"y": 0, "yanchor": "bottom"}, margin={"b": 110})
 
 
-def friction(friction: Friction, names: Sequence[str]) -> "go.Figure":
+def friction(report: Report) -> "go.Figure":
     """Friction over velocity, the identified law over samples of torque less the rigid body's."""
     from plotly.subplots import make_subplots
 
+    names = report.joint_names
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
-    figure = make_subplots(
-        rows=rows,
-        cols=columns,
-        subplot_titles=list(names),
-        vertical_spacing=0.35 / rows,
-        horizontal_spacing=0.06,
-    )
-    some = slice(None, None, max(1, len(friction.measured) // _CLOUD))
+    spacing = {"vertical_spacing": 0.35 / rows, "horizontal_spacing": 0.06}
+    figure = make_subplots(rows=rows, cols=columns, subplot_titles=list(names), **spacing)
     for j in range(len(names)):
         place = {"row": j // columns + 1, "col": j % columns + 1}
-        figure.add_scatter(
-            x=_small(friction.measured_velocity[some, j]),
-            y=_small(friction.measured[some, j]),
-            mode="markers",
-            marker={"color": MEASURED, "size": 3, "opacity": 0.5},
-            name="samples",
-            showlegend=j == 0,
-            **place,
-        )
-        figure.add_scatter(
-            x=_small(friction.velocity[j]),
-            y=_small(friction.torque[j]),
-            mode="lines",
-            line={"color": RESIDUAL, "width": 2},
-            name="identified",
-            showlegend=j == 0,
-            **place,
-        )
+        for trace in _friction_traces(report.friction, j):
+            figure.add_scatter(**trace, showlegend=j == 0, **place)
         figure.update_xaxes(title_text="rad/s" if j + columns >= len(names) else "", **place)
     figure.update_annotations(font_size=13)
     return _style(figure, 230 * rows + 70, top=64)
 
 
-def correlations(correlation: Numbers, names: Sequence[str]) -> "go.Figure":
+def _friction_traces(law: Friction | None, joint: int) -> list[dict[str, Any]]:
+    """Samples and identified law of one joint."""
+    if law is None:
+        return []
+    some = slice(None, None, max(1, len(law.measured) // _CLOUD))
+    samples = {
+        "x": _small(law.measured_velocity[some, joint]),
+        "y": _small(law.measured[some, joint]),
+        "mode": "markers",
+        "marker": {"color": MEASURED, "size": 3, "opacity": 0.5},
+        "name": "samples",
+    }
+    curve = {
+        "x": _small(law.velocity[joint]),
+        "y": _small(law.torque[joint]),
+        "mode": "lines",
+        "line": {"color": RESIDUAL, "width": 2},
+        "name": "identified",
+    }
+    return [samples, curve]
+
+
+def correlations(report: Report) -> "go.Figure":
     """Correlation of the parameters' errors, (P, P)."""
     import plotly.graph_objects as go
 
-    labels = list(names)
+    labels = [str(name) for name in report.parameters.name]
     heat = go.Heatmap(
-        z=_small(correlation),
+        z=_small(correlation_of(np.asarray(report.covariance))),
         x=labels,
         y=labels,
         zmin=-1,
@@ -162,37 +163,36 @@ def correlations(correlation: Numbers, names: Sequence[str]) -> "go.Figure":
         hovertemplate="%{y} · %{x}: %{z:.2f}<extra></extra>",
     )
     figure = go.Figure(heat)
-    few = len(labels) <= _NAMED
-    figure.update_xaxes(
-        showticklabels=few, tickfont_size=8, tickangle=-90, dtick=1, ticks="", type="category"
-    )
-    figure.update_yaxes(
-        showticklabels=few,
-        tickfont_size=8,
-        dtick=1,
-        autorange="reversed",
-        ticks="",
-        scaleanchor="x",
-        constrain="domain",
-        type="category",
-    )
-    figure.update_xaxes(constrain="domain")
+    look = {"showticklabels": len(labels) <= _NAMED, "tickfont_size": 8, "dtick": 1, "ticks": ""}
+    look |= {"type": "category", "constrain": "domain"}
+    figure.update_xaxes(tickangle=-90, **look)
+    figure.update_yaxes(autorange="reversed", scaleanchor="x", **look)
     return _style(figure, 560)
 
 
-def spectrum(singular_values: Numbers) -> "go.Figure":
+def spectrum(report: Report) -> "go.Figure":
     """Singular values of the weighted regressor, largest first."""
     import plotly.graph_objects as go
 
-    values = np.sort(np.asarray(singular_values))[::-1]
+    values = np.sort(np.asarray(report.singular_values))[::-1]
     figure = go.Figure(go.Bar(x=np.arange(1, len(values) + 1), y=values, marker_color=PREDICTED))
     positive = values[values > 0]
     narrow = not len(positive) or positive[0] < _DECADES * positive[-1]
-    figure.update_yaxes(
-        type="log", title_text="singular value", exponentformat="power", dtick="D2" if narrow else 1
-    )
+    marks = {"exponentformat": "power", "dtick": "D2" if narrow else 1}
+    figure.update_yaxes(type="log", title_text="singular value", **marks)
     figure.update_xaxes(title_text="direction, strongest first")
     return _style(figure, 330)
+
+
+PLOTS: dict[str, Callable[[Report], "go.Figure"]] = {
+    "torques": torques,
+    "errors": errors,
+    "spread": residual_spread,
+    "whiteness": residual_correlation,
+    "friction": friction,
+    "correlation": correlations,
+    "spectrum": spectrum,
+}
 
 
 def autocorrelation(x: Numbers, lags: int = _LAGS) -> Numbers:
@@ -203,43 +203,42 @@ def autocorrelation(x: Numbers, lags: int = _LAGS) -> Numbers:
     return products / products[0] if products[0] else np.eye(1, count)[0]
 
 
-def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> "Iterator[go.Scatter]":
-    """Measured, predicted and difference of one joint, thinned so that peaks stay."""
-    import plotly.graph_objects as go
-
-    measured, predicted = signals.measured[:, joint], signals.predicted[:, joint]
-    kept = thinned(measured, _POINTS)
-    lines = {"measured": (measured, MEASURED, 2.2), "predicted": (predicted, PREDICTED, 1.2)}
-    lines["difference"] = (measured - predicted, RESIDUAL, 1.0)
-    for name, (values, colour, width) in lines.items():
-        yield go.Scatter(
-            x=_small(signals.time[kept]),
-            y=_small(values[kept]),
-            name=name,
-            legendgroup=name,
-            mode="lines",
-            line={"color": colour, "width": width},
-            visible=visible,
-            showlegend=legend,
-            hovertemplate="%{y:.3g}",
-        )
-
-
 def thinned(x: Numbers, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Indices of at most ``most`` samples of a signal (S,), the extremes of each stretch among them."""
     if len(x) <= most:
         return np.arange(len(x))
+    filled = np.nan_to_num(x)
     edges = np.linspace(0, len(x), most // 2 + 1).astype(int)
-    kept = []
-    for start, end in pairwise(edges):
-        part = x[start:end]
-        filled = np.nan_to_num(part)
-        kept += [start + int(filled.argmin()), start + int(filled.argmax())]
-    return np.unique(kept)
+    extremes = [a + place(filled[a:b]) for a, b in pairwise(edges) for place in (np.argmin, np.argmax)]
+    return np.unique(extremes)
+
+
+def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> "Iterator[go.Scatter]":
+    """Measured, predicted and difference of one joint, thinned so that peaks stay."""
+    import plotly.graph_objects as go
+
+    kept = thinned(signals.measured[:, joint], _POINTS)
+    lines = {
+        "measured": (signals.measured, MEASURED, 2.2),
+        "predicted": (signals.predicted, PREDICTED, 1.2),
+        "difference": (signals.residual, RESIDUAL, 1.0),
+    }
+    for name, (values, colour, width) in lines.items():
+        yield go.Scatter(
+            x=_small(signals.time[kept]),
+            y=_small(values[kept, joint]),
+            name=name,
+            legendgroup=name,
+            showlegend=legend,
+            visible=visible,
+            mode="lines",
+            line={"color": colour, "width": width},
+            hovertemplate="%{y:.3g}",
+        )
 
 
 def _relative_residual(signals: Signals, joint: int) -> Numbers:
-    residual = signals.measured[:, joint] - signals.predicted[:, joint]
+    residual = signals.residual[:, joint]
     deviation = float(np.nanstd(signals.measured[:, joint]))
     return residual[np.isfinite(residual)] / (deviation or 1.0)
 

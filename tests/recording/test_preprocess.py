@@ -6,8 +6,10 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.recording import Grid, Recording, Settings, condition, grid_for, survey
-from tests.recording.conftest import recorded, states
+from sidegan.recording.recording import Recording
+from sidegan.recording.segments import Grid, grid_for, preprocess
+from sidegan.recording.statistics import statistics_of
+from tests.recording.conftest import of_file, recorded, states
 
 
 def cut(recording, *places):
@@ -22,18 +24,18 @@ def cut(recording, *places):
 
 @pytest.mark.parametrize("keep", [("position", "torque"), ("position", "velocity", "torque")])
 def test_missing_signals_are_derived(planar, clock, keep):
-    (segment,) = condition(recorded(planar, clock, keep))
+    (segment,) = preprocess(recorded(planar, clock, keep), of_file())
     for name, x in zip(("position", "velocity", "acceleration"), states(segment.time)):
         torch.testing.assert_close(getattr(segment, name), x, atol=2e-2, rtol=0)
 
 
 def test_pieces_make_no_difference(planar, clock, monkeypatch):
     recording = recorded(planar, clock)
-    known = grid_for(survey(recording), Settings())
-    whole = condition(recording, grid=known)
-    monkeypatch.setattr("sidegan.recording.conditioning._POINTS_AT_ONCE", 300)
-    assert survey(cut(recording, 13, 700, 701, 1500)).step == survey(recording).step
-    parts = condition(cut(recording, 13, 700, 701, 1500), grid=known)
+    grid = grid_for(statistics_of(recording), of_file())
+    whole = preprocess(recording, of_file(), grid=grid)
+    monkeypatch.setattr("sidegan.recording.segments._POINTS_AT_ONCE", 300)
+    assert statistics_of(cut(recording, 13, 700, 701, 1500)).step == statistics_of(recording).step
+    parts = preprocess(cut(recording, 13, 700, 701, 1500), of_file(), grid=grid)
     assert len(whole) == len(parts) == 1
     for a, b in zip(whole[0], parts[0]):
         torch.testing.assert_close(a, b, atol=1e-7, rtol=0)
@@ -41,13 +43,13 @@ def test_pieces_make_no_difference(planar, clock, monkeypatch):
 
 def test_a_gap_splits_a_recording(planar, clock):
     clock[900:] += 3.0
-    found = condition(recorded(planar, clock))
-    assert len(found) == 2
-    assert found[0].time[-1] < clock[899] < clock[900] < found[1].time[0]
+    segments = preprocess(recorded(planar, clock), of_file())
+    assert len(segments) == 2
+    assert segments[0].time[-1] < clock[899] < clock[900] < segments[1].time[0]
 
 
 def test_a_lost_sample_is_interpolated_over(planar, clock):
-    assert len(condition(recorded(planar, np.delete(clock, [500, 501])))) == 1
+    assert len(preprocess(recorded(planar, np.delete(clock, [500, 501])), of_file())) == 1
 
 
 def test_rest_is_left_out(planar):
@@ -55,18 +57,18 @@ def test_rest_is_left_out(planar):
     stopped = np.where(time < 10, time, np.where(time < 20, 10.0, time - 10))
     q, _, _ = states(stopped)
     recording = Recording("stops", planar.joint_names, torch.from_numpy(time), q, torque=q)
-    first, second = condition(recording, Settings(bandwidth=0.5))
+    first, second = preprocess(recording, of_file(bandwidth=0.5))
     assert 9.5 < first.time[-1] < 10.5 and 19.5 < second.time[0] < 20.5
-    (whole,) = condition(recording, Settings(bandwidth=0.5, still=0.0))
+    (whole,) = preprocess(recording, of_file(bandwidth=0.5, still=0.0))
     assert whole.time[-1] - whole.time[0] > 29
 
 
 def test_currents_become_torques(planar, clock):
-    (by_torque,) = condition(recorded(planar, clock))
+    (by_torque,) = preprocess(recorded(planar, clock), of_file())
     currents = recorded(planar, clock, ("position", "velocity", "current"))
-    (by_current,) = condition(currents, Settings(gains=(2.0, 2.0)))
+    (by_current,) = preprocess(currents, of_file(), (2.0, 2.0))
     torch.testing.assert_close(by_current.torque, by_torque.torque)
-    (turned,) = condition(currents, Settings(gains=(2.0, 2.0), reverse=planar.joint_names[1:]))
+    (turned,) = preprocess(currents, of_file(reverse=list(planar.joint_names[1:])), (2.0, 2.0))
     torch.testing.assert_close(turned.torque, by_torque.torque * torch.tensor([1.0, -1.0]))
 
 
@@ -76,64 +78,64 @@ def test_torque_is_not_shifted(planar, clock):
 
     recording = recorded(planar, clock)
     clean = replace(recording, torque=RigidBody(planar).torque(*states(clock)))
-    (segment,) = condition(clean)
+    (segment,) = preprocess(clean, of_file())
     expected = RigidBody(planar).torque(*segment[1:4])
     error = (segment.torque - expected).square().mean(0) / segment.torque.var(0)
     assert (error < 1e-4).all()
 
 
 def test_the_cutoff_follows_the_bandwidth_and_is_stated(planar, clock):
-    known = survey(recorded(planar, clock))
-    assert 0.3 < known.bandwidth < 0.6
-    measured = grid_for(known, Settings())
-    assert measured.cutoff == pytest.approx(12 * known.bandwidth)
+    statistics = statistics_of(recorded(planar, clock))
+    assert 0.3 < statistics.bandwidth < 0.6
+    measured = grid_for(statistics, of_file())
+    assert measured.cutoff == pytest.approx(12 * statistics.bandwidth)
     assert "measured" in measured.statement
-    given = grid_for(known, Settings(bandwidth=0.5, headroom=8.0))
+    given = grid_for(statistics, of_file(bandwidth=0.5, headroom=8.0))
     assert given.cutoff == 4.0 and "at 4 Hz" in given.statement and "given" in given.statement
     assert given.rate >= 10 * given.cutoff / 2
-    assert grid_for(known, Settings(cutoff=1.0)).stride == 10
+    assert grid_for(statistics, of_file(cutoff=1.0)).stride == 10
 
 
 def test_refusals_say_what_was_expected(planar, clock):
     recording = recorded(planar, clock)
     currents = recorded(planar, clock, ("position", "current"))
     with pytest.raises(RecordingError, match="give the drive gains"):
-        condition(currents)
+        preprocess(currents, of_file())
     with pytest.raises(RecordingError, match="3 drive gains, the arm has 2 joints"):
-        condition(currents, Settings(gains=(1.0, 1.0, 1.0)))
+        preprocess(currents, of_file(), (1.0, 1.0, 1.0))
     with pytest.raises(RecordingError, match="neither torque nor current"):
-        condition(recorded(planar, clock, ("position",)))
+        preprocess(recorded(planar, clock, ("position",)), of_file())
     with pytest.raises(RecordingError, match="reverse names wrist"):
-        condition(recording, Settings(reverse=("wrist",)))
+        preprocess(recording, of_file(reverse=["wrist"]))
     with pytest.raises(RecordingError, match="no joint moves"):
-        condition(replace(recording, position=torch.zeros_like(recording.position)))
+        preprocess(replace(recording, position=torch.zeros_like(recording.position)), of_file())
     with pytest.raises(RecordingError, match="no joint is ever faster than 100 rad/s"):
-        condition(recording, Settings(still=100.0))
+        preprocess(recording, of_file(still=100.0))
     with pytest.raises(RecordingError, match="bandwidth is 80 Hz, expected less than half the rate"):
-        condition(recording, Settings(bandwidth=80.0))
+        preprocess(recording, of_file(bandwidth=80.0))
     for wrong in ({"cutoff": 0.0}, {"order": 0}, {"oversampling": 2.0}, {"still": -1.0}, {"bandwidth": -1.0}):
         with pytest.raises(ConfigError):
-            Settings(**wrong)
+            of_file(**wrong)
 
 
 def test_time_that_runs_backwards_is_refused(planar, clock):
     clock[100] = clock[90]
     with pytest.raises(RecordingError, match=r"time runs backwards.* after sample 100"):
-        survey(recorded(planar, clock))
+        statistics_of(recorded(planar, clock))
     with pytest.raises(RecordingError, match="all samples have the same time stamp"):
-        survey(recorded(planar, np.ones(20)))
+        statistics_of(recorded(planar, np.ones(20)))
     with pytest.raises(RecordingError, match="holds 5 samples"):
-        survey(recorded(planar, clock[:5]))
+        statistics_of(recorded(planar, clock[:5]))
 
 
 def test_the_survey_counts(planar, clock):
     time = np.sort(np.append(clock, clock[300]))
     time[1500:] += 2.0
-    known = survey(recorded(planar, time))
-    assert known.samples == 2001 and known.duplicates == 1 and len(known.gaps) == 1
-    assert known.gaps[0][1] == pytest.approx(2.0, abs=0.05)
-    assert known.step == pytest.approx(0.01, rel=1e-2)
-    assert isinstance(grid_for(known, Settings()), Grid)
+    statistics = statistics_of(recorded(planar, time))
+    assert statistics.samples == 2001 and statistics.duplicates == 1 and len(statistics.gaps) == 1
+    assert statistics.gaps[0][1] == pytest.approx(2.0, abs=0.05)
+    assert statistics.step == pytest.approx(0.01, rel=1e-2)
+    assert isinstance(grid_for(statistics, of_file()), Grid)
 
 
 def test_noise_floor_quantum_and_saturation_are_measured(planar, clock):
@@ -143,10 +145,12 @@ def test_noise_floor_quantum_and_saturation_are_measured(planar, clock):
     most = noisy[:, 1].max() * 0.5
     noisy[:, 1] = noisy[:, 1].clamp_max(most)
     position = (recording.position / 1e-3).round() * 1e-3
-    known = survey(replace(recording, torque=noisy, position=position)).signals
-    assert float(known["torque"].noise[0]) == pytest.approx(0.5, rel=0.1)
-    torch.testing.assert_close(known["position"].quantum, torch.full((2,), 1e-3).double(), atol=1e-9, rtol=0)
-    assert known["torque"].clipped[0] == 0 and known["torque"].clipped[1] > 10
+    signals = statistics_of(replace(recording, torque=noisy, position=position)).signals
+    assert float(signals["torque"].noise[0]) == pytest.approx(0.5, rel=0.1)
+    torch.testing.assert_close(
+        signals["position"].quantum, torch.full((2,), 1e-3).double(), atol=1e-9, rtol=0
+    )
+    assert signals["torque"].clipped[0] == 0 and signals["torque"].clipped[1] > 10
 
 
 def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise(planar):
@@ -155,5 +159,5 @@ def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise
     q, _, _ = states(since)
     noise = 3e-4 * torch.randn(q.shape, generator=torch.Generator().manual_seed(0)).double()
     recording = Recording("waits", planar.joint_names, torch.from_numpy(time), q + noise, torque=q)
-    assert 0.3 < survey(recording).bandwidth < 0.7
-    assert 0.3 < survey(cut(recording, *range(4000, 40000, 4000))).bandwidth < 0.7
+    assert 0.3 < statistics_of(recording).bandwidth < 0.7
+    assert 0.3 < statistics_of(cut(recording, *range(4000, 40000, 4000))).bandwidth < 0.7

@@ -1,0 +1,129 @@
+"""What in a raw recording is hardly true: units, clock, ranges, saturation, signals that do not change."""
+
+import math
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import RecordingError
+from sidegan.recording.agreement import arm_names
+from sidegan.recording.statistics import Statistics
+from sidegan.robot import Arm
+
+_DEGREES = 180 / math.pi
+_FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
+_TURN = 2.1 * math.pi  # [rad] that nothing moves from zero without a reason
+_TINY = 2 * math.pi / _DEGREES  # [rad] that a turn becomes when radians are taken for degrees
+_SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
+_MOST_JITTER = 0.5
+_COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
+_OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
+
+
+def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str) -> None:
+    """Refuse positions and time stamps that make sense in another unit only.
+
+    Raises:
+        RecordingError: naming the joint and the value.
+    """
+    name, position = statistics.name, statistics.signals["position"]
+    if statistics.step > _SLOWEST:
+        raise RecordingError(
+            f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
+            "(recording.units.time=ms)"
+        )
+    turning, reach = ~arm.prismatic, position.largest
+    limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+    far = turning & (reach > _FAR * limit) & (reach > _TURN)
+    if angle == "rad" and far.any() and (reach[turning] / _DEGREES <= limit[turning]).all():
+        j = int(far.nonzero()[0])
+        raise RecordingError(
+            f"{name}: {arm.joint_names[j]} reaches {reach[j]:.4g} rad, its limit is {limit[j]:.4g} "
+            "rad: are these degrees? (recording.units.angle=deg)"
+        )
+    span = (position.upper - position.lower)[turning]
+    if angle == "deg" and len(span) and 0 < span.max() < _TINY:
+        raise RecordingError(
+            f"{name}: no joint turns by more than {span.max() * _DEGREES:.3g}°: are these radians? "
+            "(recording.units.angle=rad)"
+        )
+
+
+def refuse_idle(statistics: Statistics) -> None:
+    """Refuse a recording without motion or torque.
+
+    Raises:
+        RecordingError: saying what does not change.
+    """
+    file, signals = statistics.name, statistics.signals
+    if signals["position"].constant.all():
+        raise RecordingError(f"{file}: all positions are constant: there is no motion")
+    name = "torque" if "torque" in signals else "current"
+    if name not in signals:
+        raise RecordingError(f"{file} has neither torque nor current")
+    signal = signals[name]
+    if not signal.largest.max() > 0:
+        raise RecordingError(f"{file}: every {name} is zero")
+    if signal.constant.any():
+        joints = ", ".join(str(int(j) + 1) for j in signal.constant.nonzero()[:, 0])
+        raise RecordingError(f"{file}: the {name} of joint {joints} is constant over the whole recording")
+
+
+def clock_warnings(statistics: Statistics) -> list[str]:
+    """What is odd about the time stamps and the rows."""
+    gaps, corrupt, warnings = statistics.gaps, statistics.corrupt, []
+    if gaps:
+        start, longest = max(gaps, key=lambda gap: gap[1])
+        warnings.append(
+            f"{len(gaps)} gaps, the longest {longest:.3g} s after {start:.6g} s; they are not crossed"
+        )
+    if statistics.duplicates:
+        warnings.append(
+            f"{statistics.duplicates} samples have the time stamp of the one before; they are left out"
+        )
+    if statistics.jitter > _MOST_JITTER:
+        warnings.append(f"the time between samples varies by {statistics.jitter:.0%}")
+    if corrupt:
+        row, reason = corrupt[0]
+        warnings.append(f"{len(corrupt)} corrupt rows are left out; the first is row {row}: {reason}")
+    return warnings
+
+
+def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
+    """What is odd about the ranges of the signals.
+
+    Raises:
+        RecordingError: when a velocity or acceleration is constant while its joint moves.
+    """
+    warnings, signals = [], statistics.signals
+    position = signals["position"]
+    if position.constant.any():
+        warnings.append(f"{_named(arm, position.constant)} never moves")
+    outside = (position.lower < arm.position_lower - _OUTSIDE) | (
+        position.upper > arm.position_upper + _OUTSIDE
+    )
+    if outside.any():
+        warnings.append(f"{_named(arm, outside)} leaves its limits of position")
+    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
+        dead = signals[rate].constant & ~position.constant
+        if dead.any():
+            raise RecordingError(
+                f"{statistics.name}: the {rate} of {_named(arm, dead)} is constant while it moves"
+            )
+    for name in ("torque", "current"):
+        if name in signals:
+            signal = signals[name]
+            clipped, coarse = signal.clipped > 0, signal.quantum > _COARSE * (signal.upper - signal.lower)
+            if clipped.any():
+                warnings.append(f"the {name} of {_named(arm, clipped)} looks saturated at an extreme")
+            if coarse.any():
+                warnings.append(f"the {name} of {_named(arm, coarse)} is coarsely quantised")
+    if "torque" in signals:
+        beyond = signals["torque"].largest > arm.torque_limit
+        if beyond.any():
+            warnings.append(f"the torque of {_named(arm, beyond)} is beyond the arm's limit")
+    return warnings
+
+
+def _named(arm: Arm, which: Tensor) -> str:
+    return ", ".join(arm_names(arm, which))

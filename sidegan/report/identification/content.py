@@ -1,0 +1,155 @@
+"""Content of the report of an identification, from the identified arm."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import pandas as pd
+import torch
+import yaml
+
+from sidegan.identification.gather import SAMPLES_AT_ONCE
+from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
+from sidegan.recording.check import CheckedRecording
+from sidegan.report.identification.data import Finding, Friction, Level, Numbers, Report, Signals
+
+_LEVELS: dict[str, Level] = {"good": "good", "usable": "fair"}
+_CURVE = 101  # points of a friction curve
+_CLOUD = 4000  # samples beside it
+
+
+class Origin(NamedTuple):
+    """How an identification was made."""
+
+    command: str  # that made it
+    settings: Mapping[str, Any]  # by group, plain values
+    library: str | None = None  # of trajectories to recommend from
+
+
+def content(
+    identified: IdentifiedArm,
+    origin: Origin,
+    parameters: pd.DataFrame,
+    links: pd.DataFrame,
+    files: Mapping[str, str],
+) -> Report:
+    """Content of the report of an identified arm."""
+    trust, arm = identified.trust, identified.model.arm
+    recordings = (*identified.training, *identified.validation)
+    error = identified.tests[identified.method].nmse.mean()
+    return Report(
+        title=arm.name,
+        verdict=f"{trust.verdict}: mean nMSE {error:.4f} ({identified.kind})",
+        level=_LEVELS.get(trust.verdict, "poor"),
+        reasons=trust.reasons,
+        facts=_facts(identified),
+        joint_names=arm.joint_names,
+        findings=[finding for recording in recordings for finding in _findings(recording)],
+        errors=_errors(identified),
+        signals=[_signals(identified, recording) for recording in recordings],
+        parameters=parameters,
+        covariance=identified.chosen.covariance.numpy(),
+        condition_number=trust.condition,
+        singular_values=_singular_values(identified.chosen.information),
+        friction=_friction(identified),
+        links=links,
+        recommendations=_recommendations(identified, origin.library),
+        settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
+        files=files,
+        command=origin.command,
+    )
+
+
+def _facts(identified: IdentifiedArm) -> dict[str, str]:
+    """Numbers that are shown large."""
+    trust, method = identified.trust, identified.method
+    errors = {name: f"{one.nmse.mean():.4f}" for name, one in identified.tests.items()}
+    return {
+        f"nMSE, {method}": errors[method],
+        "nMSE, equal weights": errors[EQUAL_WEIGHTS],
+        "nMSE, consistent": errors[CONSISTENT],
+        "nMSE, description": f"{trust.nominal_score.nmse.mean():.4f}",
+        "condition number": f"{trust.condition:.3g}",
+        "parameters": f"{identified.model.count}, {len(trust.weak)} weak",
+        "samples": f"{identified.chosen.samples}",
+    }
+
+
+def _findings(recording: CheckedRecording) -> list[Finding]:
+    """What the check of a recording says."""
+    raw, name = recording.statistics, recording.name
+    use = (
+        f"{recording.role}: {raw.samples} samples in {raw.duration:.4g} s at {1 / raw.step:.4g} Hz; "
+        f"{recording.grid.statement}; {recording.kept} samples of {recording.moving:.4g} s in motion are used"
+    )
+    if recording.derived:
+        use += f"; {' and '.join(recording.derived)} derived"
+    floors = ", ".join(f"{signal} {one.noise.max().item():.2g}" for signal, one in raw.signals.items())
+    return [
+        Finding("ok", name, use),
+        Finding("ok", name, f"largest noise floor of a joint (SI units): {floors}"),
+        *(Finding("warning", name, warning) for warning in recording.warnings),
+    ]
+
+
+def _errors(identified: IdentifiedArm) -> pd.DataFrame:
+    """A row per joint."""
+    uses = {"training": identified.trained}
+    if identified.tests is not identified.trained:
+        uses["validation"] = identified.tests
+    errors = {use: by_method[identified.method]._asdict() for use, by_method in uses.items()}
+    return pd.DataFrame({f"{k}_{use}": x.tolist() for use, one in errors.items() for k, x in one.items()})
+
+
+def _signals(identified: IdentifiedArm, recording: CheckedRecording) -> Signals:
+    """Measured and predicted torques, with a row of NaN between stretches."""
+    model, theta, parts = identified.model, identified.chosen.parameters, []
+    for segment in recording.segments:
+        pieces = zip(*(x.split(SAMPLES_AT_ONCE) for x in (*segment[1:4], segment.sign)))
+        predicted = torch.cat([model.torque(theta, *piece) for piece in pieces])
+        parts.append(torch.cat([segment.time[:, None], segment.torque, predicted], 1))
+        parts.append(torch.full_like(parts[-1][:1], torch.nan))
+        parts[-1][0, 0] = segment.time[-1]
+    time, *torques = torch.cat(parts[:-1]).split([1, model.joints, model.joints], 1)
+    return Signals(recording.name, recording.role, time[:, 0].numpy(), *(x.numpy() for x in torques))
+
+
+def _friction(identified: IdentifiedArm) -> Friction | None:
+    """The friction law of each joint, beside the torque that rigid bodies and rotors leave."""
+    model, theta = identified.model, identified.chosen.parameters
+    if not model.kinds:
+        return None
+    segments = [segment[1:5] for recording in identified.training for segment in recording.segments]
+    whole = [torch.cat(x) for x in zip(*segments)]
+    q, dq, ddq, torque = (x[:: max(1, len(whole[0]) // _CLOUD)] for x in whole)
+
+    def friction(velocity: torch.Tensor) -> torch.Tensor:
+        """Friction and offset [N·m or N], (S, J)."""
+        still = torch.zeros_like(velocity)
+        return model.regressor(still, velocity, still)[..., model.rigid :] @ theta[model.rigid :]
+
+    rest = torque - model.torque(theta, q, dq, ddq) + friction(dq)
+    velocity = torch.linspace(-1, 1, _CURVE, dtype=torch.float64)[:, None] * dq.abs().amax(0)
+    return Friction(*(x.numpy() for x in (velocity.T, friction(velocity).T, dq, rest)))
+
+
+def _singular_values(information: torch.Tensor) -> Numbers:
+    """Singular values of the weighted regressor with columns scaled to one length, largest first, (P,)."""
+    scale = information.diagonal().sqrt()
+    scale = torch.where(scale > 0, scale, torch.ones_like(scale))
+    return torch.linalg.eigvalsh(information / scale[:, None] / scale).clamp_min(0).sqrt().flip(0).numpy()
+
+
+def _recommendations(identified: IdentifiedArm, library: str | None) -> list[str]:
+    """What to run next, a sentence each."""
+    runs = identified.trust.next_runs
+    if runs is not None:
+        return [
+            f"run trajectory {index} of {library}: the variance of what is weak falls to {left:.0%}"
+            for index, left in zip(runs.indices.tolist(), runs.variance.tolist())
+        ]
+    if not identified.trust.weak:
+        return []
+    return [
+        "excite what is weak: give a library of trajectories as identify.library, and those that help "
+        "most are named here"
+    ]

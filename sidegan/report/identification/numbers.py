@@ -1,0 +1,59 @@
+"""Numbers of an identification for people, and which parameters are hard to tell apart."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sidegan.report.identification.data import Numbers
+
+_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MOST = 10.0  # relative deviation beyond which the number says no more
+_PAIRS = 8  # that are shown
+_TOGETHER = 0.8  # correlation from which two parameters are hard to tell apart
+_ROUNDING = 1e-12  # below which a number is none, whatever its SI unit
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number for people: ``1.234``, ``1.2·10⁻⁵``, or a dash where there is none."""
+    if not math.isfinite(value):
+        return "∞" if value > 0 else "—"
+    text = f"{value if abs(value) > _ROUNDING else 0.0:.{digits}g}"
+    mantissa, _, exponent = text.partition("e")
+    power = f"·10{str(int(exponent)).translate(_POWERS)}" if exponent else ""
+    return f"{mantissa}{power}".replace("-", "−")
+
+
+def percent(share: float) -> str:
+    """A share for people: ``12 %``, ``0.8 %``, ``> 1000 %``, or a dash where there is none."""
+    if not math.isfinite(share):
+        return "—"
+    if share > _MOST:
+        return f"> {100 * _MOST:.0f} %"
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
+
+
+def correlation_of(covariance: Numbers) -> Numbers:
+    """Correlation (P, P) of a covariance; a parameter without variance is correlated with none."""
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    correlation = covariance / scale / scale[:, None]
+    np.fill_diagonal(correlation, 1.0)
+    return np.clip(correlation, -1.0, 1.0)
+
+
+def hard_to_tell_apart(correlation: Numbers, names: Sequence[str]) -> list[str]:
+    """Pairs of parameters whose errors go together, a sentence each, the worst first."""
+    upper = np.triu(np.abs(correlation), 1)
+    rows, columns = np.nonzero(upper >= _TOGETHER)
+    worst = np.argsort(-upper[rows, columns], kind="stable")[:_PAIRS]
+    sentences = []
+    for i, j in zip(rows[worst], columns[worst]):
+        better = "difference" if correlation[i, j] > 0 else "sum"
+        sentences.append(
+            f"{names[i]} and {names[j]} ({number(float(correlation[i, j]), 2)}): "
+            f"their {better}, each in units of its σ, is known better than either"
+        )
+    if (rest := len(rows) - len(sentences)) > 0:
+        sentences.append(f"and {rest} more pairs")
+    return sentences

@@ -1,0 +1,156 @@
+"""Results that an identification leaves: tables, a URDF, a verdict for machines and a report for people."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from torch import Tensor
+
+from sidegan.base.storage import write_bytes, write_json
+from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, Errors, IdentifiedArm
+from sidegan.recording.check import CheckedRecording
+from sidegan.report.identification.content import Origin, content
+from sidegan.report.identification.write import write_report
+from sidegan.robot import write_urdf
+from sidegan.robot.consistency import about_the_centre
+
+CHECK, VERDICT, REPORT = "check.json", "verdict.json", "report.html"
+_PARAMETERS, _MODEL, _LINKS = "parameters.csv", "parameters.json", "links.csv"
+_COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
+_UPPER = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
+_UNITS = {
+    **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
+    **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
+    **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m", "fs": "N·m"},
+}
+
+
+def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
+    """Write what the check of recordings says; the file's path."""
+    write_json(folder / CHECK, [recording.as_json() for recording in recordings])
+    return folder / CHECK
+
+
+def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> None:
+    """Write all results of an identification into a folder."""
+    arm = identified.model.arm
+    parameters, links = parameter_table(identified), link_table(identified)
+    urdf = f"{arm.name}.urdf"
+    files = {
+        "parameters with deviations": _PARAMETERS,
+        "parameters with covariance": _MODEL,
+        "consistent links": _LINKS,
+        "description with these links": urdf,
+        "check of the recordings": CHECK,
+        "verdict for machines": VERDICT,
+    }
+    write_checks([*identified.training, *identified.validation], folder)
+    write_bytes(folder / _PARAMETERS, parameters.to_csv(index=False).encode())
+    write_bytes(folder / _LINKS, links.to_csv(index=False).encode())
+    write_json(folder / _MODEL, model_numbers(identified))
+    write_json(folder / VERDICT, verdict(identified))
+    write_urdf(arm, identified.links, folder / urdf)
+    write_report(content(identified, origin, parameters, links, files), folder / REPORT)
+
+
+def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
+    """A row per identified parameter; relative_std is a share, urdf is NaN where nothing is known."""
+    trust, rigid = identified.trust, identified.model.rigid
+    return pd.DataFrame(
+        {
+            "name": trust.names,
+            "formula": trust.formulas,
+            "unit": [_unit(name.rstrip("0123456789")) for name in trust.names],
+            "value": trust.parameters.tolist(),
+            "std": trust.deviation.tolist(),
+            "relative_std": trust.relative_deviation.tolist(),
+            "urdf": [x if i < rigid else math.nan for i, x in enumerate(trust.nominal.tolist())],
+            "effect": trust.effect.tolist(),
+            "weak": [name in trust.weak for name in trust.names],
+        }
+    )
+
+
+def _unit(kind: str) -> str:
+    return _UNITS.get(kind, _UNITS.get(kind[:1], ""))
+
+
+def link_table(identified: IdentifiedArm) -> pd.DataFrame:
+    """Mass, centre of mass and inertia about it of every link of the consistent model."""
+    arm, links = identified.model.arm, identified.links
+    centre, inertia = about_the_centre(links)
+    columns = {"m": links[:, 0], **dict(zip(("cx", "cy", "cz"), centre.T))}
+    columns |= {name: inertia[:, i, j] for name, (i, j) in _UPPER.items()}
+    columns["urdf_m"] = arm.inertial_parameters[:, 0]
+    return pd.DataFrame({"link": arm.link_names, **{name: x.tolist() for name, x in columns.items()}})
+
+
+def verdict(identified: IdentifiedArm) -> dict[str, Any]:
+    """What a machine needs to decide whether to use the model; lists are in the order of the joints."""
+    trust, method = identified.trust, identified.method
+    nominal = Errors(trust.nominal_score.nmse, trust.nominal_score.rmse)
+    recordings = (*identified.training, *identified.validation)
+    return {
+        "robot": identified.model.arm.name,
+        "joints": list(identified.model.arm.joint_names),
+        "method": method,
+        "verdict": trust.verdict,
+        "reasons": trust.reasons,
+        "recordings": [recording.name for recording in identified.training],
+        "validation": {
+            "kind": identified.kind,
+            "recordings": [recording.name for recording in identified.validation],
+            **_all_errors(identified.tests, method),
+            "description": _errors(nominal),
+        },
+        "training": _all_errors(identified.trained, method),
+        "condition_number": _number(trust.condition),
+        "weak_parameters": list(trust.weak),
+        "torque_deviation": _numbers(trust.torque_deviation),
+        "whiteness": _numbers(trust.whiteness),
+        "next_trajectories": [] if trust.next_runs is None else trust.next_runs.indices.tolist(),
+        "data": {recording.name: recording.warnings for recording in recordings},
+        "samples": identified.chosen.samples,
+    }
+
+
+def _all_errors(errors: dict[str, Errors], method: str) -> dict[str, Any]:
+    """Errors of the chosen method, and of those that it is compared with."""
+    compared = {name: _errors(errors[other]) for name, other in _COMPARED.items()}
+    return {**_errors(errors[method]), **compared}
+
+
+def _errors(errors: Errors) -> dict[str, Any]:
+    return {
+        "nmse": _numbers(errors.nmse),
+        "nmse_mean": _number(float(errors.nmse.mean())),
+        "rmse": _numbers(errors.rmse),
+    }
+
+
+def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
+    """The identified model in full, for programs."""
+    model, chosen = identified.model, identified.chosen
+    terms = {kind: identified.standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
+    return {
+        "robot": model.arm.name,
+        "joints": list(model.arm.joint_names),
+        "links": list(model.arm.link_names),
+        "method": identified.method,
+        "names": list(chosen.names),
+        "formulas": list(model.formulas),
+        "parameters": chosen.parameters.tolist(),
+        "covariance": chosen.covariance.tolist(),
+        "sign_width": model.terms.sign_width,
+        "consistent": {"inertial_parameters": identified.links.tolist(), "terms": terms},
+    }
+
+
+def _numbers(values: Tensor) -> list[float | None]:
+    return [_number(x) for x in values.tolist()]
+
+
+def _number(value: float) -> float | None:
+    """None in place of what is not finite, which JSON cannot say."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,64 @@
+"""From checked recordings to an identified arm and its tests, by every method."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import RecordingError
+from sidegan.identification.workflow import identify_arm, measurements_of, model_of
+from sidegan.recording.check import check_recording
+from tests.recording.conftest import of_file
+from tests.recording.made import moved
+
+VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
+TERMS = {"rotor_inertia": False, "viscous": True, "coulomb": True, "offset": True, "sign_width": 0.01}
+
+
+@pytest.fixture(scope="module")
+def recordings(planar):
+    time = np.arange(30 * 200) / 200
+    made = [moved(planar, time, VISCOUS, COULOMB, torch.Generator().manual_seed(k)) for k in range(3)]
+    return [check_recording(recording, planar, of_file()) for recording in made]
+
+
+def identified(arm, training, validation=(), method="weighted", stribeck=False):
+    model = model_of(arm, TERMS, stribeck, measurements_of(training))
+    methods = {method: {}, "ols": {}, "consistent": {}}
+    return identify_arm(model, list(training), list(validation), methods)
+
+
+@pytest.mark.parametrize("method", ["ols", "huber", "tls", "rls", "ridge", "essential"])
+def test_every_method_identifies(planar, recordings, method):
+    result = identified(planar, recordings[:1], recordings[1:2], method)
+    assert result.method == method and result.kind == "held out"
+    assert list(result.tests) == list(dict.fromkeys([method, "ols", "consistent"]))
+    assert result.tests[method].nmse.mean() < 5e-3
+    assert result.links.shape == (2, 10)
+
+
+def test_the_stribeck_term_is_identified(planar, recordings):
+    result = identified(planar, recordings[:1], stribeck=True)
+    assert "fs1" in result.chosen.names
+    assert result.tests["weighted"].nmse.mean() < 2e-3
+
+
+def test_without_validation_recordings_take_turns(planar, recordings):
+    result = identified(planar, recordings)
+    assert result.kind == "each of 3 recordings, predicted from the others"
+    assert result.tests["weighted"].nmse.mean() < 2e-3
+    assert result.trust.folds is not None
+
+
+def test_one_recording_is_tested_on_itself_and_that_is_said(planar, recordings):
+    result = identified(planar, recordings[:1])
+    assert result.kind.startswith("in sample") and result.tests is result.trained
+    assert any("held out" in reason for reason in result.trust.reasons)
+
+
+def test_fewer_equations_than_parameters_are_refused(planar, recordings):
+    segment = recordings[0].segments[0]
+    short = replace(recordings[0], segments=[type(segment)(*(x[:2] for x in segment))])
+    with pytest.raises(RecordingError, match="2 samples of 2 joints are left, too few for"):
+        identify_arm(model_of(planar, TERMS, False, []), [short], [], {"ols": {}, "consistent": {}})
