@@ -13,8 +13,8 @@ from sidegan.design.excitation import excite
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Converter, SuccessPredictor
-from sidegan.gan.training import train_variant
+from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
+from sidegan.gan.training import Run, train_variant
 from sidegan.gan.variants import Variant
 from sidegan.validity import check
 
@@ -128,14 +128,6 @@ def _train(setting: Setting, variant: Variant, count: int) -> None:
         converter.fit_standard(features)
         converter.eval().requires_grad_(False)
     with TemporaryDirectory() as work:
-        train_variant(
-            variant,
-            setting.constraints,
-            setting.trajectory,
-            seeds,
-            Path(work),
-            seed=0,
-            evaluation=setting.size(1000),
-            predictor=predictor,
-            converter=converter,
-        )
+        run = Run("timed", 0, Path(work), evaluation=setting.size(1000))
+        surrogates = Surrogates(predictor, converter)
+        train_variant(variant, setting.constraints, setting.trajectory, seeds, run, surrogates)

@@ -51,12 +51,11 @@ class Setting:
 
         from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
         from sidegan.pipeline.config import validate
-        from sidegan.pipeline.plan import variant
         from sidegan.pipeline.run import CONF
 
         with initialize_config_dir(str(CONF), version_base="1.3"):
             cfg = validate(compose("config", overrides=["+experiment=exp1", "scale=paper"]))
-        return {name: variant(name, settings) for name, settings in cfg.gan.items()}
+        return cfg.gan
 
     @property
     def body(self) -> RigidBody:

@@ -1,7 +1,7 @@
 """One round of the library's work at a small size, which the soak repeats."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,8 +13,8 @@ from benchmarks.curves import library_of
 from benchmarks.setting import Setting
 from sidegan.design.excitation import excite
 from sidegan.design.greedy import greedy_in_parts
-from sidegan.gan import TrajectoryGenerator, Variant
-from sidegan.gan.training import train_variant
+from sidegan.gan import TrajectoryGenerator
+from sidegan.gan.training import Run, train_variant
 from sidegan.identification import Noise, identify, measure
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
@@ -24,7 +24,7 @@ from sidegan.validity import check
 _PARTS, _DRAWN, _PICKS = 4, 250, 20
 _SEEDS, _STEPS = 10, 15
 _RECORDINGS, _RATE = 4, 100.0  # [Hz]
-_TRAINED = Variant("soak", epochs=2, steps=5, batch=50, width=64)
+_EPOCHS, _GAN_STEPS, _BATCH, _WIDTH = 2, 5, 50, 64  # of the generator
 
 
 @dataclass(frozen=True)
@@ -52,16 +52,11 @@ class Work:
     def generator(self, seeds: Tensor, number: int) -> TrajectoryGenerator:
         """A generator after a few epochs, written to a file and read from it."""
         path = self.folder / "generator.pt"
+        variant = self.setting.variants()["vanilla"]
+        variant = replace(variant, epochs=_EPOCHS, steps=_GAN_STEPS, batch=_BATCH, width=_WIDTH)
+        physics = self.setting.constraints, self.setting.trajectory
         with TemporaryDirectory(dir=self.folder) as work:
-            trained = train_variant(
-                _TRAINED,
-                self.setting.constraints,
-                self.setting.trajectory,
-                seeds,
-                Path(work),
-                seed=number,
-                evaluation=50,
-            )
+            trained = train_variant(variant, *physics, seeds, Run("soak", number, Path(work), evaluation=50))
         trained.generator.save(path)
         return TrajectoryGenerator.load(path, self.setting.arm)
 

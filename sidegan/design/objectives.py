@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from torch import Tensor
 
+from sidegan.base.typed import Count, Positive
 from sidegan.design import physics
 from sidegan.design.objective import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.problem import Problem
@@ -59,10 +61,10 @@ class Term:
     Source: Pukelsheim 2006 for the optimal designs, the SIDE-GAN paper for the first two.
     """
 
-    objective: str = "log_condition"
-    weight: float = 1.0
-    together: int = 1
-    noise: tuple[float, ...] | None = None
+    objective: Literal["log_condition", "diagonal_ratio", "d_optimal", "a_optimal"] = "log_condition"
+    weight: Positive = 1.0
+    together: Count = 1
+    noise: list[Positive] | None = None
 
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:

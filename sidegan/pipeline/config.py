@@ -13,9 +13,11 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share, build
+from sidegan.conditional.settings import ConditionalSettings
 from sidegan.errors import ConfigError
+from sidegan.gan.surrogates import SurrogateSettings
+from sidegan.gan.variants import Variant
 from sidegan.pipeline.config_beyond import Beyond
-from sidegan.pipeline.config_conditional import Conditional
 from sidegan.pipeline.config_identify import Identify, Model, Recording, check_files
 
 Vector = tuple[float, float, float]
@@ -143,95 +145,6 @@ class Seeds:
             raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
         if (self.method == "gradient") == (self.reserve is None):
             raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Weights of the terms of the generator's loss."""
-
-    adversarial: NonNegative
-    features: NonNegative
-    success: NonNegative
-    fitness: NonNegative
-    spread: NonNegative
-    distance: NonNegative
-    rank: NonNegative
-
-
-@dataclass(frozen=True)
-class Term:
-    """One weighted term of an exact objective."""
-
-    objective: Literal["log_condition", "diagonal_ratio", "d_optimal", "a_optimal"]
-    weight: Positive
-    together: Count  # generated trajectories whose information is taken together
-    noise: list[Positive] | None = None  # of each joint's torque [N·m], by which the joints count
-
-
-@dataclass(frozen=True)
-class Exact:
-    """Exact physics in place of the surrogates."""
-
-    terms: dict[str, Term]  # what weights.fitness weighs
-    samples: Count  # time points per period
-    reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
-    ease: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # of weights.success, from which it grows
-
-    def __post_init__(self) -> None:
-        if not self.terms:
-            raise ConfigError("terms is empty, expected one objective or more")
-
-
-@dataclass(frozen=True)
-class GanVariant:
-    """What one SIDE-GAN variant sees and is rewarded for, and how it is trained."""
-
-    features: Literal["none", "spectrum", "diagonal"]
-    weights: Weights
-    body: Literal["conv", "mlp"]
-    width: Count
-    noise: Count
-    epochs: Count
-    steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
-    batch: Annotated[int, Bound("≥", 2)]
-    generator_steps: Count  # per discriminator step
-    fitness_start: Natural  # first epoch in which the fitness loss counts
-    learning_rate: Positive
-    critic_rate: Positive
-    decay: bool  # both rates fall to nothing over the training
-    gaussian_start: bool  # the generator starts as the Gaussian with the seeds' covariance
-    gradient_penalty: NonNegative
-    data: Literal["broad", "paper"]  # its surrogates' samples: around seeds and negatives, or these alone
-    minibatch: bool  # the discriminators see the spread of a batch
-    scaling: Literal["joint", "range"]
-    activation: Literal["relu", "silu"]
-    limited: bool  # position and velocity limits hold by construction
-    clip: Positive | None  # largest norm of the generator's gradient; null: any
-    exact: Exact | None  # exact physics in place of the surrogates; null: surrogates
-
-    def __post_init__(self) -> None:
-        if self.features == "none" and (self.weights.features or (self.weights.fitness and not self.exact)):
-            raise ConfigError("weights.features and weights.fitness need features, which are none")
-        if self.weights.fitness and not self.exact and self.fitness_start >= self.epochs:
-            raise ConfigError(
-                f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
-            )
-
-
-@dataclass(frozen=True)
-class Surrogates:
-    """Success predictor and converter, trained before the GAN."""
-
-    samples: Count
-    epochs: Count
-    width: Count
-    margin_steps: Count  # time points per trajectory at which margins are predicted
-    feature_steps: Count  # time points per trajectory that the converter sees
-    negatives: dict[str, GanVariant]  # whose output the surrogates learn from, beside the seeds
-
-    def __post_init__(self) -> None:
-        if len(self.negatives) != 1:
-            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
 
 
 @dataclass(frozen=True)
@@ -392,8 +305,8 @@ class Config:
     workspace: Workspace
     trajectory: TrajectoryFamily
     seeds: Seeds
-    surrogates: Surrogates
-    gan: dict[str, GanVariant]
+    surrogates: SurrogateSettings
+    gan: dict[str, Variant]
     library: Expansion
     selection: Selection
     excite: list[str]  # pools that stage excite picks from: seeds, random, variants
@@ -404,11 +317,11 @@ class Config:
     kinds: dict[str, Seeds]  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity
     discussion: Discussion
-    ablation: dict[str, GanVariant]  # variants that show what each part of the recipe does
+    ablation: dict[str, Variant]  # variants that show what each part of the recipe does
     beyond: Beyond
-    objectives: dict[str, GanVariant]  # exact variants with other objectives, trained briefly
-    few_seeds: dict[str, GanVariant]  # exact variants for smaller seed sets, trained briefly
-    conditional: Conditional
+    objectives: dict[str, Variant]  # exact variants with other objectives, trained briefly
+    few_seeds: dict[str, Variant]  # exact variants for smaller seed sets, trained briefly
+    conditional: ConditionalSettings
     recordings: list[str]  # files to identify from
     validation: list[str]  # files that are held out
     recording: Recording

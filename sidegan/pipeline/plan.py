@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sidegan.design.objectives import Term
-from sidegan.errors import ConfigError
-from sidegan.gan.variants import Exact, Variant, Weights
+from sidegan.gan.variants import Variant
 from sidegan.identification import Noise, study
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -108,11 +106,10 @@ class Task:
         values = {**asdict(self.cfg.surrogates), "data": data}
         return self.stamp("surrogates", data, values, self._taught(), ["gan"])
 
-    def gan(self, name: str, settings: config.GanVariant, training: int) -> Stamp:
+    def gan(self, name: str, settings: Variant, training: int) -> Stamp:
         """Of a trained variant."""
-        wanted = variant(name, settings)
-        inputs = self._taught() if wanted.seeded else {}
-        if wanted.surrogates:
+        inputs = self._taught() if settings.seeded else {}
+        if settings.surrogates:
             inputs["surrogates"] = self.surrogates(settings.data).digest
         values = {**asdict(settings), "evaluation": self.cfg.scale.evaluation}
         code = ["gan"] if settings.exact is None else ["gan", "seeds"]
@@ -121,7 +118,7 @@ class Task:
     def library(self, name: str, training: int) -> Stamp:
         """Of a variant's library."""
         inputs = {"gan": self.gan(name, self.cfg.gan[name], training).digest}
-        if variant(name, self.cfg.gan[name]).seeded:
+        if self.cfg.gan[name].seeded:
             inputs[SEEDS] = self.seeds.digest  # for the diversity of both together
         code = ["library", "seeds"] if self.cfg.library.polish else ["library"]
         return self.stamp("library", name, self.cfg.library, inputs, code, training)
@@ -279,21 +276,3 @@ def regions(workspace: config.Workspace) -> list[Region]:
         if region.box is not None:
             made.append(Box(region.box.lower, region.box.upper))
     return made
-
-
-def variant(name: str, settings: config.GanVariant) -> Variant:
-    """The variant that ``settings`` describe."""
-    values = {**asdict(settings), "weights": Weights(**asdict(settings.weights))}
-    del values["data"]
-    try:
-        if settings.exact is not None:
-            terms = tuple(_term(term) for term in settings.exact.terms.values())
-            values["exact"] = Exact(**{**asdict(settings.exact), "terms": terms})
-        return Variant(name, **values)
-    except ConfigError as error:
-        raise ConfigError(f"gan.{name}: {error}") from error
-
-
-def _term(settings: config.Term) -> Term:
-    noise = None if settings.noise is None else tuple(settings.noise)
-    return Term(**{**asdict(settings), "noise": noise})

@@ -6,16 +6,15 @@ from typing import Any
 
 import torch
 
-from sidegan.conditional import Condition, Obstacles, Ranges
-from sidegan.conditional.asking import Asking
+from sidegan.conditional import Condition, Request
+from sidegan.conditional.ranges import NONE
+from sidegan.conditional.space import ConditionSpace
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.pipeline.config_conditional import Ask
 from sidegan.pipeline.plan import Task
 from sidegan.pipeline.stamp import Stamp
 
 STUDY = "study.json"
-_CODE = ["gan", "seeds", "conditional", "plan_conditional", "stages.conditional", "stages.conditional_study"]
-NONE, ALL = "none", "all"  # conditions that ask for nothing, and for everything
+_CODE = ["gan", "seeds", "conditional", "plan_conditional", "stages.conditional"]
 
 
 @dataclass(frozen=True)
@@ -25,18 +24,16 @@ class Conditions:
     task: Task
 
     @cached_property
-    def asking(self) -> Asking:
-        """What may be asked of the arm.
+    def space(self) -> ConditionSpace:
+        """Conditions that the generator is trained for.
 
         Raises:
             ConfigError: when a range is impossible.
             InfeasibleError: when the arm has no home to start from.
         """
-        values = asdict(self.task.cfg.conditional.ranges)
-        if values["obstacle"] is not None:
-            values["obstacle"] = Obstacles(**values["obstacle"])
+        ranges = self.task.cfg.conditional.ranges
         try:
-            return Asking(self.task.constraints, self.task.trajectory, Ranges(**values))
+            return ConditionSpace(self.task.constraints, self.task.trajectory, ranges)
         except ConfigError as error:
             raise ConfigError(f"conditional.ranges: {error}") from error
 
@@ -52,23 +49,17 @@ class Conditions:
         if ask is None:
             return None
         try:
-            made = self.asking.condition(**_plain(ask))
-            self.asking.refuse(made)
+            condition = self.space.condition(ask)
+            self.space.refuse(condition)
         except (ConfigError, ShapeError) as error:
             raise ConfigError(f"conditional.ask: {error}") from error
-        return made
-
-    @property
-    def kinds(self) -> dict[str, tuple[str, ...]]:
-        """What each kind of condition asks for."""
-        single = {kind: (kind,) for kind in self.asking.ranges.kinds}
-        return {NONE: (), **single, **({ALL: tuple(single)} if len(single) > 1 else {})}
+        return condition
 
     def drawn(self, kind: str) -> Condition:
         """The conditions of one kind that are studied."""
         count = 1 if kind == NONE else self.task.cfg.conditional.study.conditions
         random = torch.Generator().manual_seed(self.task.number(f"conditions {kind}"))
-        return self.asking.draw(count, random, self.kinds[kind])
+        return self.space.draw(count, random, self.space.ranges.cases[kind])
 
     def dedicated(self) -> list[tuple[str, int]]:
         """Kind and number of every condition with a generator of its own; what asks for nothing has one.
@@ -76,7 +67,7 @@ class Conditions:
         Raises:
             ConfigError: when a kind is to be compared that cannot be asked for.
         """
-        wanted, known = self.task.cfg.conditional.study, self.kinds
+        wanted, known = self.task.cfg.conditional.study, self.space.ranges.cases
         for kind in wanted.compared:
             if kind not in known:
                 raise ConfigError(
@@ -108,7 +99,7 @@ class Conditions:
     def library(self) -> Stamp:
         """Of the trajectories for what is asked."""
         wanted = self.task.cfg.conditional
-        values = {"count": wanted.count, "draws": wanted.draws, "ask": asdict(wanted.ask or Ask())}
+        values = {"count": wanted.count, "draws": wanted.draws, "ask": asdict(wanted.ask or Request())}
         return self._stamp("asked", values, {"generator": self.generator.digest})
 
     def _stamp(self, part: str, values: dict[str, Any], inputs: dict[str, str]) -> Stamp:
@@ -117,13 +108,3 @@ class Conditions:
     def _trained(self) -> dict[str, Any]:
         wanted = self.task.cfg.conditional
         return {"ranges": asdict(wanted.ranges), "training": asdict(wanted.training)}
-
-
-def _plain(ask: Ask) -> dict[str, Any]:
-    values = asdict(ask)
-    effort, cube = values.pop("effort"), values["obstacle"]
-    if effort is not None:
-        values |= {"velocity": effort, "torque": effort}
-    if cube is not None:
-        values["obstacle"] = [*cube["centre"], cube["half"]]
-    return values

@@ -3,9 +3,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.errors import InfeasibleError
 from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import Task, regions, variant
+from sidegan.pipeline.plan import Task, regions
 from sidegan.validity import Box, Plane
 from tests.tiny import tiny
 
@@ -127,10 +127,9 @@ def test_regions_are_planes_and_boxes():
 
 def test_a_variant_is_what_the_configuration_says():
     cfg = tiny()
-    made = variant("eigen", cfg.gan["eigen"])
-    assert (made.name, made.features, made.epochs) == ("eigen", "spectrum", cfg.scale.gan_epochs)
-    assert made.weights.fitness == cfg.gan["eigen"].weights.fitness
-    assert made.surrogates and not variant("vanilla", cfg.gan["vanilla"]).surrogates
+    eigen = cfg.gan["eigen"]
+    assert (eigen.features, eigen.epochs) == ("spectrum", cfg.scale.gan_epochs)
+    assert eigen.surrogates and not cfg.gan["vanilla"].surrogates
 
 
 def test_an_impossible_home_is_refused_before_any_work(tmp_path):
@@ -145,10 +144,3 @@ def test_the_trajectories_are_the_arms(tmp_path):
     long = task.long_trajectory(12)
     assert long.shape == (2, 12, 2) and long.period == 32 and long.home == (0.1, 0.2)
     assert task.body is task.constraints.body
-
-
-def test_what_only_the_variant_refuses_names_its_key():
-    cfg = tiny().gan["vanilla"]
-    object.__setattr__(cfg, "features", "colour")
-    with pytest.raises(ConfigError, match=r"gan\.vanilla: features 'colour'"):
-        variant("vanilla", cfg)

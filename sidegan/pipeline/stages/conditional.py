@@ -1,7 +1,7 @@
 """Stage conditional: a generator for many conditions; how well they are met, or a library for one."""
 
 import logging
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,15 +11,13 @@ from torch import Tensor
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_json, write_json
 from sidegan.conditional import Condition, ConditionalGenerator
-from sidegan.conditional.measure import checked, constraints_of
-from sidegan.conditional.surroundings import family
+from sidegan.conditional.study import Study, validity
 from sidegan.errors import InfeasibleError
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
 from sidegan.pipeline.plan import GENERATOR, HISTORY, LIBRARY, REPORT, Task
 from sidegan.pipeline.plan_conditional import STUDY, Conditions
 from sidegan.pipeline.stages.common import finite, measured, numbers, produce_all, summary, words
-from sidegan.pipeline.stages.conditional_study import study
 from sidegan.pipeline.tracking import Tracker
 
 log = logging.getLogger(__name__)
@@ -62,16 +60,16 @@ def _tell(store: Store, conditions: Conditions, tracker: Tracker) -> None:
 def _train(
     conditions: Conditions, single: tuple[str, int] | None, folder: Path, work: Path, report: Report
 ) -> None:
-    from sidegan.conditional.training import Settings, train
+    from sidegan.conditional.training import train
 
     task = conditions.task
-    settings, only, name = Settings(**asdict(task.cfg.conditional.training)), None, "conditional"
+    settings, only, name = task.cfg.conditional.training, None, "conditional"
     if single is not None:
         kind, number = single
         settings = replace(settings, epochs=task.cfg.conditional.study.epochs)
         only, name = conditions.drawn(kind).row(number), f"conditional {kind} {number}"
     trained = train(
-        conditions.asking,
+        conditions.space,
         settings,
         work,
         task.number(name),
@@ -89,8 +87,11 @@ def _load(conditions: Conditions, single: tuple[str, int] | None = None) -> Cond
 
 
 def _study(conditions: Conditions, folder: Path, work: Path) -> None:
-    singles = {one: _load(conditions, one) for one in conditions.dedicated()}
-    write_json(folder / STUDY, study(conditions, _load(conditions), singles))
+    dedicated = {one: _load(conditions, one) for one in conditions.dedicated()}
+    task = conditions.task
+    study = Study(_load(conditions), dedicated, task.cfg.conditional.study, task.number)
+    tables = study.tables({case: conditions.drawn(case) for case in conditions.space.ranges.cases})
+    write_json(folder / STUDY, {name: [finite(row) for row in rows] for name, rows in tables.items()})
 
 
 def _fill(conditions: Conditions, condition: Condition, folder: Path, work: Path) -> None:
@@ -100,10 +101,10 @@ def _fill(conditions: Conditions, condition: Condition, folder: Path, work: Path
     noise = torch.Generator().manual_seed(task.number("conditional library"))
     kept: list[Tensor] = []
     drawn = count = 0
-    own = family(task.trajectory, condition)
+    own = condition.family(task.trajectory)
     while count < wanted.count and drawn < wanted.draws:
         _, c = generator.sample(min(_BATCH, wanted.draws - drawn), condition, noise)
-        kept.append(c[checked(generator, condition, c).valid])
+        kept.append(c[validity(generator, condition, c).valid])
         drawn, count = drawn + len(c), count + len(kept[-1])
     if not count:
         raise InfeasibleError(
@@ -112,7 +113,7 @@ def _fill(conditions: Conditions, condition: Condition, folder: Path, work: Path
         )
     if count < wanted.count:
         log.warning("%d valid trajectories in %d draws, %d were wanted", count, drawn, wanted.count)
-    constraints = constraints_of(task.constraints, condition)
+    constraints = condition.constraints(task.constraints)
     made = measured(constraints, own, torch.cat(kept)[: wanted.count], "conditional")
     made.save(folder / LIBRARY)
     share = {"drawn": drawn, "valid_share": count / drawn, "condition_asked": condition.describe()}

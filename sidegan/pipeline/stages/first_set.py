@@ -18,7 +18,7 @@ from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import GENERATOR, RANDOM, REPORT, SEEDS, Task, variant
+from sidegan.pipeline.plan import GENERATOR, RANDOM, REPORT, SEEDS, Task
 from sidegan.pipeline.stages.common import produce_all, training_seeds, words
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.tracking import Tracker
@@ -93,15 +93,16 @@ def _drawn(task: Task, path: Path, count: int) -> Tensor:
 
 def _training_seconds(task: Task, name: str) -> float:
     """CPU time of one whole training [s], from that of a few of its steps: what others do does not count."""
-    from sidegan.gan.training import train_variant
+    from sidegan.gan.training import Run, train_variant
 
-    wanted = variant(name, task.cfg.gan[name])
+    wanted = task.cfg.gan[name]
     seeds = training_seeds(task).coefficients if wanted.seeded else None
 
     def train(steps: int) -> None:
         brief = replace(wanted, epochs=1, steps=steps)
         with TemporaryDirectory() as work:
-            train_variant(brief, task.constraints, task.trajectory, seeds, Path(work), seed=0, evaluation=0)
+            once = Run(name, 0, Path(work), evaluation=0)
+            train_variant(brief, task.constraints, task.trajectory, seeds, once)
 
     few, many = (_seconds(partial(train, steps)) for steps in (_FEW, _MANY))
     steps = wanted.epochs * (wanted.steps or 1)

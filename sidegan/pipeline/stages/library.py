@@ -15,7 +15,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.library import Library
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import GENERATOR, LIBRARY, REPORT, Task, variant
+from sidegan.pipeline.plan import GENERATOR, LIBRARY, REPORT, Task
 from sidegan.pipeline.stages.common import load, measured, numbers, produce_all, summary, words
 from sidegan.pipeline.tracking import Tracker
 from sidegan.validity import check
@@ -67,7 +67,7 @@ def _make(task: Task, name: str, training: int, folder: Path, work: Path, report
     made.save(folder / LIBRARY)
     share = {"drawn": drawn, "valid_share": count / drawn}
     known = {k: v for k, v in summary(made).items() if k != "valid"}
-    if variant(name, task.cfg.gan[name]).seeded:
+    if task.cfg.gan[name].seeded:
         known |= _union(task, made, noise)
     write_json(folder / REPORT, share | known)
 

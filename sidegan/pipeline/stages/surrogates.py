@@ -9,19 +9,17 @@ from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import read_json, write_json
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import GENERATOR, NEGATIVES_TRAINING, REPORT, Task, variant
+from sidegan.pipeline.plan import GENERATOR, NEGATIVES_TRAINING, REPORT, Task
 from sidegan.pipeline.stages.common import finite, numbers, training_seeds, words
 from sidegan.pipeline.stages.train import train_variants
 from sidegan.pipeline.tracking import Tracker
 
 log = logging.getLogger(__name__)
 
-LABEL_SHARES = 8
-
 
 def run(cfg: Config, store: Store, tracker: Tracker) -> None:
     """Train success predictor and converters, where a variant learns from them."""
-    data = {settings.data for name, settings in cfg.gan.items() if variant(name, settings).surrogates}
+    data = {settings.data for settings in cfg.gan.values() if settings.surrogates}
     if data:
         make(Task(cfg, store), sorted({"broad", *data}), tracker)
     else:
@@ -40,42 +38,24 @@ def make(task: Task, data: Iterable[str], tracker: Tracker) -> None:
 
 
 def _make(task: Task, data: str, folder: Path, work: Path) -> None:
-    from sidegan.gan import TrajectoryGenerator, jobs
+    from sidegan.gan import TrajectoryGenerator
+    from sidegan.gan.jobs import SHARES, Pretraining, negatives_count
 
-    wanted, workers, number = task.cfg.surrogates, task.cfg.parallel.workers, task.number
-    ((name, settings),) = wanted.negatives.items()
-    source = task.store.require(task.gan(name, settings, NEGATIVES_TRAINING)) / GENERATOR
-    vanilla = TrajectoryGenerator.load(source, task.arm)
-    negatives = vanilla.sample(jobs.negatives_wanted(wanted.samples), task.number("negatives"))
-    physics, seed_set = (task.constraints, task.trajectory), training_seeds(task).coefficients
-    known = (jobs.training_seeds(seed_set)[0], jobs.training_negatives(negatives)[0])
-    count, steps = -(-wanted.samples // LABEL_SHARES), wanted.margin_steps
-    shares = [work / f"labels-{i}.pt" for i in range(LABEL_SHARES)]
-    labelling = [
-        partial(jobs.label_share, *physics, *known, count, steps, data, path, task.number(f"labels {i}"))
-        for i, path in enumerate(shares)
-    ]
-    run_jobs("labels", labelling, workers, wanted.samples)
-    sizes = jobs.Sizes(wanted.width, wanted.margin_steps, wanted.feature_steps)
-    epochs = wanted.epochs
+    settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
+    ((name, source),) = settings.negatives.items()
+    stored = task.store.require(task.gan(name, source, NEGATIVES_TRAINING)) / GENERATOR
+    vanilla = TrajectoryGenerator.load(stored, task.arm)
+    negatives = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
+    seeds = training_seeds(task).coefficients
+    training = Pretraining(task.constraints, task.trajectory, settings, data, seeds, negatives, work)
+    labelling = [partial(training.label, i, task.number(f"labels {i}")) for i in range(SHARES)]
+    run_jobs("labels", labelling, workers, settings.samples)
     trainings: list[Job] = [
-        partial(
-            jobs.train_success,
-            *physics,
-            seed_set,
-            negatives,
-            shares,
-            sizes,
-            epochs,
-            folder,
-            number("success"),
-        ),
+        partial(training.train_success, folder, task.number("success")),
         *(
-            partial(
-                jobs.train_features, task.arm, physics[1], name, shares, sizes, epochs, folder, number(name)
-            )
-            for name in ("spectrum", "diagonal")
+            partial(training.train_features, kind, folder, task.number(kind))
+            for kind in ("spectrum", "diagonal")
         ),
     ]
-    parts = run_jobs("surrogates", trainings, workers, wanted.epochs * len(trainings))
+    parts = run_jobs("surrogates", trainings, workers, settings.epochs * len(trainings))
     write_json(folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})

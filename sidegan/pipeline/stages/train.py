@@ -5,12 +5,12 @@ from pathlib import Path
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import write_json
-from sidegan.pipeline.config import GanVariant
-from sidegan.pipeline.plan import GENERATOR, HISTORY, Task, variant
+from sidegan.gan.variants import Variant
+from sidegan.pipeline.plan import GENERATOR, HISTORY, Task
 from sidegan.pipeline.stages.common import finite, produce_all, training_seeds
 
 
-def train_variants(task: Task, variants: dict[str, GanVariant], trainings: list[int]) -> None:
+def train_variants(task: Task, variants: dict[str, Variant], trainings: list[int]) -> None:
     """Train each variant so many times, unless it is there."""
     wanted = [(name, settings, k) for name, settings in variants.items() for k in trainings]
     stamps = [task.gan(*one) for one in wanted]
@@ -21,30 +21,25 @@ def train_variants(task: Task, variants: dict[str, GanVariant], trainings: list[
 
 
 def _train(
-    task: Task, name: str, settings: GanVariant, training: int, folder: Path, work: Path, report: Report
+    task: Task, name: str, settings: Variant, training: int, folder: Path, work: Path, report: Report
 ) -> None:
-    from sidegan.gan import jobs
-    from sidegan.gan.training import train_variant
+    from sidegan.gan.jobs import load_surrogates
+    from sidegan.gan.surrogates import Surrogates
+    from sidegan.gan.training import Run, train_variant
 
-    wanted = variant(name, settings)
-    predictor = converter = None
-    if wanted.surrogates:
+    surrogates = Surrogates()
+    if settings.surrogates:
         source = task.store.require(task.surrogates(settings.data))
-        predictor = jobs.load_predictor(source, task.arm, task.trajectory)
-        if wanted.features != "none":
-            converter = jobs.load_converter(source, wanted.features, task.arm, task.trajectory)
-    trained = train_variant(
-        wanted,
-        task.constraints,
-        task.trajectory,
-        training_seeds(task).coefficients if wanted.seeded else None,
+        surrogates = load_surrogates(source, settings, task.arm, task.trajectory)
+    once = Run(
+        name,
+        task.number(f"gan {name}", training),
         work,
-        seed=task.number(f"gan {name}", training),
         evaluation=task.cfg.scale.evaluation,
-        predictor=predictor,
-        converter=converter,
         device=task.cfg.device,
-        epoch_end=lambda epoch, _: report(epoch + 1, wanted.epochs),
+        epoch_end=lambda epoch, _: report(epoch + 1, settings.epochs),
     )
+    seeds = training_seeds(task).coefficients if settings.seeded else None
+    trained = train_variant(settings, task.constraints, task.trajectory, seeds, once, surrogates)
     trained.generator.save(folder / GENERATOR)
     write_json(folder / HISTORY, [finite(row) for row in trained.history])

@@ -11,14 +11,13 @@ from torch import Tensor
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_json, write_json
 from sidegan.gan import TrajectoryGenerator, Variant
-from sidegan.gan.limits import Limits
 from sidegan.gan.metrics import measure
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.config import Config
 from sidegan.pipeline.config_beyond import Target
-from sidegan.pipeline.plan import GENERATOR, HISTORY, REPORT, Task, regions, variant
+from sidegan.pipeline.plan import GENERATOR, HISTORY, REPORT, Task, regions
 from sidegan.pipeline.stages.common import finite, produce_all, words
 from sidegan.pipeline.tracking import Tracker
 from sidegan.robot import Arm, load_robot, write_urdf
@@ -92,33 +91,32 @@ def _ball(mass: float, centre: Tensor) -> Tensor:
 def schedule(task: Task, way: str) -> Variant:
     """The source variant with the schedule of one way."""
     wanted = task.cfg.beyond
-    name = plan_beyond.source(task)
-    settings = variant(name, task.cfg.gan[name])
+    settings = task.cfg.gan[plan_beyond.source(task)]
     epochs = wanted.epochs if way == plan_beyond.SCRATCH else max(1, round(wanted.share * wanted.epochs))
     return replace(settings, epochs=epochs, steps=wanted.epoch)
 
 
 def _make(task: Task, target: str, way: str, folder: Path, work: Path, report: Report) -> None:
-    from sidegan.gan.training import train_variant
+    from sidegan.gan.training import Run, train_variant
 
     there = Elsewhere(task, task.cfg.beyond.targets[target], folder)
     wanted, count, facts = schedule(task, way), max(2, 2 * task.cfg.beyond.polished), {}
     start = None
     if way == plan_beyond.TRANSFER:
         start = _source(task)
-        facts = measure(there.constraints, there.trajectory, _moved(start, there).sample(count))
-    trained = train_variant(
-        wanted,
-        there.constraints,
-        there.trajectory,
-        None,
+        facts = measure(
+            there.constraints, there.trajectory, start.transferred(there.arm, there.trajectory).sample(count)
+        )
+    once = Run(
+        plan_beyond.source(task),
+        task.number(f"transfer {target} {way}"),
         work,
-        seed=task.number(f"transfer {target} {way}"),
         evaluation=count,
         device=task.cfg.device,
         epoch_end=lambda epoch, _: report(epoch + 1, wanted.epochs),
         start=start,
     )
+    trained = train_variant(wanted, there.constraints, there.trajectory, None, once)
     trained.generator.save(folder / GENERATOR)
     write_json(folder / HISTORY, [finite(row) for row in trained.history])
     write_json(folder / REPORT, finite(facts))
@@ -127,9 +125,3 @@ def _make(task: Task, target: str, way: str, folder: Path, work: Path, report: R
 def _source(task: Task) -> TrajectoryGenerator:
     path = task.store.require(plan_beyond.source_stamp(task)) / GENERATOR
     return TrajectoryGenerator.load(path, task.arm)
-
-
-def _moved(generator: TrajectoryGenerator, there: Elsewhere) -> TrajectoryGenerator:
-    """The generator as it is, with the limits of another arm."""
-    limits = None if generator.limits is None else Limits.of(there.arm, there.trajectory)
-    return replace(generator, trajectory=there.trajectory, limits=limits)
