@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.conditional.condition import Condition
 from sidegan.conditional.ranges import Ranges
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
@@ -85,24 +84,6 @@ def columns_of(ranges: Ranges, trajectory: Trajectory, links: Tensor) -> dict[st
         "obstacle": _column("obstacle", low, high, none),
         "links": _column("links", 0.0 * home, weight, 0.0 * home),
     }
-
-
-def encode(columns: dict[str, Column], kinds: Sequence[str], condition: Condition) -> Tensor:
-    """Conditions as numbers in [−1, 1], (B, E) float32; what cannot be requested is left out.
-
-    An obstacle is whether there is one, where and how large, with zeros where there is none.
-    """
-    code = [condition.home[:, :0]]
-    for name, column in columns.items():
-        if column.kind not in kinds:
-            continue
-        x = getattr(condition, name)
-        if name == "obstacle":
-            there = x[:, 3:] > 0
-            code += [2.0 * there - 1, torch.where(there, column.centred(x), 0.0)]
-        else:
-            code.append(x if name == "links" else column.centred(x))
-    return torch.cat(code, 1).clamp(-1, 1).float()
 
 
 def _column(kind: str, low: Numbers, high: Numbers, neutral: Numbers, logarithmic: bool = False) -> Column:

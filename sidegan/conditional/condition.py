@@ -67,10 +67,6 @@ class Condition:
         """One of the conditions, as a batch of one."""
         return self.take(torch.tensor([index]))
 
-    def changed(self, **values: Tensor) -> "Condition":
-        """The same conditions with other values of some columns."""
-        return replace(self, **values)
-
     def describe(self) -> dict[str, Any]:
         """Plain values of a batch of one, for people and for files; None for what there is not."""
         plain: dict[str, Any] = {}

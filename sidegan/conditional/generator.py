@@ -59,7 +59,7 @@ class ConditionalGenerator:
 
     @torch.no_grad()
     def sample_each(self, condition: Condition, random: torch.Generator, settled: bool = True) -> Tensor:
-        """The same, (B, J, H, 2) float64, without gradient; settled where wanted."""
+        """The same, (B, J, H, 2) float64, without gradient, and settled where that is chosen."""
         c = self.coefficients(condition, random)
         return settle(self.space, condition, c) if settled else c
 

@@ -2,13 +2,13 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
 from torch import Tensor
 
-from sidegan.conditional.columns import Column, columns_of, encode
+from sidegan.conditional.columns import Column, columns_of
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.ranges import KINDS, Ranges, Request
 from sidegan.conditional.surroundings import Surroundings
@@ -69,8 +69,21 @@ class ConditionSpace:
         return self.encode(self.neutral(1)).shape[1]
 
     def encode(self, condition: Condition) -> Tensor:
-        """Code that the network sees, (B, E) float32 in [−1, 1]."""
-        return encode(self.columns, self.ranges.kinds, condition)
+        """Code that the network sees, (B, E) float32 in [−1, 1]; what cannot be requested is left out.
+
+        An obstacle is whether there is one, where and how large, with zeros where there is none.
+        """
+        code = [condition.home[:, :0]]
+        for name, column in self.columns.items():
+            x = getattr(condition, name)
+            if column.kind not in self.ranges.kinds:
+                continue
+            if name == "obstacle":
+                there = x[:, 3:] > 0
+                code += [2.0 * there - 1, torch.where(there, column.centred(x), 0.0)]
+            else:
+                code.append(x if name == "links" else column.centred(x))
+        return torch.cat(code, 1).clamp(-1, 1).float()
 
     def neutral(self, count: int) -> Condition:
         """Conditions that request nothing."""
@@ -90,7 +103,7 @@ class ConditionSpace:
         if request.links is not None:
             given["links"] = self._weights(request.links)
         values = {name: torch.tensor([x], dtype=torch.float64) for name, x in given.items()}
-        return self.neutral(1).changed(**values)
+        return replace(self.neutral(1), **values)
 
     def _weights(self, links: Mapping[str, float]) -> list[float]:
         """Weight of every link, the largest 1."""
@@ -155,7 +168,7 @@ class ConditionSpace:
         for name, x in values.items():
             on = chosen[self.columns[name].kind]
             values[name] = torch.where(on[:, None] if x.ndim > 1 else on, x, getattr(base, name))
-        return base.changed(**values)
+        return replace(base, **values)
 
     def _links(self, order: Tensor, second: Tensor) -> Tensor:
         """One or two links that matter, (B, J)."""

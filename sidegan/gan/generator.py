@@ -96,10 +96,10 @@ class TrajectoryGenerator:
             family = Trajectory(**meta["trajectory"])
             limits = LimitLayer(family, content["room"], content["speed"]) if meta.get("limited") else None
             names = (meta["robot"], meta["digest"], meta["variant"])
-            made = cls(network.eval(), scaling, family, *names, limits)
+            generator = cls(network.eval(), scaling, family, *names, limits)
         if arm is not None:
             refuse_other(path, meta, arm)
-        return made
+        return generator
 
 
 def random_of(seed: int | torch.Generator) -> torch.Generator:
@@ -109,7 +109,7 @@ def random_of(seed: int | torch.Generator) -> torch.Generator:
 
 @contextmanager
 def opened(path: Path, kind: str, form: int | str) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Description and content of a generator's file; what does not fit within is told as a damaged file.
+    """Description and content of a generator's file; what does not fit within counts as damaged.
 
     Raises:
         ArtifactError: when the file does not hold a ``kind`` of the format ``form``.

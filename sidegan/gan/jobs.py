@@ -107,8 +107,7 @@ class Pretraining:
         """Training data, held-out data and the random numbers of one training."""
         torch.manual_seed(seed)
         generator = torch.Generator().manual_seed(seed)
-        parts = [read_torch(self._share(number)) for number in range(SHARES)]
-        labelled = Labelled(**{key: torch.cat([part[key] for part in parts]) for key in parts[0]})
+        labelled = Labelled.cat([read_torch(self._share(number)) for number in range(SHARES)])
         return *split(labelled, generator), generator
 
 

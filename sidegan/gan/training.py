@@ -112,8 +112,8 @@ def train_variant(
     loader = DataLoader(examples, schedule.batch, sampler=order)
     fit(training, loader, run.work, evaluate, run.epoch_end, run.device)
     network, names = sampler.network.eval(), (constraints.arm.name, constraints.arm.digest, run.name)
-    made = TrajectoryGenerator(network, sampler.scaling, trajectory, *names, sampler.limits)
-    return Trained(made, training.history)
+    generator = TrajectoryGenerator(network, sampler.scaling, trajectory, *names, sampler.limits)
+    return Trained(generator, training.history)
 
 
 def assemble(

@@ -95,13 +95,6 @@ class Variant:
 
     def schedule(self, seeds: int) -> Schedule:
         """Schedule of a training on so many seeds."""
-        return Schedule(
-            epochs=self.epochs,
-            steps=self.steps or -(-seeds // self.batch),
-            batch=self.batch,
-            learning_rate=self.learning_rate,
-            critic_rate=self.critic_rate,
-            generator_steps=self.generator_steps,
-            decay=self.decay,
-            clip=self.clip,
-        )
+        sizes = (self.epochs, self.steps or -(-seeds // self.batch), self.batch)
+        rates = (self.learning_rate, self.critic_rate)
+        return Schedule(*sizes, *rates, self.generator_steps, self.decay, self.clip)

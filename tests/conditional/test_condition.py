@@ -30,7 +30,7 @@ def test_a_condition_is_described_in_plain_values(space):
 )
 def test_columns_that_do_not_fit_are_refused(conditions, change):
     with pytest.raises(ShapeError, match="of a condition is"):
-        conditions.changed(**change)
+        replace(conditions, **change)
 
 
 def test_ranges_survive_a_file():
