@@ -133,7 +133,7 @@ class Adversary(LossTerm[Batch]):
     ) -> None:
         super().__init__(weight)
         self.network, self.view, self.gradient_penalty = network, view, gradient_penalty
-        self.register_buffer("examples", examples, persistent=False)
+        self.register_buffer("examples", examples.contiguous(), persistent=False)
 
     def forward(self, batch: Batch) -> Tensor:
         """Mean surprise of the discriminator, 0-dimensional."""

@@ -30,6 +30,7 @@ from sidegan.validity import Constraints, check, told
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
+_NO_SURROGATES = Surrogates()
 
 Made = TypeVar("Made")
 
@@ -71,7 +72,7 @@ def train_variant(
     trajectory: Trajectory,
     seeds: Tensor | None,
     run: Run,
-    surrogates: Surrogates = Surrogates(),  # noqa: B008 - frozen
+    surrogates: Surrogates = _NO_SURROGATES,
 ) -> Trained[TrajectoryGenerator]:
     """A generator trained on a seed set.
 
@@ -122,15 +123,15 @@ def assemble(
     trajectory: Trajectory,
     seeds: Tensor,
     run: Run,
-    surrogates: Surrogates = Surrogates(),  # noqa: B008 - frozen
+    surrogates: Surrogates = _NO_SURROGATES,
 ) -> Training:
     """Networks and loss terms of a variant, untrained; as ``train_variant``, which trains them."""
     problem = None if variant.exact is None else Problem(constraints, trajectory, variant.exact.samples)
     features: Standard | None = None
     if variant.features != "none":
-        features = (
-            surrogates.converter if problem is None else ExactFeatures(problem, variant.features, seeds)
-        )
+        features = surrogates.converter
+        if problem is not None:
+            features = ExactFeatures(problem, variant.features, seeds)
         if features is None:
             raise ConfigError(f"{run.name} needs a converter to {variant.features}")
     limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
