@@ -9,8 +9,8 @@ import pandas as pd
 
 from experiments import exp2
 from sidegan.base.storage import read_json
+from sidegan.gan.variants import Variant
 from sidegan.library import Library
-from sidegan.pipeline.config import GanVariant
 from sidegan.pipeline.plan import FACTS, HISTORY, LIBRARY, REPORT, RESULTS, SEEDS, Task, with_subset
 from sidegan.pipeline.stamp import Stamp
 
@@ -35,7 +35,7 @@ def plant(task: Task) -> pd.DataFrame:
 
 
 def histories(
-    task: Task, variants: dict[str, GanVariant] | None = None, trainings: list[int] | None = None
+    task: Task, variants: dict[str, Variant] | None = None, trainings: list[int] | None = None
 ) -> dict[str, list[History]]:
     """Metrics after every epoch of every training of each variant; the task's own where none are given."""
     return {

@@ -10,8 +10,9 @@ import pandas as pd
 from experiments import artifacts
 from experiments.artifacts import History
 from sidegan.base.storage import read_json
+from sidegan.gan.variants import Variant
 from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.config import Config, GanVariant
+from sidegan.pipeline.config import Config
 from sidegan.pipeline.plan import (
     FACTS,
     HISTORY,
@@ -20,7 +21,6 @@ from sidegan.pipeline.plan import (
     RESULTS,
     SEEDS,
     Task,
-    variant,
     with_subset,
 )
 from sidegan.pipeline.stamp import Stamp
@@ -79,7 +79,7 @@ class Evidence:
 
     def before(self, name: str) -> float:
         """Wall time before a training can begin [s]: seeds, and surrogates with the GAN they learn from."""
-        wanted = variant(name, self.task.cfg.gan[name])
+        wanted = self.task.cfg.gan[name]
         seconds = self.seconds(self.task.seeds) if wanted.seeded else 0.0
         return seconds + (self.surrogate_seconds if wanted.surrogates else 0.0)
 
@@ -114,7 +114,7 @@ class Evidence:
             if name == SEEDS:
                 row["each"] = self.seeds["cpu_seconds"] / self.seeds["count"]
             if name in self.task.cfg.gan:
-                wanted = variant(name, self.task.cfg.gan[name])
+                wanted = self.task.cfg.gan[name]
                 row["seeds"] = self.seconds(self.task.seeds) if wanted.seeded else 0.0
                 row["surrogates"] = self.surrogate_seconds if wanted.surrogates else 0.0
                 row["wall"] = self.wall_seconds(name, training)
@@ -161,7 +161,7 @@ class Evidence:
         """Metrics after the last epoch against the number of seeds, a row per variant, size and training."""
         task, rows = self.task, []
         sized = [(size, plan_beyond.with_few(task, size)) for size in plan_beyond.few_sizes(task)]
-        known = {name: x for name, x in task.cfg.gan.items() if variant(name, x).surrogates}
+        known = {name: x for name, x in task.cfg.gan.items() if x.surrogates}
         for size in task.cfg.discussion.sizes if known else []:
             smaller = with_subset(task, size)
             sized.append((size, Task(_only(smaller.cfg, known), task.store)))
@@ -236,5 +236,5 @@ def _elapsed(history: History, spent: float) -> list[float]:
     return list(np.cumsum(np.array(each, float)))
 
 
-def _only(cfg: Config, known: dict[str, GanVariant]) -> Config:
+def _only(cfg: Config, known: dict[str, Variant]) -> Config:
     return replace(cfg, gan=known or cfg.gan, stages=[])

@@ -7,7 +7,7 @@ import pandas as pd
 from experiments import beyond_goals, beyond_tables
 from experiments.beyond_evidence import GOOD, NEAR, Evidence
 from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.plan import RANDOM, SEEDS, variant
+from sidegan.pipeline.plan import RANDOM, SEEDS
 from sidegan.report.document import Block, Section, Table, illustrate
 from sidegan.report.export import write_table
 from sidegan.report.panels import Panel, panels
@@ -25,7 +25,7 @@ _METRICS = {
 def goals(evidence: Evidence, assets: Path) -> Section:
     """The goals, met or not."""
     task = evidence.task
-    alone = [name for name, settings in task.cfg.gan.items() if not variant(name, settings).seeded]
+    alone = [name for name, settings in task.cfg.gan.items() if not settings.seeded]
     found = {name: beyond_goals.goals(evidence, name) for name in [*alone, plan_beyond.POLISHED]}
     met = [
         f"{sum(goal.met for goal in judged)} of {len(judged)} are met by {beyond_tables.title(name)}"

@@ -114,6 +114,15 @@ def read_torch(path: Path) -> Any:
         return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
 
 
+def readable(path: Path) -> bool:
+    """Whether a file of tensors is there and whole: what a resumed run needs not make again."""
+    try:
+        read_torch(path)
+    except ArtifactError:
+        return False
+    return True
+
+
 def read_parquet(path: Path) -> "pa.Table":
     """Table of a Parquet file, its page checksums verified where it has them.
 

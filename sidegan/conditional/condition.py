@@ -1,5 +1,6 @@
-"""A batch of conditions: what is asked of each trajectory, as tensors."""
+"""A batch of conditions as tensors, and what one of them amounts to."""
 
+import math
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -7,11 +8,13 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane, Region
 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """What is asked of B trajectories; float64.
+    """Conditions of B trajectories; float64.
 
     Attributes:
         home: joint positions at both ends [rad or m], (B, J).
@@ -38,9 +41,9 @@ class Condition:
 
     def __post_init__(self) -> None:
         count, joints = self.home.shape if self.home.ndim == 2 else (-1, -1)
-        wanted = {"home": (joints,), "walls": (2,), "obstacle": (4,), "links": (joints,)}
+        shapes = {"home": (joints,), "walls": (2,), "obstacle": (4,), "links": (joints,)}
         for name, x in self.columns().items():
-            expected = (count, *wanted.get(name, ()))
+            expected = (count, *shapes.get(name, ()))
             if x.shape != expected:
                 raise ShapeError(f"{name} of a condition is {tuple(x.shape)}, expected {expected}")
             object.__setattr__(self, name, x.double())
@@ -64,10 +67,6 @@ class Condition:
         """One of the conditions, as a batch of one."""
         return self.take(torch.tensor([index]))
 
-    def changed(self, **values: Tensor) -> "Condition":
-        """The same conditions with other values of some columns."""
-        return replace(self, **values)
-
     def describe(self) -> dict[str, Any]:
         """Plain values of a batch of one, for people and for files; None for what there is not."""
         plain: dict[str, Any] = {}
@@ -75,6 +74,29 @@ class Condition:
             values = [v if abs(v) < torch.inf else None for v in x[0].flatten().tolist()]
             plain[name] = values if x.ndim > 1 else values[0]
         return plain
+
+    def family(self, trajectory: Trajectory) -> Trajectory:
+        """Family of trajectories with the home and the period of a batch of one."""
+        return replace(trajectory, period=float(self.period[0]), home=self.home[0].tolist())
+
+    def regions(self) -> list[Region]:
+        """Regions that a batch of one requests to keep out of."""
+        height, widths = float(self.plane[0]), self.walls[0].tolist()
+        regions: list[Region] = [Plane((0.0, 0.0, 1.0), height)] if height > -math.inf else []
+        for (x, y), width in zip(((1.0, 0.0), (0.0, 1.0)), widths):
+            if width < math.inf:
+                regions += [Plane((sign * x, sign * y, 0.0), -width) for sign in (1.0, -1.0)]
+        *centre, half = self.obstacle[0].tolist()
+        if half > 0:
+            regions.append(Box(tuple(x - half for x in centre), tuple(x + half for x in centre)))
+        return regions
+
+    def constraints(self, workspace: Constraints) -> Constraints:
+        """The arm in its workspace with the regions and the shares of the limits of a batch of one."""
+        arm = workspace.arm
+        velocity, torque = arm.velocity_limit * self.velocity[0], arm.torque_limit * self.torque[0]
+        arm = replace(arm, velocity_limit=velocity, torque_limit=torque)
+        return Constraints(arm, [*workspace.regions, *self.regions()], workspace.torque)
 
     @staticmethod
     def cat(parts: "list[Condition]") -> "Condition":

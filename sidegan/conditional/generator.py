@@ -1,7 +1,8 @@
-"""The trained conditioned generator: a condition in, trajectories out; one file."""
+"""The trained conditional generator: a condition in, trajectories out; one file."""
 
 import json
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,14 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import write_torch
-from sidegan.conditional.asking import Asking
+from sidegan.base.typed import build
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.ranges import Ranges
 from sidegan.conditional.settle import settle
 from sidegan.conditional.shaping import Shaping
-from sidegan.conditional.surroundings import family
+from sidegan.conditional.space import ConditionSpace
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.generator import opened, refuse_other
+from sidegan.gan.generator import opened, random_of, refuse_other
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
@@ -27,21 +28,41 @@ _FORMAT = "conditional 1"
 
 @dataclass(frozen=True)
 class ConditionalGenerator:
-    """A generator with what may be asked of it.
+    """A generator with the conditions that it is trained for.
 
     Attributes:
         network: noise and code of the condition → images.
         scaling: images → coefficients.
         reach: mean peaks of random trajectories, (2, J) (``Shaping``).
-        asking: the arm in its workspace, the family of trajectories, the ranges of conditions.
+        space: the arm in its workspace, the family of trajectories, the ranges of conditions.
     """
 
     network: Generator
     scaling: Scaling
     reach: Tensor
-    asking: Asking
+    space: ConditionSpace
+
+    @cached_property
+    def shaping(self) -> Shaping:
+        """The last layer."""
+        return Shaping(self.space.constraints.arm, self.space.trajectory, self.reach)
+
+    def coefficients(self, condition: Condition, random: torch.Generator | None = None) -> Tensor:
+        """One trajectory's coefficients [rad/s] for each of B conditions, (B, J, H, 2) float64.
+
+        As the network makes them, with a gradient, and without a look at the conditions.
+        """
+        noise = self.network.draw(len(condition), random)
+        code = self.space.encode(condition).to(noise)
+        images = self.network(torch.cat([noise[:, : noise.shape[1] - code.shape[1]], code], 1))
+        return self.shaping(self.scaling.to(images).coefficients(images), condition).double()
 
     @torch.no_grad()
+    def sample_each(self, condition: Condition, random: torch.Generator, settled: bool = True) -> Tensor:
+        """The same, (B, J, H, 2) float64, without gradient, and settled where that is chosen."""
+        c = self.coefficients(condition, random)
+        return settle(self.space, condition, c) if settled else c
+
     def sample(
         self,
         count: int,
@@ -53,7 +74,7 @@ class ConditionalGenerator:
 
         Args:
             count: how many.
-            condition: what is asked of all of them, a batch of one; nothing when None.
+            condition: of all of them, a batch of one; the neutral one when None.
             seed: of the noise; the same trajectories for the same seed.
             settled: whether trajectories that would leave a region or a torque limit are made smaller
                 until they do not (``settle``).
@@ -65,36 +86,22 @@ class ConditionalGenerator:
         """
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
-        condition = self.asking.neutral(1) if condition is None else condition
-        self.asking.refuse(condition)
-        random = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-        each = condition.repeat(count)
-        return family(self.asking.trajectory, condition), self.sample_each(each, random, settled)
-
-    @torch.no_grad()
-    def sample_each(self, condition: Condition, random: torch.Generator, settled: bool = True) -> Tensor:
-        """One trajectory's coefficients [rad/s] for each of B conditions, (B, J, H, 2) float64.
-
-        The conditions are not checked; ``sample`` does so.
-        """
-        shaping = Shaping(self.asking.constraints.arm, self.asking.trajectory, self.reach)
-        noise = self.network.draw(len(condition), random)
-        code = self.asking.encode(condition).to(noise)
-        images = self.network(torch.cat([noise[:, : noise.shape[1] - code.shape[1]], code], 1))
-        c = shaping(self.scaling.to(images).coefficients(images), condition).double()
-        return settle(self.asking, condition, c) if settled else c
+        condition = self.space.neutral(1) if condition is None else condition
+        self.space.refuse(condition)
+        c = self.sample_each(condition.repeat(count), random_of(seed), settled)
+        return condition.family(self.space.trajectory), c
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
-        arm = self.asking.constraints.arm
+        arm = self.space.constraints.arm
         meta = {
             "format": _FORMAT,
             "robot": arm.name,
             "digest": arm.digest,
-            "workspace": _workspace(self.asking.constraints),
-            "trajectory": self.asking.trajectory.describe(),
+            "workspace": _workspace(self.space.constraints),
+            "trajectory": self.space.trajectory.describe(),
             "network": self.network.settings,
-            "ranges": self.asking.ranges.describe(),
+            "ranges": asdict(self.space.ranges),
         }
         tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread, "reach": self.reach}
         write_torch(path, {"meta": json.dumps(meta), "weights": self.network.state_dict(), **tensors})
@@ -111,21 +118,20 @@ class ConditionalGenerator:
             ArtifactError: for a truncated or foreign file, another arm, or another workspace.
         """
         with opened(path, "conditioned generator", _FORMAT) as (meta, content):
-            _refuse_foreign(path, meta, constraints)
+            refuse_other(path, meta, constraints.arm)
+            here = json.loads(json.dumps(_workspace(constraints)))
+            if meta["workspace"] != here:
+                raise ArtifactError(
+                    f"{path} was trained for the workspace {meta['workspace']}, not for {here}"
+                )
             network = Generator(**meta["network"])
             network.load_state_dict(content["weights"])
-            scaling = Scaling(content["mean"], content["spread"])
-            asking = Asking(constraints, Trajectory(**meta["trajectory"]), Ranges.of(meta["ranges"]))
-            if network.noise <= asking.size or content["reach"].shape != (2, constraints.arm.joints):
+            scaling, reach = Scaling(content["mean"], content["spread"]), content["reach"]
+            ranges = build(Ranges, meta["ranges"])
+            space = ConditionSpace(constraints, Trajectory(**meta["trajectory"]), ranges)
+            if network.noise <= space.size or reach.shape != (2, constraints.arm.joints):
                 raise ArtifactError(f"{path} contradicts itself: its network does not fit its ranges")
-            return cls(network.eval(), scaling, content["reach"], asking)
-
-
-def _refuse_foreign(path: Path, meta: dict[str, Any], constraints: Constraints) -> None:
-    refuse_other(path, meta, constraints.arm)
-    here = json.loads(json.dumps(_workspace(constraints)))
-    if meta["workspace"] != here:
-        raise ArtifactError(f"{path} was trained for the workspace {meta['workspace']}, not for {here}")
+            return cls(network.eval(), scaling, reach, space)
 
 
 def _workspace(constraints: Constraints) -> dict[str, Any]:

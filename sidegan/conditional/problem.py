@@ -90,7 +90,7 @@ def _eigen(body: RigidBody, grams: Tensor) -> tuple[Tensor, Tensor]:
     return torch.maximum(values, floor), subspace @ vectors
 
 
-def worth(problem: Problem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
+def information_losses(problem: Problem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
     """Smooth log condition number, and log of the weighted sum of the base parameters' variances, (B,) each.
 
     The variances are those of parameters identified from one sample of noise 1 per time point: the diagonal
@@ -101,10 +101,10 @@ def worth(problem: Problem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]
         c: coefficients [rad/s], (B, J, H, 2).
         weights: of the base parameters, (B, p), not negative.
     """
-    return _Worth.apply(*problem.motion(c)[1:], problem, c.detach(), weights)
+    return _InformationLosses.apply(*problem.motion(c)[1:], problem, c.detach(), weights)
 
 
-class _Worth(torch.autograd.Function):
+class _InformationLosses(torch.autograd.Function):
     """For G = YᵀY / T, a function with slope S = Σ w v vᵀ in G has the energy Σ w |Y v|² / T as its gradient.
 
     The v are eigenvectors for the condition number, and columns of G⁻¹ for the variances.
@@ -116,13 +116,13 @@ class _Worth(torch.autograd.Function):
     ) -> tuple[Tensor, Tensor]:
         values, vectors = _eigen(problem.body, problem.gram(c))
         with torch.enable_grad():
-            given = values.detach().requires_grad_(True)
-            ratio = log_condition(given)
-            (slopes,) = torch.autograd.grad(ratio.sum(), given)
+            leaf = values.detach().requires_grad_(True)
+            ratio = log_condition(leaf)
+            (slopes,) = torch.autograd.grad(ratio.sum(), leaf)
         spread = (vectors**2 / values[:, None]).sum(2)
-        told = weights.amax(1) > 0
-        total = torch.where(told, (weights * spread).sum(1), 1.0)
-        ctx.problem, ctx.told = problem, told
+        weighted = weights.amax(1) > 0
+        total = torch.where(weighted, (weights * spread).sum(1), 1.0)
+        ctx.problem, ctx.weighted = problem, weighted
         ctx.save_for_backward(q, dq, ddq, values, vectors, slopes, weights / total[:, None])
         return ratio.detach(), torch.log(total)
 
@@ -130,17 +130,19 @@ class _Worth(torch.autograd.Function):
     def backward(ctx: Any, *upwards: Tensor) -> tuple[Tensor | None, ...]:
         *states, values, vectors, slopes, weights = ctx.saved_tensors
         used = (slopes != 0).any(0)
-        found = _energies(ctx.problem, states, vectors[:, :, used].mT, slopes[:, used] * upwards[0][:, None])
-        if ctx.told.any():
-            rows = ctx.told.nonzero()[:, 0]
+        gradients = _energies(
+            ctx.problem, states, vectors[:, :, used].mT, slopes[:, used] * upwards[0][:, None]
+        )
+        if ctx.weighted.any():
+            rows = ctx.weighted.nonzero()[:, 0]
             count = int((weights[rows] > 0).sum(1).max())
             largest, order = weights[rows].topk(count, 1)
             inverse = (vectors[rows] / values[rows, None]) @ vectors[rows].mT
             columns = inverse.gather(1, order[:, :, None].expand(-1, -1, inverse.shape[2]))
             pushed = -largest * upwards[1][rows, None]
             more = _energies(ctx.problem, [x[rows] for x in states], columns, pushed)
-            found = [x.index_add(0, rows, y) for x, y in zip(found, more)]
-        return (*found, None, None, None)
+            gradients = [x.index_add(0, rows, y) for x, y in zip(gradients, more)]
+        return (*gradients, None, None, None)
 
 
 def _energies(problem: Problem, states: list[Tensor], vectors: Tensor, weights: Tensor) -> list[Tensor]:

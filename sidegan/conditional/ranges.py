@@ -1,62 +1,47 @@
-"""What may be asked of a conditioned generator: ranges that conditions are drawn from."""
+"""Ranges of the conditions that a generator is trained for, and a request for one condition."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
 
+from sidegan.base.typed import Bound, NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 
 Range = tuple[float, float]
 Vector = tuple[float, float, float]
 
 KINDS = ("home", "period", "effort", "plane", "walls", "obstacle", "links")
+NONE, ALL = "none", "all"  # cases that request nothing, and everything
 
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Cubes to keep out of: corners of the box that holds their centres, range of their half edge [m]."""
+    """Cubes that may have to be avoided."""
 
-    lower: Vector
+    lower: Vector  # [m], of their centres
     upper: Vector
-    half: Range
+    half: Range  # half edge [m]
 
     def __post_init__(self) -> None:
         _check("obstacle.half", self.half, 0.0)
-        if self.half[0] <= 0:
-            raise ConfigError(f"obstacle.half is {list(self.half)}, expected positive half edges")
         if any(low > high for low, high in zip(self.lower, self.upper)):
             raise ConfigError(f"obstacle.lower {list(self.lower)} lies above upper {list(self.upper)}")
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """Ranges of conditions; what is not asked for is the most generous end.
+    """What may be requested; a range that is null cannot. What is not requested is the most generous end."""
 
-    Attributes:
-        home: how far the home of each joint may lie from the family's [rad or m].
-        period: [s]; None: the family's.
-        velocity: share of the velocity limits.
-        torque: share of the torque limits.
-        plane: height that the arm stays above [m]; None: there is no plane to ask for.
-        walls: half-widths of the room [m]; None: likewise.
-        obstacle: cubes to keep out of; None: likewise.
-        links: whether it may be asked which links' parameters matter.
-        clearance: distance that a drawn home keeps from walls and obstacles [m].
-        active: share of the drawn conditions in which a kind is asked for.
-
-    Raises:
-        ConfigError: when a range is empty or out of bounds.
-    """
-
-    home: float = 0.0
-    period: Range | None = None
-    velocity: Range = (1.0, 1.0)
-    torque: Range = (1.0, 1.0)
-    plane: Range | None = None
-    walls: Range | None = None
-    obstacle: Obstacles | None = None
-    links: bool = False
-    clearance: float = 0.1
-    active: float = 0.5
+    home: NonNegative  # of each joint around the trajectory's home [rad or m]
+    period: Range | None  # [s]
+    velocity: Range  # share of the velocity limits
+    torque: Range  # share of the torque limits
+    plane: Range | None  # height to stay above [m]
+    walls: Range | None  # half-widths of the room to stay in [m]
+    obstacle: Obstacles | None
+    links: bool  # whose parameters matter most
+    clearance: NonNegative  # that a drawn home keeps from walls and obstacles [m]
+    active: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of drawn conditions that request a kind
 
     def __post_init__(self) -> None:
         for name, value, least, most in (
@@ -68,17 +53,11 @@ class Ranges:
         ):
             if value is not None:
                 _check(name, value, least, most)
-        if self.home < 0 or self.clearance < 0:
-            raise ConfigError(
-                f"home is {self.home} and clearance {self.clearance}, expected nothing negative"
-            )
-        if not 0 < self.active <= 1:
-            raise ConfigError(f"active is {self.active}, expected a share above 0 and up to 1")
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What may be asked for at all."""
-        wide = {
+        """What may be requested at all."""
+        trained = {
             "home": self.home > 0,
             "period": self.period is not None,
             "effort": self.velocity[0] < 1 or self.torque[0] < 1,
@@ -87,21 +66,54 @@ class Ranges:
             "obstacle": self.obstacle is not None,
             "links": self.links,
         }
-        return tuple(kind for kind in KINDS if wide[kind])
+        return tuple(kind for kind in KINDS if trained[kind])
 
-    def describe(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
+    @property
+    def cases(self) -> dict[str, tuple[str, ...]]:
+        """Kinds that each case of a study requests: none, each alone, all."""
+        single = {kind: (kind,) for kind in self.kinds}
+        return {NONE: (), **single, **({ALL: self.kinds} if len(single) > 1 else {})}
 
-    @classmethod
-    def of(cls, values: dict[str, Any]) -> "Ranges":
-        """Ranges of what ``describe`` gave, perhaps through a file."""
-        plain: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value for key, value in values.items()
+
+@dataclass(frozen=True)
+class Cube:
+    """A cube to keep out of."""
+
+    centre: Vector  # [m]
+    half: Positive  # half edge [m]
+
+
+@dataclass(frozen=True)
+class Request:
+    """A request for one condition; what is left out is not requested."""
+
+    home: list[float] | None = None  # [rad or m]
+    period: Positive | None = None  # [s]
+    effort: Share | None = None  # share of velocity and torque limits
+    velocity: Share | None = None  # share of the velocity limits alone
+    torque: Share | None = None
+    plane: float | None = None  # height to stay above [m]
+    walls: Range | None = None  # half-widths of the room in x and y [m]
+    obstacle: Cube | None = None
+    links: dict[str, NonNegative] | None = None  # how much each link's parameters matter
+
+    def __post_init__(self) -> None:
+        if self.effort is not None and (self.velocity, self.torque) != (None, None):
+            raise ConfigError("effort is velocity and torque in one: give it or them")
+
+    def columns(self) -> dict[str, float | Sequence[float]]:
+        """Numbers of what is requested, by column of a condition; the links are left out."""
+        cube = self.obstacle
+        values = {
+            "home": self.home,
+            "period": self.period,
+            "velocity": self.velocity if self.effort is None else self.effort,
+            "torque": self.torque if self.effort is None else self.effort,
+            "plane": self.plane,
+            "walls": self.walls,
+            "obstacle": None if cube is None else [*cube.centre, cube.half],
         }
-        if plain.get("obstacle") is not None:
-            plain["obstacle"] = Obstacles(**{key: tuple(x) for key, x in plain["obstacle"].items()})
-        return cls(**plain)
+        return {name: value for name, value in values.items() if value is not None}
 
 
 def _check(name: str, value: Range, least: float | None, most: float | None = None) -> None:
@@ -109,5 +121,5 @@ def _check(name: str, value: Range, least: float | None, most: float | None = No
     if not low <= high or (least is not None and low <= least) or (most is not None and high > most):
         bounds = [f"above {least:g}"] if least is not None else []
         bounds += [f"up to {most:g}"] if most is not None else []
-        wanted = " ".join(["expected a lower and a higher number", *bounds])
-        raise ConfigError(f"{name} is {list(value)}, {wanted}")
+        expected = " ".join(["expected a lower and a higher number", *bounds])
+        raise ConfigError(f"{name} is {list(value)}, {expected}")

@@ -5,17 +5,16 @@ from torch import Tensor
 from torch.func import functional_call
 
 from sidegan.conditional.condition import Condition
-from sidegan.gan.limits import Limits
+from sidegan.gan.limits import LimitLayer, rooms
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
-_LEAST_ROOM = 1e-3  # [rad or m] below which a joint whose home lies at its limit stands still
 _LEAST_SHARE = 0.05  # of a joint's range, that counts as its room when sizes are compared
 _POINTS = 20  # per harmonic
 
 
 class Shaping:
-    """The last layer of a conditioned generator.
+    """The last layer of a conditional generator.
 
     A joint whose condition allows half the speed moves half as fast: coefficients are first brought to the
     size that suits the condition, so that the network sees the same problem under all of them, then limited.
@@ -28,9 +27,9 @@ class Shaping:
 
     def __init__(self, arm: Arm, trajectory: Trajectory, reach: Tensor) -> None:
         self.arm, self.trajectory, self.reach = arm, trajectory, reach.double()
-        self.limits = Limits.of(arm, trajectory)
+        self.layer = LimitLayer.of(arm, trajectory)
         home = torch.tensor([trajectory.home], dtype=torch.float64)
-        self._usual = self._room_use(self._rooms(home), torch.ones(1, 1), arm.velocity_limit)
+        self._usual = self._room_use(rooms(arm, home), torch.ones(1, 1), arm.velocity_limit)
 
     @staticmethod
     def reach_of(trajectory: Trajectory, c: Tensor) -> Tensor:
@@ -39,28 +38,23 @@ class Shaping:
         moved = motion.position - c.new_tensor(trajectory.home)
         return torch.stack([x.abs().amax(1).mean(0) for x in (moved, motion.velocity)])
 
-    def _rooms(self, home: Tensor) -> Tensor:
-        """Room from home to both position limits, (2, B, J)."""
-        rooms = torch.stack([self.arm.position_upper - home, home - self.arm.position_lower])
-        return rooms.clamp_min(_LEAST_ROOM)
-
-    def _room_use(self, rooms: Tensor, stretch: Tensor, speed: Tensor) -> Tensor:
+    def _room_use(self, room: Tensor, stretch: Tensor, speed: Tensor) -> Tensor:
         """What random trajectories would use of their tightest limit, (B, J)."""
         least = _LEAST_SHARE * (self.arm.position_upper - self.arm.position_lower)
-        position = self.reach[0] * stretch / torch.maximum(rooms.amin(0), least)
+        position = self.reach[0] * stretch / torch.maximum(room.amin(0), least)
         return torch.maximum(position, self.reach[1] / speed)
 
     def size(self, condition: Condition) -> Tensor:
         """Size of trajectories that suit a condition, in that of those of the family's own, (B, J)."""
         stretch = (condition.period / self.trajectory.period)[:, None]
         speed = condition.velocity[:, None] * self.arm.velocity_limit
-        return self._usual / self._room_use(self._rooms(condition.home), stretch, speed)
+        return self._usual / self._room_use(rooms(self.arm, condition.home), stretch, speed)
 
     def __call__(self, c: Tensor, condition: Condition) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), within the limits of conditions, of the network's own."""
         stretch = (condition.period / self.trajectory.period)[:, None]
-        given = {
-            "room": (self._rooms(condition.home) / stretch).to(c),
+        limits = {
+            "room": (rooms(self.arm, condition.home) / stretch).to(c),
             "speed": (condition.velocity[:, None] * self.arm.velocity_limit).to(c),
         }
-        return functional_call(self.limits, given, (c * self.size(condition)[:, :, None, None].to(c),))
+        return functional_call(self.layer, limits, (c * self.size(condition)[:, :, None, None].to(c),))

@@ -7,8 +7,7 @@ from torch import Tensor
 
 from sidegan.conditional.condition import Condition
 from sidegan.errors import InfeasibleError
-from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Box, Constraints, Plane, Region
+from sidegan.validity import Box, Constraints
 from sidegan.validity.capsules import capsule_axes
 
 _SAMPLES = 4_000  # random configurations that decide what a link can stay out of
@@ -39,7 +38,7 @@ class Surroundings:
         return a[:, self.moving], b[:, self.moving]
 
     def clearances(self, q: Tensor, condition: Condition, reach: float = math.inf) -> dict[str, Tensor]:
-        """Signed distances [m], (B, T, K), at positions (B, T, J), of what the conditions ask for at all.
+        """Signed distances [m], (B, T, K), at positions (B, T, J), of what the conditions request at all.
 
         A link that no configuration brings above a plane is excepted from it, as in ``Constraints``.
 
@@ -49,21 +48,21 @@ class Surroundings:
             reach: distances from obstacles beyond it may be given as infinite, which is faster.
         """
         count, times, joints = q.shape
-        asked = (
-            ("plane", bool((condition.plane > -math.inf).any())),
-            ("walls", bool((condition.walls < math.inf).any())),
-            ("obstacle", bool((condition.obstacle[:, 3] > 0).any())),
-        )
-        if not any(here for _, here in asked):
+        kinds = {
+            "plane": bool((condition.plane > -math.inf).any()),
+            "walls": bool((condition.walls < math.inf).any()),
+            "obstacle": bool((condition.obstacle[:, 3] > 0).any()),
+        }
+        if not any(kinds.values()):
             return {}
         a, b = self._capsules(q.reshape(-1, joints).T.contiguous())
         a, b = (x.unflatten(2, (count, times)) for x in (a, b))  # (3, C, B, T)
-        known = {
+        distances = {
             "plane": lambda: self._plane(a, b, condition),
             "walls": lambda: self._walls(a, b, condition),
             "obstacle": lambda: self._obstacle(a, b, condition, reach),
         }
-        return {name: known[name]().permute(1, 2, 0) for name, here in asked if here}
+        return {name: distances[name]().permute(1, 2, 0) for name, here in kinds.items() if here}
 
     def _plane(self, a: Tensor, b: Tensor, condition: Condition) -> Tensor:
         height = torch.minimum(a[2], b[2]) - self.radius[:, None, None] - condition.plane[:, None]
@@ -109,26 +108,3 @@ class Surroundings:
 def _never_clear(distance: Tensor) -> list[int]:
     """Rows of distances (K, 1, N) that are nowhere positive."""
     return torch.nonzero((distance <= 0).all(2).all(1))[:, 0].tolist()
-
-
-def regions(condition: Condition) -> list[Region]:
-    """What a batch of one asks to keep out of."""
-    made: list[Region] = []
-    height, (x, y) = float(condition.plane[0]), condition.walls[0].tolist()
-    if height > -math.inf:
-        made.append(Plane((0.0, 0.0, 1.0), height))
-    if x < math.inf:
-        made += [Plane((sign, 0.0, 0.0), -x) for sign in (1.0, -1.0)]
-    if y < math.inf:
-        made += [Plane((0.0, sign, 0.0), -y) for sign in (1.0, -1.0)]
-    *centre, half = condition.obstacle[0].tolist()
-    if half > 0:
-        made.append(Box(tuple(x - half for x in centre), tuple(x + half for x in centre)))
-    return made
-
-
-def family(trajectory: Trajectory, condition: Condition) -> Trajectory:
-    """The family of trajectories that a batch of one asks for."""
-    return Trajectory(
-        trajectory.joints, trajectory.harmonics, float(condition.period[0]), condition.home[0].tolist()
-    )

@@ -1,217 +1,214 @@
-"""Training of a conditioned generator: exact physics of batches under conditions drawn at random."""
+"""Training of a conditional generator: exact physics of batches under conditions drawn at random."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+from torch.utils.data import DataLoader, TensorDataset
 
-from sidegan.conditional.asking import Asking
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.generator import ConditionalGenerator
-from sidegan.conditional.measure import met
-from sidegan.conditional.problem import ConditionedProblem, variances, worth
+from sidegan.conditional.problem import ConditionedProblem, information_losses, variances
+from sidegan.conditional.settings import TrainingSettings
 from sidegan.conditional.shaping import Shaping
-from sidegan.design.penalty import Penalty
+from sidegan.conditional.space import ConditionSpace
+from sidegan.conditional.study import outcome
 from sidegan.errors import ConfigError
-from sidegan.gan.conditional import LoneLoop, fit
-from sidegan.gan.exact import ExactPhysics
-from sidegan.gan.limits import Limits
-from sidegan.gan.training import random_trajectories
-from sidegan.gan.variants import Exact, Variant, Weights
+from sidegan.gan.diversity import Distance, Rank, distance_target, rank_target
+from sidegan.gan.exact import penalty_of
+from sidegan.gan.loop import EpochEnd, Training, fit
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
+from sidegan.gan.schedule import Schedule
+from sidegan.gan.terms import LossTerm
+from sidegan.gan.training import Trained, random_trajectories
 from sidegan.validity import Constraints
 
-EpochEnd = Callable[[int, dict[str, float]], None]
-
 _POOL = 20_000  # conditions drawn once, of which every step takes some
-_CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
-_EASED = 0.67  # of a training, over which the weight of violations grows
 _REFERENCE = 400  # random trajectories, whose median variance each parameter's is compared with
+_CLIP = 10.0  # largest norm of the gradient
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How a conditioned generator is trained.
+class ConditionedBatch:
+    """Trajectories of a generator under conditions, so many in a row under the same one.
 
-    Attributes:
-        epochs: after each of which the true physics is measured.
-        steps: per epoch.
-        batch: trajectories per step.
-        together: trajectories per condition in a batch, which are kept diverse.
-        noise: dimension of the noise.
-        width: of the network.
-        learning_rate: of Adam, at the beginning.
-        samples: time points per period.
-        reserve: share of each torque limit, and four times that share of 0.25 m, that is kept free.
-        ease: share of the violations' weight that they begin with.
-        violation: weight of violations.
-        emphasis: weight of the log variance of the links that matter, beside the log condition number.
-        distance: weight of the mean distance.
-        rank: weight of the effective rank.
-        evaluation: conditions whose trajectories are checked after an epoch; 0: none.
-
-    Raises:
-        ConfigError: when a batch does not fall into groups of two or more.
+    Args:
+        coefficients: [rad/s], (B, J, H, 2).
+        problem: the same trajectories with their conditions.
+        size: of trajectories that suit each condition, (B, J).
+        together: trajectories in a row under one condition.
     """
 
-    epochs: int = 20
-    steps: int = 100
-    batch: int = 128
-    together: int = 4
-    noise: int = 84
-    width: int = 512
-    learning_rate: float = 2e-3
-    samples: int = 40
-    reserve: float = 0.05
-    ease: float = 0.1
-    violation: float = 1000.0
-    emphasis: float = 8.0
-    distance: float = 20.0
-    rank: float = 20.0
-    evaluation: int = 16
+    def __init__(
+        self, coefficients: Tensor, problem: ConditionedProblem, size: Tensor, together: int
+    ) -> None:
+        self.coefficients, self.problem = coefficients, problem
+        self._size, self._together = size, together
 
-    def __post_init__(self) -> None:
-        if self.together < 2 or self.batch % self.together:
-            raise ConfigError(
-                f"a batch of {self.batch} does not fall into groups of together={self.together} ≥ 2"
-            )
+    @cached_property
+    def groups(self) -> Tensor:
+        """Coefficients, all of one size, by condition, (K, together, 2 J H)."""
+        x = self.coefficients / self._size[:, :, None, None]
+        return x.flatten(1).unflatten(0, (-1, self._together))
 
-    def variant(self, code: int) -> Variant:
-        """The network and its schedule, as the variants' loop takes them."""
-        weights = Weights(0.0, 0.0, self.violation, 1.0, 0.0, self.distance, self.rank)
-        exact = Exact(samples=self.samples, reserve=self.reserve, ease=self.ease)
-        return Variant(
-            "conditional",
-            weights=weights,
-            epochs=self.epochs,
-            steps=self.steps,
-            batch=self.batch,
-            generator_steps=1,
-            noise=self.noise + code,
-            width=self.width,
-            learning_rate=self.learning_rate,
-            activation="silu",
-            limited=True,
-            clip=10.0,
-            exact=exact,
+    @property
+    def deviations(self) -> Tensor:
+        """Coefficients from the mean of those under the same condition, (B, 2 J H)."""
+        return (self.groups - self.groups.mean(1, keepdim=True)).flatten(0, 1)
+
+    def mean_distance(self) -> Tensor:
+        """Mean distance between two trajectories under the same condition [rad/s], 0-dimensional."""
+        first, second = torch.triu_indices(self._together, self._together, 1)
+        return (self.groups[:, first] - self.groups[:, second]).norm(dim=2).mean()
+
+
+class ConditionSampler(nn.Module):
+    """Batches of a generator, each of their conditions drawn from a pool.
+
+    Args:
+        generator: whose network learns.
+        pool: conditions.
+        settings: time points, and trajectories per condition.
+    """
+
+    def __init__(self, generator: ConditionalGenerator, pool: Condition, settings: TrainingSettings) -> None:
+        super().__init__()
+        self.network, self.generator = generator.network, generator
+        self.pool, self.settings = pool, settings
+        constraints = generator.space.constraints
+        self.quiet = Constraints(constraints.arm, constraints.regions, torque=False)
+
+    def problem(self, condition: Condition) -> ConditionedProblem:
+        """The trajectories under these conditions."""
+        space = self.generator.space
+        return ConditionedProblem(
+            self.quiet,
+            space.trajectory,
+            self.settings.samples,
+            condition=condition,
+            surroundings=space.surroundings,
+            torque=space.constraints.torque,
         )
 
+    def forward(self, count: int) -> ConditionedBatch:
+        """So many trajectories."""
+        together = self.settings.together
+        rows = torch.randint(len(self.pool), (count // together,))
+        condition = self.pool.take(rows).repeat(together)
+        c = self.generator.coefficients(condition)
+        size = self.generator.shaping.size(condition)
+        return ConditionedBatch(c, self.problem(condition), size, together)
 
-@dataclass(frozen=True)
-class Trained:
-    """A trained generator and its metrics after every epoch."""
 
-    generator: ConditionalGenerator
-    history: list[dict[str, float]]
+class ConditionedViolation(LossTerm[ConditionedBatch]):
+    """Mean squared relative violation of constraints and conditions."""
+
+    def __init__(self, settings: TrainingSettings) -> None:
+        super().__init__(settings.violation, settings.ease)
+        self.penalty = penalty_of(settings.reserve)
+
+    def forward(self, batch: ConditionedBatch) -> Tensor:
+        """Loss, 0-dimensional."""
+        return batch.problem.violation(batch.coefficients, self.penalty).mean()
+
+
+class ConditionedInformation(LossTerm[ConditionedBatch]):
+    """Log condition number, and with an emphasis the log variance of the links that matter.
+
+    Args:
+        emphasis: weight of the log variance.
+        usual: variance of each base parameter, (p,), in units of which variances count.
+        links: link of each base parameter, (p,).
+    """
+
+    def __init__(self, emphasis: float, usual: Tensor, links: Tensor) -> None:
+        super().__init__(1.0)
+        self.emphasis, self.usual, self.links = emphasis, usual, links
+
+    def forward(self, batch: ConditionedBatch) -> Tensor:
+        """Loss, 0-dimensional."""
+        weights = batch.problem.condition.links[:, self.links] / self.usual
+        ratio, variance = information_losses(batch.problem, batch.coefficients, weights)
+        return ratio.mean() + self.emphasis * variance.mean()
 
 
 def train(
-    asking: Asking,
-    settings: Settings,
+    space: ConditionSpace,
+    settings: TrainingSettings,
     work: Path,
     seed: int,
     only: Condition | None = None,
     epoch_end: EpochEnd | None = None,
-) -> Trained:
-    """A conditioned generator of one arm.
+) -> Trained[ConditionalGenerator]:
+    """A conditional generator of one arm.
 
     Args:
-        asking: the arm in its workspace, and what may be asked.
+        space: the arm in its workspace, and the conditions that may be requested.
         settings: how it is trained.
         work: folder of the checkpoint from which an interrupted training goes on.
         seed: of weights, noise and conditions.
-        only: the one condition of a dedicated generator, a batch of one; None: whatever may be asked.
-        epoch_end: told (epoch, metrics) after every epoch.
+        only: the one condition of a dedicated generator, a batch of one; None: whatever may be requested.
+        epoch_end: called with (epoch, metrics) after every epoch.
 
     Raises:
-        ConfigError: when nothing may be asked for, or the one condition is outside of the ranges.
+        ConfigError: when nothing may be requested, or the one condition is outside of the ranges.
         InfeasibleError: when the arm has no room at home under hardly any condition, or under the one.
         SideganError: when the training diverges.
     """
     torch.manual_seed(seed)
-    if not asking.size:
+    if not space.size:
         raise ConfigError("nothing may be asked for: give one range or more")
     if only is not None:
-        asking.refuse(only)
-    teacher = _Teacher(asking, settings, seed, only)
-    variant = settings.variant(asking.size)
-    constraints, trajectory = asking.constraints, asking.trajectory
-    physics = ExactPhysics(constraints, trajectory, variant.exact or Exact())
-    limits = Limits.of(constraints.arm, trajectory)
-    steps = settings.epochs * settings.steps
-    loop = LoneLoop(variant, teacher.start, steps, physics, limits, teacher.loss)
-    fit(loop, work, teacher.measure, epoch_end)
-    return Trained(teacher.generator(loop), loop.history)
+        space.refuse(only)
+    pool = only or space.draw(_POOL, torch.Generator().manual_seed(seed))
+    start = random_trajectories(space.constraints, space.trajectory, seed)
+    generator = _untrained(space, settings, start)
+    sampler = ConditionSampler(generator, pool, settings)
+    body, reference = space.constraints.body, start[:_REFERENCE]
+    usual = variances(body, sampler.problem(space.neutral(len(reference))).gram(reference)).median(0).values
+    terms: list[LossTerm[Any]] = [
+        ConditionedViolation(settings),
+        ConditionedInformation(settings.emphasis, usual, body.base.columns // 10),
+        Distance(settings.distance, distance_target(start, random=True)),
+        Rank(settings.rank, rank_target(start, settings.batch)),
+    ]
+    rates = Schedule(settings.epochs, settings.steps, settings.batch, settings.learning_rate, clip=_CLIP)
+    training = Training("conditional", sampler, terms, rates)
+    began = time.monotonic()
+
+    def evaluate(epoch: int) -> dict[str, float]:
+        nonlocal began
+        if not all(bool(torch.isfinite(x).all()) for x in generator.network.parameters()):
+            training.stop("not a number")
+        metrics = _measure(sampler, seed, epoch)
+        metrics["seconds"], began = time.monotonic() - began, time.monotonic()
+        return metrics
+
+    steps = TensorDataset(torch.arange(settings.steps * settings.batch))
+    fit(training, DataLoader(steps, settings.batch), work, evaluate, epoch_end)
+    generator.network.eval()
+    return Trained(generator, training.history)
 
 
-class _Teacher:
-    """What a batch under random conditions costs, and how well the conditions are met."""
+def _untrained(space: ConditionSpace, settings: TrainingSettings, start: Tensor) -> ConditionalGenerator:
+    """A generator that yields the Gaussian of random trajectories."""
+    joints, harmonics, _ = space.trajectory.shape
+    noise, scaling = settings.noise + space.size, Scaling.fit(start)
+    network = Generator(joints, harmonics, noise, "mlp", settings.width, shortcut=True, activation="silu")
+    network.start_from(scaling.image(start))
+    scaling = Scaling(scaling.mean.float(), scaling.spread.float())
+    return ConditionalGenerator(network, scaling, Shaping.reach_of(space.trajectory, start), space)
 
-    def __init__(self, asking: Asking, settings: Settings, seed: int, only: Condition | None) -> None:
-        self.asking, self.settings, self.seed = asking, settings, seed
-        known, trajectory = asking.constraints, asking.trajectory
-        random = torch.Generator().manual_seed(seed)
-        self.pool = only or asking.draw(_POOL, random)
-        self.quiet = Constraints(known.arm, known.regions, torque=False)
-        self.start = random_trajectories(known, trajectory, seed)
-        self.shaping = Shaping(known.arm, trajectory, Shaping.reach_of(trajectory, self.start))
-        self.links = known.body.base.columns // 10
-        self.usual = self._usual(self.start[:_REFERENCE])
-        reserve = settings.reserve
-        self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
 
-    def _usual(self, c: Tensor) -> Tensor:
-        """Median variance of each base parameter, (p,), over trajectories (N, J, H, 2)."""
-        problem = self.problem(self.asking.neutral(len(c)))
-        return variances(self.asking.constraints.body, problem.gram(c)).median(0).values
-
-    def problem(self, condition: Condition) -> ConditionedProblem:
-        """The trajectories under these conditions."""
-        torque = self.asking.constraints.torque
-        return ConditionedProblem(
-            self.quiet,
-            self.asking.trajectory,
-            self.settings.samples,
-            condition=condition,
-            surroundings=self.asking.surroundings,
-            torque=torque,
-        )
-
-    def loss(self, loop: LoneLoop, count: int, done: float) -> Tensor:
-        """Loss of a batch, each of its conditions drawn from the pool; ``done`` of the training is over."""
-        settings, together = self.settings, self.settings.together
-        groups = torch.randint(len(self.pool), (count // together,))
-        condition = self.pool.take(groups).repeat(together)
-        noise = loop.generator.draw(len(condition))
-        code = self.asking.encode(condition)
-        images = loop.generator(torch.cat([noise[:, : settings.noise], code.to(noise)], 1))
-        c = self.shaping(loop.scaling.coefficients(images), condition).double()
-        problem = self.problem(condition)
-        ratio, variance = worth(problem, c, condition.links[:, self.links] / self.usual)
-        weight = settings.violation * settings.ease ** (1 - min(1.0, done / _EASED))
-        loss = weight * problem.violation(c, self.penalty).mean()
-        loss = loss + ratio.mean() + settings.emphasis * variance.mean()
-        return loss + self._sameness(loop, c / self.shaping.size(condition)[:, :, None, None])
-
-    def _sameness(self, loop: LoneLoop, x: Tensor) -> Tensor:
-        """What a batch lacks in diversity within each condition; coefficients are all of one size."""
-        groups = x.flatten(1).unflatten(0, (-1, self.settings.together))
-        first, second = torch.triu_indices(groups.shape[1], groups.shape[1], 1)
-        distance = (groups[:, first] - groups[:, second]).norm(dim=2).mean()
-        residual = (groups - groups.mean(1, keepdim=True)).flatten(0, 1)
-        missing = (1 - distance / loop.diversity.target).clamp_min(0)
-        return self.settings.distance * missing + self.settings.rank * loop.diversity.rank_loss(residual)
-
-    def generator(self, loop: LoneLoop) -> ConditionalGenerator:
-        """What the loop has trained so far."""
-        return ConditionalGenerator(loop.generator, loop.scaling, self.shaping.reach, self.asking)
-
-    def measure(self, loop: LoneLoop, epoch: int) -> dict[str, float]:
-        """True physics of a few trajectories under each of a few conditions."""
-        if not self.settings.evaluation:
-            return {}
-        random = torch.Generator().manual_seed(self.seed * 1_000_003 + epoch)
-        rows = torch.randint(len(self.pool), (self.settings.evaluation,), generator=random)
-        found = met(self.generator(loop), self.pool.take(rows), self.settings.together, random, settled=False)
-        return found.summary()
+def _measure(sampler: ConditionSampler, seed: int, epoch: int) -> dict[str, float]:
+    """True physics of a few trajectories under each of a few conditions."""
+    settings, pool = sampler.settings, sampler.pool
+    if not settings.evaluation:
+        return {}
+    random = torch.Generator().manual_seed(seed * 1_000_003 + epoch)
+    rows = torch.randint(len(pool), (settings.evaluation,), generator=random)
+    conditions = pool.take(rows)
+    return outcome(sampler.generator, conditions, settings.together, random, settled=False).summary()

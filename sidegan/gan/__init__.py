@@ -1,6 +1,6 @@
-"""SIDE-GAN: networks, surrogates, variants and the one adversarial loop; the only door to Lightning."""
+"""SIDE-GAN: networks, surrogates, variants and the one training loop; the only door to Lightning."""
 
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.variants import Variant, Weights
+from sidegan.gan.variants import Variant
 
-__all__ = ["TrajectoryGenerator", "Variant", "Weights"]
+__all__ = ["TrajectoryGenerator", "Variant"]

@@ -1,4 +1,4 @@
-"""Exact physics behind the surrogates' interface, for variants that train without surrogates."""
+"""Exact physics in place of the surrogates: loss terms and features with exact gradients."""
 
 import torch
 from torch import Tensor
@@ -7,36 +7,36 @@ from sidegan.design import physics
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.surrogates import Standard
+from sidegan.gan.terms import Batch, LossTerm
 from sidegan.gan.variants import Exact
-from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints
 
 _CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
 
 
-class ExactPhysics:
-    """Violation and fitness of generated coefficients (B, J, H, 2), with exact gradients.
+class Violation(LossTerm[Batch]):
+    """Mean squared relative violation of the constraints, by exact physics."""
 
-    Args:
-        constraints: the arm in its workspace.
-        trajectory: the family of trajectories.
-        settings: objectives, time points and reserve.
-    """
+    def __init__(self, weight: float, settings: Exact, problem: Problem) -> None:
+        super().__init__(weight, settings.ease)
+        self.problem, self.penalty = problem, penalty_of(settings.reserve)
 
-    def __init__(self, constraints: Constraints, trajectory: Trajectory, settings: Exact) -> None:
-        self.problem = Problem(constraints, trajectory, settings.samples)
-        self.terms, self.ease = settings.terms, settings.ease
-        self.penalty = Penalty(
-            1.0, limits=0.0, torque=settings.reserve, distance=_CLEARANCE * settings.reserve
-        )
+    def forward(self, batch: Batch) -> Tensor:
+        """Loss, 0-dimensional."""
+        c = batch.coefficients
+        return physics.violation(self.problem, c, self.penalty).to(c).mean()
 
-    def violation(self, c: Tensor) -> Tensor:
-        """Squared relative violations of the constraints, mean over time, (B,)."""
-        return physics.violation(self.problem, c, self.penalty).to(c)
 
-    def fitness(self, c: Tensor) -> Tensor:
-        """Sum of the objective's terms over a batch; the smaller, the better."""
-        return torch.stack([term(self.problem, c) for term in self.terms]).sum().to(c)
+class Objective(LossTerm[Batch]):
+    """Sum of the exact objective's terms over a batch; the smaller, the better."""
+
+    def __init__(self, weight: float, settings: Exact, problem: Problem) -> None:
+        super().__init__(weight)
+        self.problem, self.objectives = problem, tuple(settings.terms.values())
+
+    def forward(self, batch: Batch) -> Tensor:
+        """Loss, 0-dimensional."""
+        c = batch.coefficients
+        return torch.stack([objective(self.problem, c) for objective in self.objectives]).sum().to(c)
 
 
 class ExactFeatures(Standard):
@@ -59,3 +59,11 @@ class ExactFeatures(Standard):
     def forward(self, c: Tensor) -> Tensor:
         """Standardised log features, (B, p)."""
         return self.standardise(self.of(self.information, c))
+
+
+def penalty_of(reserve: float) -> Penalty:
+    """Penalty that keeps a share of the torque limits free, and four times that share of 0.25 m.
+
+    Position and velocity limits hold by the generator's last layer.
+    """
+    return Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)

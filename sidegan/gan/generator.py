@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError, ShapeError, SideganError
-from sidegan.gan.limits import Limits
+from sidegan.gan.limits import LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
@@ -41,7 +41,7 @@ class TrajectoryGenerator:
     robot: str
     digest: str
     variant: str
-    limits: Limits | None = None
+    limits: LimitLayer | None = None
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
@@ -52,10 +52,14 @@ class TrajectoryGenerator:
         """
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
-        generator = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-        images = self.network(self.network.draw(count, generator))
+        images = self.network(self.network.draw(count, random_of(seed)))
         c = self.scaling.to(images).coefficients(images)
         return (c if self.limits is None else self.limits(c)).double().cpu()
+
+    def transferred(self, arm: Arm, trajectory: Trajectory) -> "TrajectoryGenerator":
+        """The generator as it is, with the family and the limits of another arm."""
+        limits = None if self.limits is None else LimitLayer.of(arm, trajectory)
+        return replace(self, trajectory=trajectory, limits=limits)
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
@@ -90,17 +94,22 @@ class TrajectoryGenerator:
             network.load_state_dict(content["weights"])
             scaling = Scaling(content["mean"], content["spread"])
             family = Trajectory(**meta["trajectory"])
-            limits = Limits(family, content["room"], content["speed"]) if meta.get("limited") else None
+            limits = LimitLayer(family, content["room"], content["speed"]) if meta.get("limited") else None
             names = (meta["robot"], meta["digest"], meta["variant"])
-            made = cls(network.eval(), scaling, family, *names, limits)
+            generator = cls(network.eval(), scaling, family, *names, limits)
         if arm is not None:
             refuse_other(path, meta, arm)
-        return made
+        return generator
+
+
+def random_of(seed: int | torch.Generator) -> torch.Generator:
+    """Random numbers of a seed; a stream that is given goes on."""
+    return seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
 
 
 @contextmanager
 def opened(path: Path, kind: str, form: int | str) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Description and content of a generator's file; what does not fit within is told as a damaged file.
+    """Description and content of a generator's file; what does not fit within counts as damaged.
 
     Raises:
         ArtifactError: when the file does not hold a ``kind`` of the format ``form``.

@@ -1,6 +1,6 @@
 """Exactly labelled samples for the surrogates: labels are cheap because the physics is ours."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -39,9 +39,12 @@ class Labelled:
 
     def part(self, rows: Tensor) -> "Labelled":
         """The samples at ``rows``."""
-        return Labelled(
-            self.c[rows], self.valid[rows], self.margins[rows], self.spectrum[rows], self.diagonal[rows]
-        )
+        return Labelled(**{name: x[rows] for name, x in vars(self).items()})
+
+    @staticmethod
+    def cat(parts: Sequence[Mapping[str, Tensor]]) -> "Labelled":
+        """All samples of several parts, each its tensors by name."""
+        return Labelled(**{name: torch.cat([part[name] for part in parts]) for name in parts[0]})
 
 
 def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
@@ -92,11 +95,11 @@ def label(
         excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, batch))
         valid = check(constraints, trajectory, batch).valid
         margins = scaled_margins(constraints, trajectory, batch, steps)
-        parts.append(Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal))
+        labelled = Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal)
+        parts.append(vars(labelled))
         if progress is not None:
             progress(min(len(c), (done + 1) * _BATCH), len(c))
-    fields = zip(*((p.c, p.valid, p.margins, p.spectrum, p.diagonal) for p in parts))
-    return Labelled(*(torch.cat(field) for field in fields))
+    return Labelled.cat(parts)
 
 
 def scaled_margins(constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int) -> Tensor:

@@ -13,7 +13,7 @@ _ROUNDING = 1e-5  # of single precision, kept free
 _LEAST_ROOM = 1e-3  # [rad or m] below which a joint whose home lies at its limit stands still
 
 
-class Limits(nn.Module):
+class LimitLayer(nn.Module):
     """Coefficients of which each joint uses less than the whole of its position and velocity limits.
 
     A joint's motion away from home is linear in its coefficients, so scaling them scales what is used of
@@ -51,7 +51,7 @@ class Limits(nn.Module):
             self.register_buffer(name, value.float(), persistent=False)
 
     @classmethod
-    def of(cls, arm: Arm, trajectory: Trajectory) -> "Limits":
+    def of(cls, arm: Arm, trajectory: Trajectory) -> "LimitLayer":
         """Limits of an arm around the home of a family of trajectories.
 
         Raises:
@@ -59,17 +59,12 @@ class Limits(nn.Module):
         """
         if trajectory.joints != arm.joints:
             raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {arm.joints}")
-        home = torch.tensor(trajectory.home, dtype=torch.float64)
-        room = torch.stack([arm.position_upper - home, home - arm.position_lower])
-        return cls(trajectory, room.clamp_min(_LEAST_ROOM), arm.velocity_limit)
+        return cls(trajectory, rooms(arm, torch.tensor(trajectory.home).double()), arm.velocity_limit)
 
-    def forward(self, c: Tensor, effort: Tensor | None = None) -> Tensor:
-        """Scaled coefficients [rad/s], (B, J, H, 2); with ``effort`` (B,) within that share of the limits."""
-        use = self.use(c)
-        if effort is not None:
-            use = use / effort[:, None]
+    def forward(self, c: Tensor) -> Tensor:
+        """Scaled coefficients [rad/s], (B, J, H, 2)."""
         # exp(−softplus(p log u) / p), which overflows nowhere.
-        turn = nn.functional.softplus(_SHARPNESS * torch.log(use.clamp_min(1e-12)))
+        turn = nn.functional.softplus(_SHARPNESS * torch.log(self.use(c).clamp_min(1e-12)))
         return c * ((1 - _ROUNDING) * torch.exp(-turn / _SHARPNESS))[:, :, None, None]
 
     def use(self, c: Tensor) -> Tensor:
@@ -83,3 +78,8 @@ class Limits(nn.Module):
         upper, lower = self.room.to(c)
         position = torch.maximum((q.amax(2) + shift) / upper, (shift - q.amin(2)) / lower)
         return torch.maximum(position, (dq.abs().amax(2) + slip) / self.speed.to(c))
+
+
+def rooms(arm: Arm, home: Tensor) -> Tensor:
+    """Room from a home (…, J) to the upper and to the lower position limits [rad or m], (2, …, J)."""
+    return torch.stack([arm.position_upper - home, home - arm.position_lower]).clamp_min(_LEAST_ROOM)

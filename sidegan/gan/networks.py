@@ -123,60 +123,47 @@ class Generator(nn.Module):
 
 
 class Discriminator(nn.Module):
-    """Logits (B,) of images (B, 2, J, H) being seeds.
+    """Logits (B,) of being an example, of whatever its layers see.
 
     With ``minibatch`` the mean spread of the batch is fed to the last layer (Karras et al. 2018), so
     that a generator that repeats itself is told apart.
     """
 
-    def __init__(
-        self, joints: int, harmonics: int, body: str = "conv", width: int = 128, minibatch: bool = True
-    ) -> None:
+    def __init__(self, layers: list[nn.Module], width: int, minibatch: bool) -> None:
         super().__init__()
-        rows, columns = (joints + 1) // 2, (harmonics + 1) // 2
-        if body == "conv":
-            self.layers = nn.Sequential(
-                nn.Conv2d(2, width // 2, 3, padding=1),
-                nn.ReLU(),
-                nn.Conv2d(width // 2, width, 3, 2, 1),
-                nn.ReLU(),
-                nn.Flatten(),
-                nn.Linear(width * rows * columns, width),
-                nn.ReLU(),
-            )
-        else:
-            self.layers = nn.Sequential(nn.Flatten(), *_hidden(2 * joints * harmonics, width, 3))
-        self.head = _Head(width, minibatch)
-
-    def forward(self, image: Tensor) -> Tensor:
-        """Logits (B,)."""
-        return self.head(self.layers(image))
-
-
-class FeatureDiscriminator(nn.Module):
-    """Logits (B,) of standardised features (B, p): the paper's second discriminator."""
-
-    def __init__(self, features: int, width: int = 128, minibatch: bool = True) -> None:
-        super().__init__()
-        self.layers = nn.Sequential(*_hidden(features, width, 3))
-        self.head = _Head(width, minibatch)
-
-    def forward(self, features: Tensor) -> Tensor:
-        """Logits (B,)."""
-        return self.head(self.layers(features))
-
-
-class _Head(nn.Module):
-    def __init__(self, width: int, minibatch: bool) -> None:
-        super().__init__()
-        self.minibatch = minibatch
+        self.layers, self.minibatch = nn.Sequential(*layers), minibatch
         self.last = nn.Linear(width + minibatch, 1)
 
     def forward(self, x: Tensor) -> Tensor:
+        """Logits (B,)."""
+        x = self.layers(x)
         if self.minibatch:
             spread = (x.var(0, unbiased=False) + 1e-8).sqrt().mean()
             x = torch.cat([x, spread.expand(len(x), 1)], 1)
         return self.last(x)[:, 0]
+
+
+def image_discriminator(joints: int, harmonics: int, body: str, width: int, minibatch: bool) -> Discriminator:
+    """Discriminator of images (B, 2, J, H), the paper's first."""
+    if body == "mlp":
+        layers = [nn.Flatten(), *_hidden(2 * joints * harmonics, width, 3)]
+        return Discriminator(layers, width, minibatch)
+    rows, columns = (joints + 1) // 2, (harmonics + 1) // 2
+    layers = [
+        nn.Conv2d(2, width // 2, 3, padding=1),
+        nn.ReLU(),
+        nn.Conv2d(width // 2, width, 3, 2, 1),
+        nn.ReLU(),
+        nn.Flatten(),
+        nn.Linear(width * rows * columns, width),
+        nn.ReLU(),
+    ]
+    return Discriminator(layers, width, minibatch)
+
+
+def feature_discriminator(features: int, width: int, minibatch: bool) -> Discriminator:
+    """Discriminator of standardised features (B, p), the paper's second."""
+    return Discriminator(_hidden(features, width, 3), width, minibatch)
 
 
 def _hidden(inputs: int, width: int, layers: int, between: type[nn.Module] = nn.ReLU) -> list[nn.Module]:

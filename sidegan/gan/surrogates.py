@@ -4,17 +4,37 @@ Both see the trajectory rolled out in time and work on each time point alike (a 
 one), then pool over time: the worst moment decides validity, the mean makes up YᵀY.
 """
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.typed import Count
+from sidegan.errors import ConfigError
 from sidegan.gan.rollout import RollOut
+from sidegan.gan.variants import Variant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
 _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
+
+
+@dataclass(frozen=True)
+class SurrogateSettings:
+    """How success predictor and converters are trained, before any variant that learns from them."""
+
+    samples: Count
+    epochs: Count
+    width: Count
+    margin_steps: Count  # time points per trajectory at which margins are predicted
+    feature_steps: Count  # time points per trajectory that the converter sees
+    negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
+
+    def __post_init__(self) -> None:
+        if len(self.negatives) != 1:
+            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
 
 
 class SuccessPredictor(nn.Module):
@@ -46,8 +66,8 @@ class SuccessPredictor(nn.Module):
     def margins(self, c: Tensor) -> Tensor:
         """Predicted margins by moment, (B, G, T), in the units of ``labels.scaled_margins``."""
         channels = self.roll_out(c)
-        known = 1 - channels[:, -LINEAR_CONSTRAINTS:]
-        return known if self.layers is None else torch.cat([known, self.layers(channels)], 1)
+        linear = 1 - channels[:, -LINEAR_CONSTRAINTS:]
+        return linear if self.layers is None else torch.cat([linear, self.layers(channels)], 1)
 
     def forward(self, c: Tensor) -> Tensor:
         """Log probability of being valid, (B,)."""
@@ -103,6 +123,14 @@ class Converter(Standard):
         moments = self.moments(self.roll_out(c))
         log_energy = torch.log(1e-4 + (moments * moments).mean(2))
         return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
+
+
+@dataclass(frozen=True)
+class Surrogates:
+    """The frozen surrogates of one variant, as far as it needs them."""
+
+    predictor: SuccessPredictor | None = None
+    converter: Converter | None = None
 
 
 def _by_moment(*channels: int) -> nn.Sequential:

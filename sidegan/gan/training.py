@@ -1,50 +1,69 @@
-"""Training a variant with Lightning: resumable, with the true physics measured after every epoch."""
+"""Training of a SIDE-GAN variant: its networks and loss terms, and the true physics after every epoch."""
 
-import logging
-import signal
-import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import pytorch_lightning as pl
 import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
-from sidegan.base.storage import read_torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.excitation import excitation_of
 from sidegan.design.problem import Problem
-from sidegan.errors import ArtifactError, InfeasibleError, ShapeError, SideganError
-from sidegan.gan.adversarial import AdversarialLoop
-from sidegan.gan.exact import ExactFeatures, ExactPhysics
+from sidegan.errors import ConfigError, InfeasibleError, ShapeError
+from sidegan.gan.diversity import Distance, Rank, Spread, distance_target, rank_target
+from sidegan.gan.exact import ExactFeatures, Objective, Violation
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.limits import Limits
+from sidegan.gan.limits import LimitLayer
+from sidegan.gan.loop import EpochEnd, Training, fit
 from sidegan.gan.metrics import measure
-from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.gan.networks import Generator, feature_discriminator, image_discriminator
+from sidegan.gan.scaling import Scaling
+from sidegan.gan.surrogates import Standard, Surrogates
+from sidegan.gan.terms import Adversary, LossTerm, PredictedRatio, PredictedSuccess, Sampler
 from sidegan.gan.variants import Variant
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, told
 
-log = logging.getLogger(__name__)
-
-EpochEnd = Callable[[int, dict[str, float]], None]
-
-_LAST = "last.ckpt"
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
-# Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
-_NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
+_NO_SURROGATES = Surrogates()
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class Trained:
+class Trained(Generic[Made]):
     """A trained generator and its metrics after every epoch."""
 
-    generator: TrajectoryGenerator
+    generator: Made
     history: list[dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Run:
+    """How one training is run.
+
+    Attributes:
+        name: of the variant, for files and messages.
+        seed: of weights, noise and batches.
+        work: folder of the checkpoint from which an interrupted training goes on.
+        evaluation: trajectories whose true physics is measured after every epoch; 0: none.
+        device: where the networks run.
+        epoch_end: called with (epoch, metrics) after every epoch.
+        start: generator to begin with, of this arm or of another one with as many joints.
+    """
+
+    name: str
+    seed: int
+    work: Path
+    evaluation: int = 200
+    device: str = "cpu"
+    epoch_end: EpochEnd | None = None
+    start: TrajectoryGenerator | None = None
 
 
 def train_variant(
@@ -52,61 +71,133 @@ def train_variant(
     constraints: Constraints,
     trajectory: Trajectory,
     seeds: Tensor | None,
-    work: Path,
-    *,
-    seed: int,
-    evaluation: int = 200,
-    predictor: SuccessPredictor | None = None,
-    converter: Converter | None = None,
-    device: str = "cpu",
-    epoch_end: EpochEnd | None = None,
-    start: TrajectoryGenerator | None = None,
-) -> Trained:
+    run: Run,
+    surrogates: Surrogates = _NO_SURROGATES,
+) -> Trained[TrajectoryGenerator]:
     """A generator trained on a seed set.
 
     Args:
         variant: losses and schedule.
-        constraints: the arm in its workspace, for the metrics.
+        constraints: the arm in its workspace.
         trajectory: the family of trajectories.
         seeds: coefficients [rad/s], (N, J, H, 2); None for a variant that learns from none.
-        work: folder of the checkpoint from which an interrupted training goes on.
-        seed: of weights, noise and batches.
-        evaluation: trajectories whose true physics is measured after every epoch; 0: none.
-        predictor: frozen, when the variant weighs success.
-        converter: frozen, when the variant has features.
-        device: where the networks run.
-        epoch_end: told (epoch, metrics) after every epoch.
-        start: generator to begin with, of this arm or of another one with as many joints.
+        run: seed, folder, device.
+        surrogates: as far as the variant needs them.
 
     Raises:
+        ConfigError: when the variant needs a surrogate that is not given.
         ShapeError: when the seeds do not fit, or the generator to begin with has another shape.
         SideganError: when the training diverges.
     """
-    pl.seed_everything(seed, verbose=False)
+    pl.seed_everything(run.seed, verbose=False)
     if not variant.seeded:
-        seeds = random_trajectories(constraints, trajectory, seed)
+        seeds = random_trajectories(constraints, trajectory, run.seed)
     if seeds is None:
-        raise ShapeError(f"{variant.name} learns from a seed set, got none")
+        raise ShapeError(f"{run.name} learns from a seed set, got none")
     trajectory.check(seeds)
     if len(seeds) < 2:
         raise ShapeError(f"training needs at least two seeds, got {len(seeds)}")
-    steps = variant.steps or -(-len(seeds) // variant.batch)
-    loop = _loop(variant, constraints, trajectory, seeds, steps * variant.epochs, predictor, converter)
-    if start is not None:
-        _begin_with(loop, start)
-    data = TensorDataset(*_tensors(loop, constraints, trajectory, seeds))
-    sampler = RandomSampler(data, replacement=True, num_samples=steps * variant.batch)
-    loader = DataLoader(data, variant.batch, sampler=sampler)
-    watch = _Watch(constraints, trajectory, evaluation, seed, work / _LAST, epoch_end)
-    trainer = lightning_trainer(variant.epochs, work, watch, device)
-    last = whole_checkpoint(work / _LAST)
-    fit_resumably(trainer, loop, loader, last)
-    network = loop.generator.eval().cpu()
-    scaling = loop.cpu().scaling
-    arm = constraints.arm
-    limits = loop.limits
-    made = TrajectoryGenerator(network, scaling, trajectory, arm.name, arm.digest, variant.name, limits)
-    return Trained(made, loop.history)
+    training = assemble(variant, constraints, trajectory, seeds, run, surrogates)
+    schedule, sampler = training.schedule, training.sampler
+    examples = TensorDataset(torch.arange(len(seeds)))
+    order = RandomSampler(examples, replacement=True, num_samples=schedule.steps * schedule.batch)
+
+    def evaluate(epoch: int) -> dict[str, float]:
+        noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
+        with torch.no_grad():
+            c = sampler(max(2, run.evaluation), noise).coefficients.double().cpu()
+        if not torch.isfinite(c).all():
+            training.stop("not a number")
+        return measure(constraints, trajectory, c) if run.evaluation else {}
+
+    loader = DataLoader(examples, schedule.batch, sampler=order)
+    fit(training, loader, run.work, evaluate, run.epoch_end, run.device)
+    network, names = sampler.network.eval(), (constraints.arm.name, constraints.arm.digest, run.name)
+    generator = TrajectoryGenerator(network, sampler.scaling, trajectory, *names, sampler.limits)
+    return Trained(generator, training.history)
+
+
+def assemble(
+    variant: Variant,
+    constraints: Constraints,
+    trajectory: Trajectory,
+    seeds: Tensor,
+    run: Run,
+    surrogates: Surrogates = _NO_SURROGATES,
+) -> Training:
+    """Networks and loss terms of a variant, untrained; as ``train_variant``, which trains them."""
+    problem = None if variant.exact is None else Problem(constraints, trajectory, variant.exact.samples)
+    features: Standard | None = None
+    if variant.features != "none":
+        features = surrogates.converter
+        if problem is not None:
+            features = ExactFeatures(problem, variant.features, seeds)
+        if features is None:
+            raise ConfigError(f"{run.name} needs a converter to {variant.features}")
+    limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
+    network, scaling = _network(variant, seeds, run.start)
+    sampler = Sampler(network, scaling, limits, features)
+    terms: list[LossTerm[Any]] = [*_image_adversary(variant, sampler, seeds)]
+    if variant.exact is not None and problem is not None:
+        terms.append(Violation(variant.weights.success, variant.exact, problem))
+        terms.append(Objective(variant.weights.fitness, variant.exact, problem))
+    elif variant.weights.success > 0:
+        if surrogates.predictor is None:
+            raise ConfigError(f"{run.name} needs a predictor of success")
+        terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor))
+    if features is not None:
+        excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
+        examples = features.standardise(getattr(excitation, variant.features))
+        terms.append(_feature_adversary(variant, examples))
+        if problem is None:
+            terms.append(PredictedRatio(variant.weights.fitness, features, variant.fitness_start))
+    terms += _diversity(variant, seeds)
+    return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
+
+
+def _network(variant: Variant, seeds: Tensor, start: TrajectoryGenerator | None) -> tuple[Generator, Scaling]:
+    """The generator's network and what its images mean."""
+    _, joints, harmonics, _ = seeds.shape
+    layers = (variant.body, variant.width, variant.gaussian_start, variant.activation)
+    network = Generator(joints, harmonics, variant.noise, *layers)
+    scaling = Scaling.fit(seeds, variant.scaling)
+    if variant.gaussian_start:
+        network.start_from(scaling.image(seeds.double()))
+    if start is None:
+        return network, scaling
+    try:
+        network.load_state_dict(start.network.state_dict())
+    except RuntimeError as error:
+        raise ShapeError(f"the generator of {start.robot} has another shape: {error}") from error
+    return network, start.scaling
+
+
+def _image_adversary(variant: Variant, sampler: Sampler, seeds: Tensor) -> list[Adversary]:
+    """The first discriminator, where a variant learns from seeds."""
+    if not variant.seeded:
+        return []
+    _, joints, harmonics, _ = seeds.shape
+    critic = image_discriminator(joints, harmonics, variant.body, variant.width, variant.minibatch)
+    examples = sampler.scaling.image(seeds.float())
+    weight, penalty = variant.weights.adversarial, variant.gradient_penalty
+    return [Adversary(weight, critic, examples, lambda batch: batch.images, penalty)]
+
+
+def _feature_adversary(variant: Variant, examples: Tensor) -> Adversary:
+    """The second discriminator, which sees standardised features (N, p)."""
+    critic = feature_discriminator(examples.shape[1], variant.width, variant.minibatch)
+    weight, penalty = variant.weights.features, variant.gradient_penalty
+    return Adversary(weight, critic, examples, lambda batch: batch.features, penalty)
+
+
+def _diversity(variant: Variant, seeds: Tensor) -> list[LossTerm[Any]]:
+    """Terms that keep a batch as diverse as the seeds, or as what stands for them."""
+    weights = variant.weights
+    return [
+        Spread(weights.spread, seeds),
+        Distance(weights.distance, distance_target(seeds, random=not variant.seeded)),
+        Rank(weights.rank, rank_target(seeds, variant.batch)),
+    ]
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:
@@ -128,114 +219,3 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
             f"{_SMALL:.0%} of the position and velocity limits, {told(verdict.faults())}"
         )
     return c
-
-
-def _begin_with(loop: AdversarialLoop, start: TrajectoryGenerator) -> None:
-    """Take over a generator's weights, and what its images mean."""
-    try:
-        loop.generator.load_state_dict(start.network.state_dict())
-    except RuntimeError as error:
-        raise ShapeError(f"the generator of {start.robot} has another shape: {error}") from error
-    loop.scaling.mean.copy_(start.scaling.mean)
-    loop.scaling.spread.copy_(start.scaling.spread)
-
-
-def _loop(
-    variant: Variant,
-    constraints: Constraints,
-    trajectory: Trajectory,
-    seeds: Tensor,
-    steps: int,
-    predictor: SuccessPredictor | None,
-    converter: Converter | None,
-) -> AdversarialLoop:
-    limits = Limits.of(constraints.arm, trajectory) if variant.limited else None
-    if variant.exact is None:
-        return AdversarialLoop(variant, seeds, steps, predictor, converter, None, limits)
-    physics = ExactPhysics(constraints, trajectory, variant.exact)
-    features = None
-    if variant.features != "none":
-        features = ExactFeatures(physics.problem, variant.features, seeds)
-    return AdversarialLoop(variant, seeds, steps, None, features, physics, limits)
-
-
-def _tensors(
-    loop: AdversarialLoop, constraints: Constraints, trajectory: Trajectory, seeds: Tensor
-) -> list[Tensor]:
-    tensors = [loop.scaling.image(seeds.float())]
-    if loop.converter is not None:
-        excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
-        spectrum = loop.variant.features == "spectrum"
-        tensors.append(loop.converter.standardise(excitation.spectrum if spectrum else excitation.diagonal))
-    return tensors
-
-
-def whole_checkpoint(path: Path) -> Path | None:
-    """The checkpoint to go on from; None when there is none, or it is damaged."""
-    if not path.exists():
-        return None
-    try:
-        read_torch(path)
-    except ArtifactError as error:
-        log.warning("%s: the training begins anew", error)
-        return None
-    return path
-
-
-def fit_resumably(trainer: pl.Trainer, loop: AdversarialLoop, loader: DataLoader, last: Path | None) -> None:
-    """Train from a checkpoint, or from the start; an interrupt comes out as KeyboardInterrupt."""
-    handler = signal.getsignal(signal.SIGINT)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=_NOISE)
-            trainer.fit(loop, loader, ckpt_path=last, weights_only=True)
-    except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
-        signal.signal(signal.SIGINT, handler)
-        raise KeyboardInterrupt from error
-
-
-def lightning_trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
-    """A trainer that is silent and leaves saving to the ``watch``."""
-    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
-    kind, _, index = device.partition(":")
-    return pl.Trainer(
-        max_epochs=epochs,
-        accelerator={"cuda": "gpu"}.get(kind, kind),
-        devices=[int(index)] if index else 1,
-        callbacks=[watch],
-        enable_checkpointing=False,  # the watch saves: Lightning's own saves nothing without a best
-        logger=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        default_root_dir=work,
-    )
-
-
-class _Watch(pl.Callback):
-    """Measures and saves after every epoch, and stops a training that diverges."""
-
-    def __init__(
-        self,
-        constraints: Constraints,
-        trajectory: Trajectory,
-        count: int,
-        seed: int,
-        last: Path,
-        epoch_end: EpochEnd | None,
-    ) -> None:
-        self.constraints, self.trajectory = constraints, trajectory
-        self.count, self.seed, self.last, self.epoch_end = count, seed, last, epoch_end
-
-    def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        loop = pl_module
-        if not isinstance(loop, AdversarialLoop):
-            raise TypeError(f"expected an AdversarialLoop, got {type(loop).__name__}")
-        noise = torch.Generator().manual_seed(self.seed * 1_000_003 + trainer.current_epoch)
-        c = loop.sample(max(2, self.count), noise)
-        if not torch.isfinite(c).all():
-            raise SideganError(f"{loop.variant.name} diverged in epoch {trainer.current_epoch}: not a number")
-        metrics = measure(self.constraints, self.trajectory, c) if self.count else {}
-        loop.history.append(metrics)
-        trainer.save_checkpoint(self.last)
-        if self.epoch_end is not None:
-            self.epoch_end(trainer.current_epoch, metrics)

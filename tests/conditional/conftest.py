@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from sidegan.conditional.asking import Asking
 from sidegan.conditional.ranges import Obstacles, Ranges
+from sidegan.conditional.space import ConditionSpace
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 
@@ -17,7 +17,11 @@ RANGES = Ranges(
     obstacle=CUBES,
     links=True,
     clearance=0.05,
+    active=0.5,
 )
+# Changes of the ranges after which nothing can be requested.
+NOTHING = {"home": 0, "period": None, "velocity": (1.0, 1.0), "torque": (1.0, 1.0), "plane": None}
+NOTHING |= {"walls": None, "obstacle": None, "links": False}
 
 
 def random(seed=0):
@@ -35,11 +39,11 @@ def family():
 
 
 @pytest.fixture(scope="session")
-def asking(constraints, family):
-    return Asking(constraints, family, RANGES)
+def space(constraints, family):
+    return ConditionSpace(constraints, family, RANGES)
 
 
 @pytest.fixture(scope="session")
-def conditions(asking):
-    """Feasible conditions of every kind, and one that asks for nothing."""
-    return asking.draw(12, random())
+def conditions(space):
+    """Feasible conditions of every kind."""
+    return space.draw(12, random())

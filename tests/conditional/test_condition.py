@@ -1,12 +1,14 @@
 import json
+from dataclasses import asdict, replace
 
 import pytest
 import torch
 
+from sidegan.base.typed import build
 from sidegan.conditional import Condition
-from sidegan.conditional.ranges import KINDS, Obstacles, Ranges
+from sidegan.conditional.ranges import KINDS, Obstacles, Ranges, Request
 from sidegan.errors import ConfigError, ShapeError
-from tests.conditional.conftest import RANGES
+from tests.conditional.conftest import NOTHING, RANGES
 
 
 def test_rows_are_taken_repeated_and_put_together(conditions):
@@ -17,10 +19,10 @@ def test_rows_are_taken_repeated_and_put_together(conditions):
     assert len(conditions.take(conditions.period > 8)) == int((conditions.period > 8).sum())
 
 
-def test_a_condition_can_be_told_in_plain_values(asking):
-    told = asking.condition(period=12, plane=0.2).describe()
-    assert told["period"] == 12 and told["plane"] == 0.2 and told["home"] == [0, 0]
-    assert json.loads(json.dumps(told)) == told
+def test_a_condition_is_described_in_plain_values(space):
+    plain = space.condition(Request(period=12, plane=0.2)).describe()
+    assert plain["period"] == 12 and plain["plane"] == 0.2 and plain["home"] == [0, 0]
+    assert json.loads(json.dumps(plain)) == plain
 
 
 @pytest.mark.parametrize(
@@ -28,30 +30,37 @@ def test_a_condition_can_be_told_in_plain_values(asking):
 )
 def test_columns_that_do_not_fit_are_refused(conditions, change):
     with pytest.raises(ShapeError, match="of a condition is"):
-        conditions.changed(**change)
+        replace(conditions, **change)
 
 
 def test_ranges_survive_a_file():
-    assert Ranges.of(json.loads(json.dumps(RANGES.describe()))) == RANGES
+    assert build(Ranges, json.loads(json.dumps(asdict(RANGES)))) == RANGES
+
+
+def test_what_has_no_range_cannot_be_requested():
     assert RANGES.kinds == KINDS
-    assert Ranges().kinds == ()
+    assert list(RANGES.cases) == ["none", *KINDS, "all"]
+    assert replace(RANGES, **NOTHING).kinds == ()
+    assert replace(RANGES, **NOTHING).cases == {"none": ()}
 
 
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"velocity": (0.9, 0.5)}, "velocity is"),
-        ({"velocity": (0.0, 1.0)}, "above 0"),
-        ({"torque": (0.5, 1.2)}, "up to 1"),
-        ({"period": (-1.0, 3.0)}, "period is"),
-        ({"walls": (0.0, 1.0)}, "walls is"),
-        ({"home": -0.1}, "nothing negative"),
+        ({"velocity": [0.9, 0.5]}, "velocity is"),
+        ({"velocity": [0.0, 1.0]}, "above 0"),
+        ({"torque": [0.5, 1.2]}, "up to 1"),
+        ({"period": [-1.0, 3.0]}, "period is"),
+        ({"walls": [0.0, 1.0]}, "walls is"),
+        ({"home": -0.1}, "home is -0.1"),
+        ({"clearance": -0.1}, "clearance is -0.1"),
         ({"active": 0.0}, "active is"),
     ],
 )
 def test_impossible_ranges_are_refused(values, words):
+    plain = json.loads(json.dumps(asdict(RANGES)))
     with pytest.raises(ConfigError, match=words):
-        Ranges(**values)
+        build(Ranges, {**plain, **values})
 
 
 def test_impossible_obstacles_are_refused():

@@ -5,8 +5,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sidegan.conditional.ranges import Request
 from sidegan.conditional.shaping import Shaping
-from sidegan.conditional.surroundings import family as family_of
 from sidegan.gan.training import random_trajectories
 from sidegan.validity import Constraints, check
 
@@ -20,27 +20,27 @@ def shaping(constraints, family):
 @settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 999), size=st.sampled_from([0.01, 1.0, 30.0, 1e4]))
 def test_position_and_velocity_limits_hold_whatever_is_asked_and_given(
-    shaping, asking, family, conditions, seed, size
+    shaping, space, family, conditions, seed, size
 ):
     noise = torch.Generator().manual_seed(seed)
     c = shaping(size * torch.randn(len(conditions), 2, 3, 2, generator=noise), conditions)
-    arm = asking.constraints.arm
+    arm = space.constraints.arm
     for k in range(0, len(conditions), 4):
         share = replace(arm, velocity_limit=arm.velocity_limit * conditions.velocity[k])
-        found = check(Constraints(share, torque=False), family_of(family, conditions.row(k)), c[k : k + 1])
+        found = check(Constraints(share, torque=False), conditions.row(k).family(family), c[k : k + 1])
         assert float(found.margins["position"]) >= 0 and float(found.margins["velocity"]) >= 0
 
 
-def test_a_neutral_condition_changes_no_size(shaping, asking):
-    torch.testing.assert_close(shaping.size(asking.neutral(2)), torch.ones(2, 2, dtype=torch.float64))
+def test_a_neutral_condition_changes_no_size(shaping, space):
+    torch.testing.assert_close(shaping.size(space.neutral(2)), torch.ones(2, 2, dtype=torch.float64))
 
 
-def test_half_the_speed_is_at_most_half_the_size(shaping, asking):
-    slow, long = asking.condition(velocity=0.5), asking.condition(period=16.0)
+def test_half_the_speed_is_at_most_half_the_size(shaping, space):
+    slow, long = (space.condition(Request(**x)) for x in ({"velocity": 0.5}, {"period": 16.0}))
     assert (shaping.size(slow) <= 1).all() and (shaping.size(slow) >= 0.5).all()
     assert (shaping.size(long) <= 1).all() and (shaping.size(long) >= 0.5).all()
 
 
-def test_small_motions_pass_unchanged(shaping, asking):
+def test_small_motions_pass_unchanged(shaping, space):
     c = torch.full((1, 2, 3, 2), 1e-3)
-    torch.testing.assert_close(shaping(c, asking.neutral(1)), c, rtol=1e-4, atol=0)
+    torch.testing.assert_close(shaping(c, space.neutral(1)), c, rtol=1e-4, atol=0)

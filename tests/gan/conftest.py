@@ -7,12 +7,15 @@ from sidegan.design.problem import Problem
 from sidegan.gan.labels import blend, label
 from sidegan.gan.pretrain import split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor
-from sidegan.gan.variants import Variant, Weights
+from sidegan.gan.variants import Weights
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
+from tests.tiny import tiny
 
 STEPS = 32  # time points that the surrogates see
-WEIGHTS = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, spread=1, distance=1)
+NONE = Weights(adversarial=0, features=0, success=0, fitness=0, spread=0, distance=0, rank=0)
+ADVERSARIAL = replace(NONE, adversarial=1)
+FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, spread=1, distance=1, rank=0)
 
 
 def random(seed=0):
@@ -69,10 +72,11 @@ def converter(planar, family, labelled):
 @pytest.fixture(scope="session")
 def vanilla():
     """A small vanilla GAN of few epochs."""
-    return Variant("vanilla", epochs=3, steps=2, batch=32, noise=20, width=32, learning_rate=1e-3)
+    sizes = {"epochs": 3, "steps": 2, "batch": 32, "noise": 20, "width": 32}
+    return replace(tiny().gan["vanilla"], weights=ADVERSARIAL, learning_rate=1e-3, **sizes)
 
 
 @pytest.fixture(scope="session")
 def full(vanilla):
     """A small variant with every loss."""
-    return replace(vanilla, name="diagonal", features="diagonal", weights=WEIGHTS, fitness_start=1)
+    return replace(vanilla, features="diagonal", weights=FULL, fitness_start=1)

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError
-from sidegan.gan.networks import BODIES, Discriminator, FeatureDiscriminator, Generator
+from sidegan.gan.networks import BODIES, Generator, feature_discriminator, image_discriminator
 
 SIZES = [(1, 1), (1, 4), (2, 3), (7, 6), (3, 5)]
 
@@ -23,8 +23,8 @@ def test_images_have_the_coefficients_shape_and_unit_spread(body, joints, harmon
 @pytest.mark.parametrize("minibatch", [False, True])
 def test_discriminators_give_one_logit_per_image(body, joints, harmonics, minibatch):
     images = torch.randn(5, 2, joints, harmonics)
-    assert Discriminator(joints, harmonics, body, 16, minibatch)(images).shape == (5,)
-    assert FeatureDiscriminator(4, 16, minibatch)(torch.randn(5, 4)).shape == (5,)
+    assert image_discriminator(joints, harmonics, body, 16, minibatch)(images).shape == (5,)
+    assert feature_discriminator(4, 16, minibatch)(torch.randn(5, 4)).shape == (5,)
 
 
 def test_noise_is_uniform_and_follows_its_generator():
@@ -67,8 +67,8 @@ def test_a_gaussian_start_has_the_mean_and_covariance_of_the_images(noise, rank)
         torch.testing.assert_close(network(z).flatten(1), network.shortcut(z) + layers)
     x = images.flatten(1)
     torch.testing.assert_close((linear + layers).mean(0), x.mean(0), rtol=0, atol=0.05)
-    wanted = torch.cov(x.T)
-    assert (torch.cov(linear.T) - wanted).norm() < 0.02 * wanted.norm()
+    expected = torch.cov(x.T)
+    assert (torch.cov(linear.T) - expected).norm() < 0.02 * expected.norm()
     assert 0 < layers.std(0).mean() < 0.2  # the layers are there, but whisper
 
 
@@ -98,7 +98,7 @@ def test_only_the_minibatch_feature_tells_a_collapsed_batch_apart(body):
     diverse = torch.randn(40, 2, 2, 3)
     collapsed = diverse[:1].expand(40, -1, -1, -1)
     for minibatch in (True, False):
-        critic = Discriminator(2, 3, body, 32, minibatch)
+        critic = image_discriminator(2, 3, body, 32, minibatch)
         same = torch.allclose(critic(diverse)[0], critic(collapsed)[0], atol=1e-6)
         assert same != minibatch
         assert torch.isfinite(

@@ -6,35 +6,31 @@ import pytest
 import torch
 
 from sidegan.errors import ShapeError, SideganError
-from sidegan.gan.training import train_variant
+from sidegan.gan.surrogates import Surrogates
+from sidegan.gan.training import Run, train_variant
 from sidegan.validity import check
 
 
 @pytest.fixture
 def train(constraints, family, seeds):
-    def run(variant, work, seed=1, **options):
-        options = {"evaluation": 20, **options}
-        return train_variant(variant, constraints, family, seeds[:64], work, seed=seed, **options)
+    def run(variant, work, seed=1, surrogates=None, **options):
+        once = Run("vanilla", seed, work, **{"evaluation": 20, **options})
+        return train_variant(variant, constraints, family, seeds[:64], once, surrogates or Surrogates())
 
     return run
 
 
 def test_every_loss_together_trains(train, full, predictor, converter, constraints, family, tmp_path):
-    told = []
-    trained = train(
-        full,
-        tmp_path,
-        predictor=predictor,
-        converter=converter,
-        epoch_end=lambda epoch, metrics: told.append((epoch, metrics)),
-    )
-    assert [epoch for epoch, _ in told] == [0, 1, 2]
-    assert [metrics for _, metrics in told] == trained.history
+    ends = []
+    surrogates = Surrogates(predictor, converter)
+    trained = train(full, tmp_path, surrogates=surrogates, epoch_end=lambda *end: ends.append(end))
+    assert [epoch for epoch, _ in ends] == [0, 1, 2]
+    assert [metrics for _, metrics in ends] == trained.history
     assert all(math.isfinite(row["distance"]) and 0 <= row["success"] <= 1 for row in trained.history)
     c = trained.generator.sample(100, 3)
     assert c.shape == (100, *family.shape) and torch.isfinite(c).all()
     assert check(constraints, family, c).valid.double().mean() > 0.3
-    assert trained.generator.robot == "planar2" and trained.generator.variant == "diagonal"
+    assert trained.generator.robot == "planar2" and trained.generator.variant == "vanilla"
 
 
 def test_the_same_seed_gives_the_same_generator(train, vanilla, tmp_path):
@@ -74,7 +70,7 @@ def test_an_interrupted_training_goes_on_where_it_was(train, vanilla, tmp_path):
     assert signal.getsignal(signal.SIGINT) is handler  # a second interrupt must be heard too
     assert (tmp_path / "last.ckpt").exists()
 
-    trained = train(vanilla, tmp_path, epoch_end=lambda *told: second.append(told))
+    trained = train(vanilla, tmp_path, epoch_end=lambda *end: second.append(end))
     assert [epoch for epoch, _ in first] == [0, 1]
     assert [epoch for epoch, _ in second] == [2]
     assert trained.history == [metrics for _, metrics in first + second]
@@ -82,9 +78,9 @@ def test_an_interrupted_training_goes_on_where_it_was(train, vanilla, tmp_path):
 
 def test_a_finished_training_is_not_done_again(train, vanilla, tmp_path):
     done = train(vanilla, tmp_path)
-    told = []
-    again = train(vanilla, tmp_path, epoch_end=lambda *args: told.append(args))
-    assert not told and again.history == done.history
+    ends = []
+    again = train(vanilla, tmp_path, epoch_end=lambda *end: ends.append(end))
+    assert not ends and again.history == done.history
     torch.testing.assert_close(again.generator.sample(5), done.generator.sample(5), rtol=0, atol=0)
 
 
@@ -109,4 +105,4 @@ def test_seeds_that_do_not_fit_are_refused(constraints, family, seeds, vanilla, 
         (seeds * torch.nan, "not finite"),
     ]:
         with pytest.raises(ShapeError, match=message):
-            train_variant(vanilla, constraints, family, bad, tmp_path, seed=0)
+            train_variant(vanilla, constraints, family, bad, Run("vanilla", 0, tmp_path))

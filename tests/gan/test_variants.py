@@ -1,34 +1,49 @@
+from dataclasses import asdict, replace
+
 import pytest
 
+from sidegan.base.typed import build
+from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
-from sidegan.gan.variants import Variant, Weights
+from sidegan.gan.variants import Exact, Variant
+from tests.gan.conftest import ADVERSARIAL, NONE
+
+FITNESS = asdict(replace(NONE, fitness=1))
 
 
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
-        ({"features": "colour"}, "features 'colour' of x must be one of none, spectrum, diagonal"),
-        ({"body": "vit"}, "body 'vit' of x must be one of conv, mlp"),
-        ({"weights": Weights(features=1)}, "x weighs features or fitness but predicts none"),
-        ({"weights": Weights(fitness=1)}, "x weighs features or fitness but predicts none"),
-        ({"epochs": 0}, "epochs of x must be positive, got 0"),
-        ({"noise": -1}, "noise of x must be positive, got -1"),
-        ({"width": 0}, "width of x must be positive"),
-        ({"generator_steps": 0}, "generator_steps of x must be positive"),
-        ({"batch": 1}, "batch of x must be at least 2, got 1"),
+        ({"features": "colour"}, "features is 'colour', expected one of none, spectrum, diagonal"),
+        ({"body": "vit"}, "body is 'vit', expected one of conv, mlp"),
+        ({"weights": asdict(replace(NONE, features=1))}, "weights.fitness need features, which are none"),
+        ({"weights": FITNESS}, "weights.fitness need features, which are none"),
+        ({"epochs": 0}, "epochs is 0"),
+        ({"noise": -1}, "noise is -1"),
+        ({"width": 0}, "width is 0"),
+        ({"generator_steps": 0}, "generator_steps is 0"),
+        ({"batch": 1}, "batch is 1, expected a whole number ≥ 2"),
         (
-            {"features": "spectrum", "weights": Weights(fitness=1), "epochs": 10, "fitness_start": 10},
-            "fitness_start 10 of x comes after its last epoch 9",
+            {"features": "spectrum", "weights": FITNESS, "epochs": 10, "fitness_start": 10},
+            "fitness_start 10 comes after the last of 10 epochs",
         ),
+        ({"exact": {"terms": {}, "samples": 9, "reserve": 0, "ease": 1}}, "terms is empty, expected one"),
+        ({"exact": {"terms": {}, "samples": 9, "reserve": 0, "ease": 0}}, "exact.ease is 0"),
     ],
 )
-def test_impossible_combinations_are_refused_by_name(settings, expected):
+def test_impossible_settings_are_refused(vanilla, settings, expected):
     with pytest.raises(ConfigError) as error:
-        Variant("x", **settings)
+        build(Variant, {**asdict(vanilla), **settings})
     assert expected in str(error.value)
 
 
-def test_only_what_is_weighed_or_seen_needs_surrogates():
-    assert not Variant("vanilla", weights=Weights(spread=1, distance=1)).surrogates
-    assert Variant("valid", weights=Weights(success=1)).surrogates
-    assert Variant("eigen", features="spectrum").surrogates
+def test_an_objective_of_more_trajectories_than_a_batch_is_refused(vanilla):
+    exact = Exact({"set": Term("d_optimal", 1.0, 100)}, samples=24, reserve=0.05, ease=0.1)
+    with pytest.raises(ConfigError, match="objective is of 100 trajectories together, batch is 32"):
+        replace(vanilla, exact=exact)
+
+
+def test_only_what_is_weighed_or_seen_needs_surrogates(vanilla):
+    assert not replace(vanilla, weights=replace(ADVERSARIAL, spread=1, distance=1)).surrogates
+    assert replace(vanilla, weights=replace(ADVERSARIAL, success=1)).surrogates
+    assert replace(vanilla, features="spectrum").surrogates

@@ -1,0 +1,195 @@
+"""The one training loop: a generator against a sum of loss terms, some of which learn themselves."""
+
+import logging
+import signal
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as pl
+import torch
+from torch import Tensor, nn
+from torch.utils.data import DataLoader
+
+from sidegan.base.storage import read_torch
+from sidegan.errors import ArtifactError, SideganError
+from sidegan.gan.schedule import Schedule
+from sidegan.gan.terms import Adversary, LossTerm
+
+log = logging.getLogger(__name__)
+
+Evaluate = Callable[[int], dict[str, float]]
+EpochEnd = Callable[[int, dict[str, float]], None]
+
+_LAST = "last.ckpt"
+_BETAS = (0.0, 0.9)
+_LONE_BETAS = (0.9, 0.99)  # of a generator that no discriminator follows
+# Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
+_NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
+
+
+class Training(pl.LightningModule):
+    """Trains a sampler's network on the weighted sum of loss terms.
+
+    Args:
+        name: what is trained, for messages.
+        sampler: makes a batch of so many trajectories; its ``network`` is what learns.
+        terms: of the loss, summed in this order.
+        schedule: how long and how fast.
+    """
+
+    sampler: Any  # any module with a network
+
+    def __init__(
+        self, name: str, sampler: nn.Module, terms: Sequence[LossTerm[Any]], schedule: Schedule
+    ) -> None:
+        super().__init__()
+        self.automatic_optimization = False
+        self.name, self.sampler, self.schedule = name, sampler, schedule
+        self.parts, self.terms = list(terms), nn.ModuleList(terms)
+        self.adversaries = [term for term in terms if isinstance(term, Adversary)]
+        self.steps_done = 0
+        self.history: list[dict[str, float]] = []
+
+    def training_step(self, batch: list[Tensor], _: int) -> None:
+        """One step of the discriminators on some of their examples, then the generator's."""
+        rows = batch[0]
+        generator, *critics = _several(self.optimizers())
+        for optimiser in critics:
+            self._step(optimiser, self.adversary_loss(rows), None)
+        for _ in range(self.schedule.generator_steps):
+            self._step(generator, self.generator_loss(len(rows)), self.schedule.clip)
+        for rate in _several(self.lr_schedulers()):
+            rate.step()
+        self.steps_done += 1
+
+    def adversary_loss(self, rows: Tensor) -> Tensor:
+        """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""
+        with torch.no_grad():
+            fake = self.sampler(len(rows))
+        return torch.stack([adversary.update_loss(rows, fake) for adversary in self.adversaries]).sum()
+
+    def generator_loss(self, count: int) -> Tensor:
+        """Weighted sum of the terms on a new batch, 0-dimensional."""
+        batch, eased = self.sampler(count), self.schedule.eased(self.steps_done)
+        weighted = [(term.weight_at(self.current_epoch, eased), term) for term in self.parts]
+        return torch.stack([weight * term(batch) for weight, term in weighted if weight]).sum()
+
+    def _step(self, adam: Any, loss: Tensor, clip: float | None) -> None:
+        """One step of an optimiser; a loss that is not a number ends the training before it does harm."""
+        if not torch.isfinite(loss):
+            self.stop(f"the loss is {float(loss.detach())}; the last whole epoch is kept")
+        adam.zero_grad()
+        self.manual_backward(loss)
+        if clip is not None:
+            nn.utils.clip_grad_norm_(self.sampler.network.parameters(), clip)
+        adam.step()
+
+    def stop(self, reason: str) -> None:
+        """End a training that diverged.
+
+        Raises:
+            SideganError: always, with the reason.
+        """
+        raise SideganError(f"{self.name} diverged in epoch {self.current_epoch}: {reason}")
+
+    def configure_optimizers(self) -> tuple[list[torch.optim.Optimizer], list[Any]]:
+        """Adam for the generator, and for the discriminators where there are any."""
+        critics = [parameter for term in self.adversaries for parameter in term.network.parameters()]
+        rates, betas = self.schedule, _BETAS if critics else _LONE_BETAS
+        adams = [torch.optim.Adam(self.sampler.network.parameters(), rates.learning_rate, betas)]
+        if critics:
+            adams.append(torch.optim.Adam(critics, rates.critic_rate, _BETAS))
+        return list(adams), [torch.optim.lr_scheduler.LambdaLR(adam, rates.rate) for adam in adams]
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep the progress and the history of metrics with the weights."""
+        checkpoint["progress"] = {"steps_done": self.steps_done, "history": self.history}
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Go on with them."""
+        self.steps_done, self.history = (checkpoint["progress"][key] for key in ("steps_done", "history"))
+
+
+class _Watch(pl.Callback):
+    """Measures and saves after every epoch."""
+
+    def __init__(self, last: Path, evaluate: Evaluate, epoch_end: EpochEnd | None) -> None:
+        self.last, self.evaluate, self.epoch_end = last, evaluate, epoch_end
+
+    def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        metrics = self.evaluate(trainer.current_epoch)
+        pl_module.history.append(metrics)  # type: ignore[operator, union-attr]
+        trainer.save_checkpoint(self.last)
+        if self.epoch_end is not None:
+            self.epoch_end(trainer.current_epoch, metrics)
+
+
+def fit(
+    training: Training,
+    rows: DataLoader,
+    work: Path,
+    evaluate: Evaluate,
+    epoch_end: EpochEnd | None = None,
+    device: str = "cpu",
+) -> None:
+    """Train from the checkpoint in ``work``, or from the start when there is none or it is damaged.
+
+    Args:
+        training: what is trained; on the CPU afterwards.
+        rows: indices of examples, a batch for each step.
+        work: folder of the checkpoint.
+        evaluate: metrics after an epoch.
+        epoch_end: called with (epoch, metrics) after every epoch.
+        device: where the networks run.
+
+    Raises:
+        SideganError: when the training diverges; the last whole epoch is kept.
+        KeyboardInterrupt: when it is interrupted.
+    """
+    last = work / _LAST
+    trainer = _trainer(training.schedule.epochs, work, _Watch(last, evaluate, epoch_end), device)
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=_NOISE)
+            trainer.fit(training, rows, ckpt_path=_whole(last), weights_only=True)
+    except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
+        signal.signal(signal.SIGINT, handler)
+        raise KeyboardInterrupt from error
+    training.cpu()
+
+
+def _trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Trainer:
+    """A trainer that is silent and leaves saving to the ``watch``."""
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    kind, _, index = device.partition(":")
+    return pl.Trainer(
+        max_epochs=epochs,
+        accelerator={"cuda": "gpu"}.get(kind, kind),
+        devices=[int(index)] if index else 1,
+        callbacks=[watch],
+        enable_checkpointing=False,  # the watch saves: Lightning's own saves nothing without a best
+        logger=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        default_root_dir=work,
+    )
+
+
+def _whole(path: Path) -> Path | None:
+    """The checkpoint to go on from; None when there is none, or it is damaged."""
+    if not path.exists():
+        return None
+    try:
+        read_torch(path)
+    except ArtifactError as error:
+        log.warning("%s: the training begins anew", error)
+        return None
+    return path
+
+
+def _several(x: Any) -> list[Any]:
+    """Lightning gives one optimiser or schedule as itself, several as a list."""
+    return list(x) if isinstance(x, (list, tuple)) else [x]

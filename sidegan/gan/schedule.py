@@ -1,0 +1,43 @@
+"""Schedule of an adversarial training: how long, how fast, and what grows or falls meanwhile."""
+
+import math
+from dataclasses import dataclass
+
+_LAST_RATE = 0.05  # of the first learning rate, at the end of a training with decay
+_EASED = 0.67  # share of a training over which an eased weight grows
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Schedule of one training.
+
+    Attributes:
+        epochs: after each of which the training is measured and saved.
+        steps: per epoch; one discriminator step each, where there are discriminators.
+        batch: trajectories per step.
+        learning_rate: of the generator's Adam, at the beginning.
+        critic_rate: of the discriminators' Adam, at the beginning.
+        generator_steps: generator steps per discriminator step.
+        decay: whether both rates fall to nothing over the training, along a cosine.
+        clip: largest norm of the generator's gradient; None: any.
+    """
+
+    epochs: int
+    steps: int
+    batch: int
+    learning_rate: float
+    critic_rate: float = 0.0
+    generator_steps: int = 1
+    decay: bool = True
+    clip: float | None = None
+
+    def rate(self, step: int) -> float:
+        """Learning rate after so many steps, in that of the beginning."""
+        if not self.decay:
+            return 1.0
+        done = min(1.0, step / (self.epochs * self.steps))
+        return _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + math.cos(math.pi * done))
+
+    def eased(self, step: int) -> float:
+        """Share of the growth of an eased weight that is over after so many steps."""
+        return min(1.0, step / (_EASED * (self.epochs * self.steps)))

@@ -1,0 +1,175 @@
+"""Terms of a generator's loss, each a small object; those of discriminators and of surrogates."""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from sidegan.gan.limits import LimitLayer
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
+from sidegan.gan.surrogates import Standard, SuccessPredictor
+
+Seen = TypeVar("Seen", contravariant=True)  # what a term looks at
+
+
+class Batch:
+    """Trajectories that a generator made, and what terms look at; computed once, when first looked at.
+
+    Args:
+        coefficients: [rad/s], (B, J, H, 2).
+        images: (B, 2, J, H), of the coefficients.
+        features: of coefficients: standardised log features, (B, p).
+    """
+
+    def __init__(
+        self, coefficients: Tensor, images: Callable[[], Tensor], features: Callable[[Tensor], Tensor] | None
+    ) -> None:
+        self.coefficients, self._images, self._features = coefficients, images, features
+
+    @property
+    def deviations(self) -> Tensor:
+        """What differs between trajectories that shall be diverse, a row each, (B, 2 J H)."""
+        return self.coefficients.flatten(1)
+
+    def mean_distance(self) -> Tensor:
+        """Mean distance between two trajectories that shall be diverse [rad/s], 0-dimensional."""
+        return torch.pdist(self.deviations).mean()
+
+    @cached_property
+    def images(self) -> Tensor:
+        """Images (B, 2, J, H) of the coefficients."""
+        return self._images()
+
+    @cached_property
+    def features(self) -> Tensor:
+        """Standardised log features, (B, p)."""
+        if self._features is None:
+            raise TypeError("these trajectories come without features")
+        return self._features(self.coefficients)
+
+
+class Sampler(nn.Module):
+    """Batches of a generator: noise → images → coefficients, within limits where there is a layer of them.
+
+    Args:
+        network: noise → images.
+        scaling: images → coefficients.
+        limits: last layer; None: any coefficients.
+        features: converter to the features that terms look at, where some do.
+    """
+
+    mean: Tensor
+    spread: Tensor
+
+    def __init__(
+        self, network: Generator, scaling: Scaling, limits: LimitLayer | None, features: Standard | None
+    ) -> None:
+        super().__init__()
+        self.network, self.limits, self.features = network, limits, features
+        self.register_buffer("mean", scaling.mean.float())
+        self.register_buffer("spread", scaling.spread.float())
+
+    @property
+    def scaling(self) -> Scaling:
+        """The scaling on the module's device."""
+        return Scaling(self.mean, self.spread)
+
+    def forward(self, count: int, random: torch.Generator | None = None) -> Batch:
+        """So many trajectories."""
+        images = self.network(self.network.draw(count, random))
+        c = self.scaling.coefficients(images)
+        if self.limits is None:
+            return Batch(c, lambda: images, self.features)
+        c = self.limits(c)
+        return Batch(c, lambda: self.scaling.image(c), self.features)
+
+
+class LossTerm(nn.Module, Generic[Seen]):
+    """One weighted term of a generator's loss.
+
+    Args:
+        weight: factor of the term.
+        ease: share of the weight that a training begins with; it grows to all of it, geometrically.
+        start: first epoch in which the term counts.
+    """
+
+    def __init__(self, weight: float, ease: float = 1.0, start: int = 0) -> None:
+        super().__init__()
+        self.weight, self.ease, self.start = weight, ease, start
+
+    def weight_at(self, epoch: int, eased: float) -> float:
+        """Weight in an epoch, when that share of the growth is over."""
+        return self.weight * self.ease ** (1 - eased) if epoch >= self.start else 0.0
+
+    @abstractmethod
+    def forward(self, batch: Seen) -> Tensor:
+        """Loss without its weight, 0-dimensional."""
+
+
+class Adversary(LossTerm[Batch]):
+    """A discriminator: rewards what it takes for an example (non-saturating: Goodfellow et al. 2014).
+
+    Args:
+        weight: factor of the term.
+        network: logits (B,) of what it looks at.
+        examples: what it shall tell the generator's work from, (N, …).
+        view: what it looks at of a batch.
+        gradient_penalty: weight of the R1 penalty (Mescheder, Geiger, Nowozin 2018).
+    """
+
+    examples: Tensor
+
+    def __init__(
+        self,
+        weight: float,
+        network: nn.Module,
+        examples: Tensor,
+        view: Callable[[Batch], Tensor],
+        gradient_penalty: float,
+    ) -> None:
+        super().__init__(weight)
+        self.network, self.view, self.gradient_penalty = network, view, gradient_penalty
+        self.register_buffer("examples", examples.contiguous(), persistent=False)
+
+    def forward(self, batch: Batch) -> Tensor:
+        """Mean surprise of the discriminator, 0-dimensional."""
+        return nn.functional.softplus(-self.network(self.view(batch))).mean()
+
+    def update_loss(self, rows: Tensor, batch: Batch) -> Tensor:
+        """Loss of the discriminator itself on some examples and a batch without gradient, 0-dimensional."""
+        real = self.examples[rows].requires_grad_(True)
+        on_real, on_fake = self.network(real), self.network(self.view(batch))
+        loss = nn.functional.softplus(-on_real).mean() + nn.functional.softplus(on_fake).mean()
+        if self.gradient_penalty > 0:
+            (slope,) = torch.autograd.grad(on_real.sum(), real, create_graph=True)
+            loss = loss + self.gradient_penalty / 2 * (slope**2).flatten(1).sum(1).mean()
+        return loss
+
+
+class PredictedSuccess(LossTerm[Batch]):
+    """Minus the mean log probability of being valid, by a frozen predictor."""
+
+    def __init__(self, weight: float, predictor: SuccessPredictor) -> None:
+        super().__init__(weight)
+        self.predictor = predictor
+
+    def forward(self, batch: Batch) -> Tensor:
+        """Loss, 0-dimensional."""
+        return -self.predictor(batch.coefficients).mean()
+
+
+class PredictedRatio(LossTerm[Batch]):
+    """Mean log ratio of the largest to the smallest feature, by a frozen converter."""
+
+    def __init__(self, weight: float, standard: Standard, start: int) -> None:
+        super().__init__(weight, start=start)
+        self.standard = standard
+
+    def forward(self, batch: Batch) -> Tensor:
+        """Loss, 0-dimensional."""
+        logs = self.standard.log_features(batch.features)
+        return (logs.amax(1) - logs.amin(1)).mean()
