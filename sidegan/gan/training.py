@@ -26,7 +26,7 @@ from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.variants import Variant
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints, check, told
+from sidegan.validity import Constraints, check, summarise_faults
 
 log = logging.getLogger(__name__)
 
@@ -125,7 +125,7 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
     if not verdict.valid.any():
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
-            f"{_SMALL:.0%} of the position and velocity limits, {told(verdict.faults())}"
+            f"{_SMALL:.0%} of the position and velocity limits, {summarise_faults(verdict.faults())}"
         )
     return c
 
