@@ -26,7 +26,7 @@ from sidegan.gan.terms import Adversary, LossTerm, PredictedRatio, PredictedSucc
 from sidegan.gan.variants import Variant
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints, check, told
+from sidegan.validity import Constraints, check, summarise_faults
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
@@ -216,6 +216,6 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
     if not verdict.valid.any():
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
-            f"{_SMALL:.0%} of the position and velocity limits, {told(verdict.faults())}"
+            f"{_SMALL:.0%} of the position and velocity limits, {summarise_faults(verdict.faults())}"
         )
     return c

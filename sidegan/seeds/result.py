@@ -11,7 +11,7 @@ from torch import Tensor
 
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.errors import InfeasibleError
-from sidegan.validity import check, told
+from sidegan.validity import check, summarise_faults
 
 _SHRINK = 0.99  # towards home, one step at a time
 _SMALLEST = 0.5  # a seed that must shrink further has failed
@@ -54,7 +54,7 @@ class SeedBatch:
 
     def shortfall(self, count: int) -> InfeasibleError:
         """The error that says why there are fewer than ``count`` seeds."""
-        why = told(self.faults) or "no start was finished"
+        why = summarise_faults(self.faults) or "no start was finished"
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
             f"of those that failed, {why}"

@@ -1,7 +1,7 @@
 """Signed margins of every constraint over a whole trajectory, with nothing missed between samples."""
 
-from sidegan.validity.check import Failure, Validity, check, told
+from sidegan.validity.check import Failure, Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.regions import Box, Plane, Region
 
-__all__ = ["Box", "Constraints", "Failure", "Plane", "Region", "Validity", "check", "told"]
+__all__ = ["Box", "Constraints", "Failure", "Plane", "Region", "Validity", "check", "summarise_faults"]

@@ -1,8 +1,8 @@
 """How much a margin can change between a sample and the edge of its cell: rigorous upper bounds.
 
-A cell is a time interval of half width h around a sample. From the sample's velocity and acceleration
-and a bound on the jerk follow bounds on the joints' motion in the cell; from those, bounds on the
-motion of capsules and on the change of torques, by triangle inequalities alone.
+From a sample's velocity and acceleration and a bound on the jerk follow bounds on the joints' motion in the
+cell; from those, bounds on the motion of capsules and on the change of torques, by triangle inequalities
+alone (``sidegan.motion.compiled.formulas``).
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from sidegan.motion.compiled.formulas import carried_bounds, cell_bounds, link_bounds, wrench_bounds
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
@@ -39,9 +40,7 @@ def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
 
 def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, half: float) -> CellMotion:
     """Bounds over cells of half width ``half`` [s] around samples (N, J), by Taylor's theorem."""
-    change = half * (dq.abs() + half / 2 * (ddq.abs() + half / 3 * jerk))
-    velocity_change = half * (ddq.abs() + half / 2 * jerk)
-    return CellMotion(change, velocity_change, dq.abs() + velocity_change, ddq.abs() + half * jerk, jerk)
+    return CellMotion(*cell_bounds(dq, ddq, jerk, half), jerk)
 
 
 class Slack:
@@ -103,44 +102,21 @@ def _from_axis(arm: Arm, joint: int, point: Tensor) -> Tensor:
 
 
 def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:
-    """Upper bound of the absolute rate of every joint torque [N·m/s] in a cell, (N, J).
-
-    The Newton-Euler recursion on norms: each quantity x of a link carries bounds (|x|, |ẋ|), the
-    derivative being that of its components in the link's frame, which turns at the joint's speed.
-    """
-    travel, mass, first, inertia = link_norms(arm).values()
-    zero = torch.zeros_like(motion.speed[:, 0])
-    w, dw, al, dal, a, da = zero, zero, zero, zero, zero + arm.gravity.norm().to(zero), zero
+    """Upper bound of the absolute rate of every joint torque [N·m/s] in a cell, (N, J)."""
+    travel, mass, first, spin = link_norms(arm).values()
+    slides, zero = arm.prismatic.tolist(), torch.zeros_like(motion.speed[:, 0])
+    link = zero, zero, zero, zero, zero + arm.gravity.norm().to(zero), zero
     wrenches = []
     for i in range(arm.joints):
-        v, acc, jerk = motion.speed[:, i], motion.acceleration[:, i], motion.jerk[:, i]
-        swing, dswing = al + w * w, dal + 2 * w * dw
-        a, da = a + swing * travel[i], da + dswing * travel[i]
-        if arm.prismatic[i]:
-            a, da = a + acc + 2 * w * v, da + swing * v + jerk + 2 * (dw * v + w * acc)
-        else:
-            da = da + v * a
-            dal = dal + v * al + jerk + (dw + v * w) * v + w * acc
-            al = al + acc + w * v
-            dw = dw + v * w + acc
-            w = w + v
-        swing, dswing = al + w * w, dal + 2 * w * dw
-        force, dforce = mass[i] * a + first[i] * swing, mass[i] * da + first[i] * dswing
-        wrenches.append(
-            (force, dforce, first[i] * a + inertia[i] * swing, first[i] * da + inertia[i] * dswing)
-        )
-    f, df, n, dn = zero, zero, zero, zero
+        own = motion.speed[:, i], motion.acceleration[:, i], motion.jerk[:, i]
+        link = link_bounds(slides[i], *own, travel[i], link)
+        wrenches.append(wrench_bounds(mass[i], first[i], spin[i], link))
+    carried = zero, zero, zero, zero
     rates = []
     for i in reversed(range(arm.joints)):
-        force, dforce, moment, dmoment = wrenches[i]
-        f, df, n, dn = f + force, df + dforce, n + moment, dn + dmoment
-        rates.append(df if arm.prismatic[i] else dn)
-        v = motion.speed[:, i]
-        if arm.prismatic[i]:
-            dn, n = dn + travel[i] * df + v * f, n + travel[i] * f
-        else:
-            df, dn = df + v * f, dn + v * n
-            dn, n = dn + travel[i] * df, n + travel[i] * f
+        f, df, n, dn = (a + b for a, b in zip(carried, wrenches[i]))
+        rates.append(df if slides[i] else dn)
+        carried = carried_bounds(slides[i], motion.speed[:, i], travel[i], (f, df, n, dn))
     return torch.stack(rates[::-1], 1)
 
 

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from sidegan.motion.dynamics import joint_placement, unrotate
+from sidegan.motion.newton_euler import joint_placement, unrotate
 from sidegan.robot import Arm
 
 _PARALLEL = 1e-15  # squared sine of an angle that is rounding noise

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.motion.backend import usable
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.fused import FusedSearch, kernel
 from sidegan.validity.search import Search, coarse_cells
 
 _CELLS_AT_ONCE = 1_000_000  # of the first pass: 30 MB of indices
@@ -35,7 +35,7 @@ class Validity:
 
     Attributes:
         valid: whether every constraint provably holds over the whole period, (B,).
-        margins: smallest margin found of each constraint, (B,) [rad, rad/s, N·m, m]; where a cell could
+        margins: smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; where a cell could
             not be decided at the finest step, the guaranteed margin, which is negative.
         elements: which joint, pair or region each smallest margin belongs to, (B,).
         times: when each smallest margin occurs [s], (B,).
@@ -67,8 +67,8 @@ class Validity:
         ]
 
 
-def told(faults: Mapping[str, int], most: int = 3) -> str:
-    """What is violated most often, for people."""
+def summarise_faults(faults: Mapping[str, int], most: int = 3) -> str:
+    """The most common faults in words, at most so many."""
     return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(most))
 
 
@@ -90,14 +90,23 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
     if trajectory.joints != joints:
         raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {joints}")
     trajectory.check(c)
-    kind = FusedSearch if c.device.type == "cpu" and kernel() is not None else Search
-    found = []
-    for part in c.double().split(max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
+    c = c.double()
+    kind = _search_for(c)
+    results = []
+    for part in c.split(max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
         search = kind(constraints, trajectory, part)
         search.run()
-        found.append(search.result())
-    valid, *tables = zip(*found)
+        results.append(search.result())
+    valid, *tables = zip(*results)
     margins, elements, times = (
         {name: torch.cat([part[name] for part in table]) for name in constraints.labels} for table in tables
     )
     return Validity(torch.cat(valid), margins, elements, times, constraints.labels)
+
+
+def _search_for(c: Tensor) -> type[Search]:
+    if not usable(c):
+        return Search
+    from sidegan.validity.fused import FusedSearch
+
+    return FusedSearch

@@ -1,9 +1,5 @@
 """The search for the smallest margins by a compiled kernel: what it is given, and how threads share it."""
 
-import logging
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -11,33 +7,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled import compiled
+from sidegan.motion.compiled import cells as kernel_cells
+from sidegan.motion.compiled import validity as kernel
+from sidegan.motion.compiled.chain import BOX, PLANE, Shapes, array
+from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
 from sidegan.validity.bounds import Slack, link_norms
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.regions import Plane, Region
-from sidegan.validity.search import Search
-
-log = logging.getLogger(__name__)
+from sidegan.validity.search import Result, Search
 
 _NAMES = ("position", "velocity", "torque", "collision", "keep_out")  # the kernel's columns
-_ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they need be
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
-_models: WeakKeyDictionary[Constraints, Any] = WeakKeyDictionary()
-
-
-def kernel() -> Any:
-    """The module of the compiled kernel; None where numba is missing, unwanted or unfit."""
-    if not compiled():
-        return None
-    try:
-        from sidegan.motion.compiled import validity
-    except ImportError as error:
-        log.info("validity is checked without a compiled kernel: %s", error)
-        return None
-    return validity
+_models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
 
 
 class FusedSearch(Search):
@@ -49,7 +32,7 @@ class FusedSearch(Search):
             _models[constraints] = _model(constraints)
         self.model = _models[constraints]._replace(home=np.array(trajectory.home))
         shape = len(c), len(_NAMES)
-        self.smallest = kernel().Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
+        self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
         self.columns = {name: _NAMES.index(name) for name in constraints.labels}
 
     def visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
@@ -62,18 +45,22 @@ class FusedSearch(Search):
         half = self.trajectory.period / count / 2
         times = (used.to(self.c) + 0.5) * (2 * half)
         basis = torch.stack([self.trajectory.basis(times, order).flatten(1) for order in range(3)], 1)
-        motion = [_array(x) for x in (self.c.flatten(2), self.jerk, basis, times)]
+        motions = kernel_cells.Motions(
+            array(self.c.flatten(2)), array(self.jerk), array(basis), array(times), half
+        )
         undecided = np.empty(len(cells), dtype=bool)
+        cuts = _cuts(which)
 
-        def work(part: slice) -> None:
-            mine = which.numpy()[part], rows.numpy()[part], half, last, self.smallest, undecided[part]
-            kernel().visit(self.model, kernel().work_space(self.model), *motion, *mine)
+        def work(k: int) -> None:
+            part = slice(cuts[k], cuts[k + 1])
+            mine = kernel.Cells(which.numpy()[part], rows.numpy()[part], last, undecided[part])
+            kernel.visit(self.model, kernel_cells.work_space(self.model), motions, mine, self.smallest)
 
-        _share(work, which)
+        each(work, len(cuts) - 1)
         self.valid = torch.from_numpy((self.smallest.margin[:, list(self.columns.values())] >= 0).all(1))
         return cells[torch.from_numpy(undecided)]
 
-    def result(self) -> tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]:
+    def result(self) -> Result:
         """Whether each trajectory is valid; the smallest margins, their elements and times."""
         margins, elements, times = (
             {name: torch.from_numpy(table[:, k].copy()) for name, k in self.columns.items()}
@@ -82,74 +69,47 @@ class FusedSearch(Search):
         return self.valid, margins, elements, times
 
 
-def _share(work: Callable[[slice], None], which: Tensor) -> None:
-    """Do work on slices of cells, one per thread of torch's; no trajectory (N,) is in two of them."""
-    threads = min(torch.get_num_threads(), len(which) // _WORTH_A_THREAD)
-    if threads < 2:
-        work(slice(0, len(which)))
-        return
+def _cuts(which: Tensor) -> list[int]:
+    """Where the work on cells is cut, for each of torch's threads; no trajectory (N,) is in two parts."""
+    threads = max(1, min(torch.get_num_threads(), len(which) // _WORTH_A_THREAD))
     starts = which[[len(which) * k // threads for k in range(1, threads)]].contiguous()
-    cuts = [0, *torch.searchsorted(which, starts).tolist(), len(which)]
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, (slice(low, high) for low, high in pairwise(cuts))))
+    return [0, *torch.searchsorted(which, starts).tolist(), len(which)]
 
 
-def _array(x: Tensor) -> np.ndarray:
-    return np.ascontiguousarray(x.numpy())
-
-
-def _model(constraints: Constraints) -> Any:
+def _model(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
-    limit = constraints.arm.torque_limit
+    arm, slack = constraints.arm, Slack(constraints)
+    limit = arm.torque_limit
     tensors = {
-        **_joints(constraints.arm),
-        **_shapes(constraints),
-        **link_norms(constraints.arm),
+        "parameters": arm.inertial_parameters.flatten(),
         "home": torch.zeros_like(limit),
-        "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
-    }
-    return kernel().Model(**{name: _array(x) for name, x in tensors.items()})
-
-
-def _joints(arm: Arm) -> dict[str, Tensor]:
-    eye, slides = torch.eye(3, dtype=torch.float64), arm.prismatic[:, None]
-    k = torch.linalg.cross(eye[None], arm.axis[:, None], dim=2)  # times x: the axis's cross product with x
-    return {
-        "prismatic": arm.prismatic,
-        "fixed": arm.rotation @ torch.where(slides[..., None], eye, eye + k @ k),
-        "sine": torch.where(slides[..., None], 0.0, arm.rotation @ k),
-        "cosine": torch.where(slides[..., None], 0.0, -arm.rotation @ k @ k),
-        "origin": arm.translation,
-        "slide": torch.where(slides, (arm.rotation @ arm.axis[..., None])[..., 0], 0.0),
-        "axis": arm.axis,
-        "inertia": arm.inertial_parameters,
-        "gravity": arm.gravity,
         "lower": arm.position_lower,
         "upper": arm.position_upper,
         "speed": arm.velocity_limit,
-    }
-
-
-def _shapes(constraints: Constraints) -> dict[str, Tensor]:
-    capsules, slack = constraints.arm.capsules, Slack(constraints)
-    half = (capsules.a - capsules.b).norm(dim=1) / 2
-    numbers = [_numbers(region) for region in constraints.regions]
-    kinds = [kernel().PLANE if isinstance(region, Plane) else kernel().BOX for region in constraints.regions]
-    return {
-        "link": capsules.link + 1,
-        "a": capsules.a,
-        "b": capsules.b,
-        "radius": capsules.radius,
-        "size": capsules.radius + half + _ROUNDING,
-        "pairs": constraints.pairs,
+        "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
         "pair_reach": slack.pair_reach,
         "pair_most": _most(slack.pair_reach),
-        "guarded": constraints.guarded,
         "region_reach": slack.region_reach,
         "region_most": _most(slack.region_reach),
-        "kinds": torch.tensor(kinds, dtype=torch.long),
-        "regions": torch.tensor(numbers, dtype=torch.float64).reshape(-1, 6),
+        **link_norms(arm),
     }
+    arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
+    return kernel_cells.Model(constraints.body.chain, _shapes(constraints), **arrays)
+
+
+def _shapes(constraints: Constraints) -> Shapes:
+    capsules, regions = constraints.arm.capsules, constraints.regions
+    numbers = torch.tensor([_numbers(region) for region in regions], dtype=torch.float64).reshape(-1, 6)
+    kinds = [PLANE if isinstance(region, Plane) else BOX for region in regions]
+    return Shapes.of(
+        capsules.link,
+        torch.stack([capsules.a, capsules.b]),
+        capsules.radius,
+        constraints.pairs,
+        constraints.guarded,
+        numbers,
+        torch.tensor(kinds, dtype=torch.long),
+    )
 
 
 def _most(reach: Tensor) -> Tensor:

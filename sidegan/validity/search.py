@@ -9,6 +9,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import Slack, cell_motion, jerk_bound
 from sidegan.validity.constraints import Constraints
 
+Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
+
 _COARSE = 0.1  # [s] longest cell of the first pass
 _SPLIT = 4  # parts that a cell is cut into where it cannot be decided
 _LEVELS = 6  # passes: the last one's cells are 0.1 s / 4⁵ = 0.1 ms long
@@ -88,6 +90,6 @@ class Search:
         self.margins[name] = best
         self.valid &= best >= 0
 
-    def result(self) -> tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]:
+    def result(self) -> Result:
         """Whether each trajectory is valid; the smallest margins, their elements and times."""
         return self.valid, self.margins, self.elements, self.times

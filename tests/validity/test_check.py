@@ -8,11 +8,10 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.motion.compiled import VARIABLE
+from sidegan.motion.compiled import VARIABLE, compiled
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane, check
-from sidegan.validity.fused import kernel
 from tests.chains import random_chain
 
 from .critical import DESK, KINDS, isolated, margins_at, named, scaled_to, smallest
@@ -45,7 +44,7 @@ def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     """Every law holds for the compiled kernel and for torch alone."""
     if request.param == "plain":
         monkeypatch.setenv(VARIABLE, "torch")
-    elif kernel() is None:
+    elif not compiled():
         pytest.skip("numba is not installed")
     return request.param
 

@@ -9,16 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from sidegan.motion import compiled
+from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane, check
-from sidegan.validity.fused import FusedSearch, kernel
 from sidegan.validity.search import Search
 from tests.chains import random_chain
 
 from .critical import BOX, DESK
 
-pytestmark = pytest.mark.skipif(kernel() is None, reason="numba is not installed")
+pytest.importorskip("numba")
 
 REGIONS = {
     "none": (),
@@ -44,16 +45,18 @@ def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
 
 def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Tensor:
     """Both searches end with the same verdicts, margins, elements and times; the verdicts come back."""
+    from sidegan.validity.fused import FusedSearch
+
     plain, fused = Search(constraints, trajectory, c), FusedSearch(constraints, trajectory, c)
     for search in (plain, fused):
         search.run()
-    (valid, *expected), (verdict, *found) = plain.result(), fused.result()
+    (valid, *expected), (verdict, *result) = plain.result(), fused.result()
     assert torch.equal(valid, verdict)
     for name, margin in expected[0].items():
-        torch.testing.assert_close(found[0][name], margin, rtol=1e-9, atol=1e-9)
-        motion = trajectory.roll_out(c, found[2][name])
+        torch.testing.assert_close(result[0][name], margin, rtol=1e-9, atol=1e-9)
+        motion = trajectory.roll_out(c, result[2][name])
         at = [x.diagonal().T for x in motion[1:]]  # each trajectory at its own time
-        own = constraints.margins(*at)[name].gather(1, found[1][name][:, None])[:, 0]
+        own = constraints.margins(*at)[name].gather(1, result[1][name][:, None])[:, 0]
         sampled = torch.isclose(own, margin, rtol=1e-9, atol=1e-9)
         assert (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
     return valid
@@ -116,13 +119,17 @@ def test_without_a_usable_numba_the_plain_search_does_the_work(
 ) -> None:
     constraints, trajectory = Constraints(planar, [DESK]), Trajectory(2)
     c = moderate(planar, trajectory, 20, seed=4)
-    compiled = check(constraints, trajectory, c)
-    monkeypatch.setitem(sys.modules, "sidegan.motion.compiled.validity", None)
-    monkeypatch.delattr("sidegan.motion.compiled.validity")
-    assert kernel() is None
-    plain = check(constraints, trajectory, c)
-    assert torch.equal(plain.valid, compiled.valid)
-    torch.testing.assert_close(plain.margins, compiled.margins)
+    monkeypatch.delenv(VARIABLE, raising=False)
+    fast = check(constraints, trajectory, c)
+    compiled._installed.cache_clear()
+    monkeypatch.setitem(sys.modules, "numba", None)
+    try:
+        assert not compiled.compiled()
+        slow = check(constraints, trajectory, c)
+    finally:
+        compiled._installed.cache_clear()
+    assert slow.valid.tolist() == fast.valid.tolist()
+    torch.testing.assert_close(slow.margins, fast.margins)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e150, 1e200, 1e300])

@@ -1,16 +1,18 @@
-"""Compiled kernels behind the same functions; the only door to numba.
+"""Compiled kernels; the only door to numba.
 
 They are used where numba is installed. The environment variable ``SIDEGAN_KERNELS`` decides otherwise:
-``torch`` for the plain code, which is the readable reference, ``numba`` to be told when numba is missing.
+``torch`` for the plain code, which is the readable reference, ``numba`` for an error when numba is missing.
 """
 
-import importlib.util
+import logging
 import os
 from functools import cache
 
 from sidegan.errors import ConfigError
 
 VARIABLE = "SIDEGAN_KERNELS"
+
+log = logging.getLogger(__name__)
 
 
 def compiled() -> bool:
@@ -29,4 +31,9 @@ def compiled() -> bool:
 
 @cache
 def _installed() -> bool:
-    return importlib.util.find_spec("numba") is not None
+    try:
+        import numba  # noqa: F401
+    except ImportError as error:  # missing, or unfit for the NumPy at hand
+        log.info("kernels are not compiled: %s", error)
+        return False
+    return True

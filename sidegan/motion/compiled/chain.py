@@ -1,11 +1,15 @@
-"""An arm's kinematics as the plain arrays that kernels take."""
+"""An arm's kinematics, and its capsules among what they must not touch, as the arrays that kernels take."""
 
 from typing import NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from sidegan.robot import Arm
+
+PLANE, BOX = range(2)  # kinds of regions
+_ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they need be
 
 
 class Chain(NamedTuple):
@@ -46,4 +50,49 @@ class Chain(NamedTuple):
             arm.axis,
             arm.gravity,
         ]
-        return cls(*(np.ascontiguousarray(x.numpy()) for x in tensors))
+        return cls(*map(array, tensors))
+
+
+class Shapes(NamedTuple):
+    """C capsules, and what they are kept apart from.
+
+    Attributes:
+        frame: in which a capsule lies: 0 for the base, else joint + 1, (C,) int.
+        ends: of its axis, in that frame [m], (2, C, 3).
+        radius: [m], (C,).
+        size: a little more than the radius of the ball around it [m], (C,).
+        pairs: capsules that are kept apart, (P, 2) int.
+        guarded: region and capsule, (K, 2) int.
+        regions: normal and offset of a plane, centre and half size of a box [m], (R, 4 or 6).
+        kinds: of the regions, (R,) int.
+    """
+
+    frame: np.ndarray
+    ends: np.ndarray
+    radius: np.ndarray
+    size: np.ndarray
+    pairs: np.ndarray
+    guarded: np.ndarray
+    regions: np.ndarray
+    kinds: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        link: Tensor,
+        ends: Tensor,
+        radius: Tensor,
+        pairs: Tensor,
+        guarded: Tensor,
+        regions: Tensor,
+        kinds: Tensor | None = None,
+    ) -> "Shapes":
+        """Shapes of capsules on links (−1: the base); all regions are planes where no kinds are given."""
+        size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
+        kinds = torch.full((len(regions),), PLANE) if kinds is None else kinds
+        return cls(*map(array, (link + 1, ends, radius, size, pairs, guarded, regions, kinds)))
+
+
+def array(x: Tensor) -> np.ndarray:
+    """A tensor's numbers, contiguous, without gradient."""
+    return x.detach().contiguous().numpy()

@@ -1,7 +1,7 @@
 """Compiled eigenpairs at both ends of the spectra of many small symmetric matrices.
 
 A matrix is made tridiagonal by Householder reflections; Sturm counts at several shifts at a time close in
-on the wanted eigenvalues; an eigenvector is the solution of the two-sided factorisation that is nearest
+on the eigenvalues at the ends; an eigenvector is the solution of the two-sided factorisation that is nearest
 to being singular. Together a fraction of what all eigenpairs cost.
 
 Sources: Golub, Van Loan 2013, Matrix Computations, 8.3 and 8.4; Dhillon, Parlett 2004, Orthogonal
@@ -9,11 +9,10 @@ eigenvectors and relative gaps, for the two-sided (twisted) factorisation.
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
-from sidegan.motion.compiled.jit import jit
+from sidegan.motion.compiled.jit import kernel, kernel_in_any_order
 
 _POINTS = 8  # shifts per eigenvalue and pass: each narrows its bracket to a ninth
 _PASSES = 19  # from twice the matrix's size to 1e-16 of its largest element
@@ -22,11 +21,8 @@ _NOISE = 1e-16  # a smaller pivot is rounding, for a matrix with elements up to 
 _APART = 1e-9  # larger products of eigenvectors: nearly equal eigenvalues, which are not for this method
 _RESIDUE = 1e-13
 
-_ANY_ORDER: Any = {"contract", "reassoc"}
-_compiled, _sum = jit(), jit(fastmath=_ANY_ORDER)
 
-
-@_sum
+@kernel_in_any_order
 def _dot(x: np.ndarray, y: np.ndarray) -> float:
     total = 0.0
     for i in range(len(x)):
@@ -34,13 +30,13 @@ def _dot(x: np.ndarray, y: np.ndarray) -> float:
     return total
 
 
-@_compiled
+@kernel
 def _add(x: np.ndarray, s: float, y: np.ndarray) -> None:
     for i in range(len(x)):
         x[i] += s * y[i]
 
 
-@_compiled
+@kernel
 def _reflect(a: np.ndarray, k: int, e: np.ndarray, tau: np.ndarray, w: np.ndarray) -> None:
     """Clear row and column k beyond the second diagonal; the reflection I − τ v vᵀ stays in row k."""
     v, p = a[k, k + 1 :], w[k + 1 :]
@@ -66,7 +62,7 @@ def _reflect(a: np.ndarray, k: int, e: np.ndarray, tau: np.ndarray, w: np.ndarra
             row[i] -= x * p[i] + y * v[i]
 
 
-@_compiled
+@kernel
 def _count(d: np.ndarray, e: np.ndarray, shifts: np.ndarray, pivots: np.ndarray, below: np.ndarray) -> None:
     """Number of eigenvalues below each shift."""
     for m in range(len(shifts)):
@@ -80,40 +76,40 @@ def _count(d: np.ndarray, e: np.ndarray, shifts: np.ndarray, pivots: np.ndarray,
             below[m] += 1.0 if q < 0 else 0.0
 
 
-@_compiled
+@kernel
 def _close_in(d: np.ndarray, e: np.ndarray, low: int, values: np.ndarray, work: np.ndarray) -> None:
     """Write the ``low`` smallest eigenvalues and the largest ones, as many as there are values."""
     shifts, pivots, below, left, right = work[0], work[1], work[2], work[3], work[4]
-    size, wanted = len(d), len(values)
+    size, count = len(d), len(values)
     smallest, largest = d[0], d[0]
     for i in range(size):
         beside = (abs(e[i - 1]) if i > 0 else 0.0) + (abs(e[i]) if i + 1 < size else 0.0)
         smallest, largest = min(smallest, d[i] - beside), max(largest, d[i] + beside)
-    for k in range(wanted):
+    for k in range(count):
         left[k], right[k] = smallest - _NOISE, largest + _NOISE
     for _ in range(_PASSES):
-        for k in range(wanted):
+        for k in range(count):
             for m in range(_POINTS):
                 shifts[k * _POINTS + m] = left[k] + (right[k] - left[k]) * ((m + 1) / (_POINTS + 1))
         _count(d, e, shifts, pivots, below)
-        for k in range(wanted):
-            rank = k if k < low else size - wanted + k
+        for k in range(count):
+            rank = k if k < low else size - count + k
             for m in range(_POINTS):
                 shift = shifts[k * _POINTS + m]
                 if below[k * _POINTS + m] <= rank:
                     left[k] = max(left[k], shift)
                 else:
                     right[k] = min(right[k], shift)
-    for k in range(wanted):
+    for k in range(count):
         values[k] = (left[k] + right[k]) / 2
 
 
-@_compiled
+@kernel
 def _solid(pivot: float) -> float:
     return pivot if abs(pivot) > _NOISE else math.copysign(_NOISE, pivot)
 
 
-@_compiled
+@kernel
 def _vector(
     d: np.ndarray, e: np.ndarray, value: float, z: np.ndarray, down: np.ndarray, up: np.ndarray
 ) -> None:
@@ -139,16 +135,16 @@ def _vector(
         z[i] /= length
 
 
-@_compiled
+@kernel
 def _sound(d: np.ndarray, e: np.ndarray, values: np.ndarray, z: np.ndarray) -> bool:
     """Whether these are eigenpairs of the tridiagonal matrix, and the vectors at right angles."""
     size = len(d)
     for k in range(len(values)):
         for i in range(size):
-            found = (d[i] - values[k]) * z[k, i]
-            found += e[i - 1] * z[k, i - 1] if i > 0 else 0.0
-            found += e[i] * z[k, i + 1] if i + 1 < size else 0.0
-            if not abs(found) < _RESIDUE * size:
+            rest = (d[i] - values[k]) * z[k, i]
+            rest += e[i - 1] * z[k, i - 1] if i > 0 else 0.0
+            rest += e[i] * z[k, i + 1] if i + 1 < size else 0.0
+            if not abs(rest) < _RESIDUE * size:
                 return False
         for m in range(k):
             if not abs(_dot(z[k], z[m])) < _APART:
@@ -156,12 +152,12 @@ def _sound(d: np.ndarray, e: np.ndarray, values: np.ndarray, z: np.ndarray) -> b
     return True
 
 
-def room(size: int, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+def room(size: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Room for the kernel at work; not to be shared among threads."""
-    return np.zeros((5, size)), np.zeros((5, wanted * _POINTS))
+    return np.zeros((5, size)), np.zeros((5, count * _POINTS))
 
 
-@_compiled
+@kernel
 def extremes(
     a: np.ndarray,
     low: int,

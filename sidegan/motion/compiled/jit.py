@@ -4,22 +4,55 @@ Without reference counts (``_nrt``) they are twice as fast, and in return cannot
 calls one gives it room to work in.
 """
 
+import hashlib
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+_ANY_ORDER: Any = {"contract", "reassoc"}
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def jit(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Numba's compiler with its cache on disk, or without where there is no place for one."""
-    every: Any = {**_OPTIONS, **options}
+class _Cache(FunctionCache):
+    """Cache on disk of a function, stale as soon as any file of this package changes.
 
+    Numba's own looks at the function's file alone, although a compiled function contains those it calls.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = IndexDataCacheFile(
+            self._impl.locator.get_cache_path(), self._impl.filename_base, source_stamp=_digest()
+        )
+
+
+@cache
+def _digest() -> str:
+    """Digest of the sources of all kernels."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _jit(**options: Any) -> Decorator:
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        try:
-            return numba.njit(cache=True, **every)(function)
-        except RuntimeError:  # numba found no folder that it may write to
-            return numba.njit(**every)(function)
+        dispatcher = numba.njit(**{**_OPTIONS, **options})(function)
+        with suppress(RuntimeError):  # numba finds no folder that it may write to
+            dispatcher._cache = _Cache(function)
+        return dispatcher
 
     return decorate
+
+
+kernel = _jit()
+inline = _jit(forceinline=True)  # a call would pass up to two hundred numbers
+kernel_in_any_order = _jit(fastmath=_ANY_ORDER)  # its sums over lanes are sums of vectors
+inline_in_any_order = _jit(forceinline=True, fastmath=_ANY_ORDER)

@@ -1,6 +1,6 @@
-"""What motions cost that come near their limits, as kernels take it."""
+"""What motions cost that come near their limits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,14 +41,17 @@ class Limits(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Capsules that are kept apart: weight times the square of what a distance lacks.
+    """Distances that are kept: weight times the square of what a distance lacks.
 
     Attributes:
         weight: of the squares [1/m²].
         reach: smallest distance that costs nothing [m].
-        shapes: the fields of ``sidegan.motion.compiled.closeness.Shapes``.
+        shapes: arguments of ``compiled.chain.Shapes.of``; None where the plain code must take the distances:
+            kernels know planes only.
+        clearances: all distances [m], (N, K), at positions (N, J); differentiable.
     """
 
     weight: float
     reach: float
-    shapes: Sequence[Tensor]
+    shapes: Sequence[Tensor] | None
+    clearances: Callable[[Tensor], Tensor] | None = None

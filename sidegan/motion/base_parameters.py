@@ -1,0 +1,78 @@
+"""The identifiable combinations of an arm's inertial parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.linalg import qr
+from torch import Tensor
+
+from sidegan.errors import RobotError
+from sidegan.motion import newton_euler
+from sidegan.robot import Arm
+
+LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_RANK_TOLERANCE = 1e-9  # relative; rounding noise sits near 1e-15, the weakest true direction near 1e-3
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """The identifiable combinations of the inertial parameters (Gautier 1991).
+
+    Attributes:
+        columns: indices of the independent columns of the full regressor, (p,).
+        mapping: base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``.
+        values: base parameters of the arm, (p,).
+        subspace: C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY.
+        names: the leading parameter of each combination, such as ``"Ixx2"``.
+    """
+
+    columns: Tensor
+    mapping: Tensor
+    values: Tensor
+    subspace: Tensor
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, arm: Arm) -> "BaseParameters":
+        """Independent columns and the map onto them, from 60 random states per joint.
+
+        The columns are the first linearly independent ones in Pinocchio's order, so that the choice is
+        deterministic. Columns that are rounding noise are dropped before any is normalised.
+
+        Raises:
+            RobotError: when no parameter has any effect on the torques.
+        """
+        y = _random_rows(arm)
+        norms = np.linalg.norm(y, axis=0)
+        if not norms.max() > 0:
+            raise RobotError(f"no inertial parameter of {arm.name} has an effect on its joint torques")
+        alive = np.flatnonzero(norms > _RANK_TOLERANCE * norms.max())
+        columns = alive[_first_independent(y[:, alive] / norms[alive])]
+        scale = norms[columns]
+        mapping = np.linalg.lstsq(y[:, columns] / scale, y, rcond=None)[0] / scale[:, None]
+        mapping[np.abs(mapping) < 1e-10] = 0.0
+        mapping[:, columns] = np.eye(len(columns))
+        values = mapping @ arm.inertial_parameters.reshape(-1).numpy()
+        subspace = np.linalg.cholesky(mapping @ mapping.T)
+        names = tuple(f"{LINK_PARAMETERS[c % 10]}{c // 10 + 1}" for c in columns)
+        tensors = [torch.from_numpy(x) for x in (columns, mapping, values, subspace)]
+        return cls(tensors[0], tensors[1], tensors[2], tensors[3], names)
+
+
+def _random_rows(arm: Arm) -> np.ndarray:
+    """Rows of the full regressor over random states, (60 J², 10 J)."""
+    random = torch.Generator().manual_seed(0)
+    draw = torch.rand(3, 60 * arm.joints, arm.joints, generator=random, dtype=torch.float64) * 2 - 1
+    span = (arm.position_upper - arm.position_lower) / 2
+    q = (arm.position_upper + arm.position_lower) / 2 + span * draw[0]
+    states = newton_euler.states_last((q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
+    return newton_euler.regressor(arm, states).permute(2, 0, 1).reshape(-1, 10 * arm.joints).numpy()
+
+
+def _first_independent(unit: np.ndarray) -> np.ndarray:
+    """Indices of the first linearly independent ones among columns of length one, from left to right."""
+    pivots = np.abs(np.diag(qr(unit, mode="economic", pivoting=True)[1]))
+    rank = int((pivots > _RANK_TOLERANCE * pivots[0]).sum())
+    leading = np.abs(np.diag(np.linalg.qr(unit)[1]))
+    return np.sort(np.argsort(-leading, kind="stable")[:rank])

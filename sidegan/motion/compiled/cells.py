@@ -1,0 +1,211 @@
+"""Motion of an arm in its workspace within a cell, compiled: states, frames, torques and their bounds."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.motion.compiled.chain import Chain, Shapes
+from sidegan.motion.compiled.formulas import carried_bounds, cell_bounds, link_bounds, wrench_bounds
+from sidegan.motion.compiled.jit import inline, inline_in_any_order, kernel
+from sidegan.motion.compiled.links import (
+    Frames,
+    carried,
+    frames,
+    joint,
+    locate,
+    moved,
+    placement,
+    wrench_of,
+)
+from sidegan.motion.compiled.vectors import add, dot, matrix, row, set_matrix, set_row, ten
+
+_cell_bounds, _link_bounds = inline(cell_bounds), inline(link_bounds)
+_wrench_bounds, _carried_bounds = inline(wrench_bounds), inline(carried_bounds)
+
+
+class Model(NamedTuple):
+    """An arm in its workspace as arrays, float64 where nothing else is said.
+
+    Attributes:
+        chain: joints.
+        shapes: capsules, and what they are kept apart from.
+        parameters: inertial parameters, (10 J,).
+        home: position that trajectories start from, (J,) [rad or m].
+        lower: position limits, (J,).
+        upper: position limits, (J,).
+        speed: velocity limits, (J,).
+        torque: torque limits, (J,); infinite where nothing is limited.
+        pair_reach: how far the motion of a joint moves two capsules against each other, (P, J).
+        pair_most: the largest of all pairs, (1, J).
+        region_reach: how far the motion of a joint moves a capsule, (K, J).
+        region_most: the largest of all, (1, J).
+        travel: upper bound of the distance between a joint's frame and its parent's, (J,) [m].
+        mass: absolute, (J,) [kg].
+        first: norm of the first moment of mass, (J,).
+        spin: spectral norm of the inertia matrix, (J,).
+    """
+
+    chain: Chain
+    shapes: Shapes
+    parameters: np.ndarray
+    home: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    speed: np.ndarray
+    torque: np.ndarray
+    pair_reach: np.ndarray
+    pair_most: np.ndarray
+    region_reach: np.ndarray
+    region_most: np.ndarray
+    travel: np.ndarray
+    mass: np.ndarray
+    first: np.ndarray
+    spin: np.ndarray
+
+
+class Motions(NamedTuple):
+    """Trajectories on a grid of cells.
+
+    Attributes:
+        c: coefficients, (B, J, K).
+        jerk: bound of the absolute jerk, (B, J).
+        basis: derivatives 0 to 2 of the basis at the centres of cells, (T, 3, K).
+        times: the same centres [s], (T,).
+        half: half width of the cells [s].
+    """
+
+    c: np.ndarray
+    jerk: np.ndarray
+    basis: np.ndarray
+    times: np.ndarray
+    half: float
+
+
+class Work(NamedTuple):
+    """What one step leaves for the next; each thread needs its own.
+
+    Attributes:
+        state: position, velocity, acceleration, (3, J).
+        motion: bounds of position change, velocity change, speed and acceleration in a cell, (4, J).
+        most: the largest such bounds of a trajectory, (4, J).
+        turn: rotation of a joint's frame in its parent's, (J, 9).
+        shift: its origin there, (J, 3).
+        world: frames in the world.
+        force: on a link, (J, 3).
+        moment: on a link, (J, 3).
+        torque: (J,).
+        sums: bounds of a link's force, its rate, moment and its rate, (4, J).
+        rate: bound of the torques' rates in a cell, (J,).
+        cap: the same for all cells of a trajectory, (J,).
+        ends: end points of the capsules' axes, and the middles between them, (3, C, 3).
+    """
+
+    state: np.ndarray
+    motion: np.ndarray
+    most: np.ndarray
+    turn: np.ndarray
+    shift: np.ndarray
+    world: Frames
+    force: np.ndarray
+    moment: np.ndarray
+    torque: np.ndarray
+    sums: np.ndarray
+    rate: np.ndarray
+    cap: np.ndarray
+    ends: np.ndarray
+
+
+def work_space(model: Model) -> Work:
+    """Arrays that one thread needs for a model."""
+    j = len(model.home)
+    shapes = {"state": (3, j), "turn": (j, 9), "ends": (3, len(model.shapes.frame), 3)}
+    shapes |= dict.fromkeys(("motion", "most", "sums"), (4, j))
+    shapes |= dict.fromkeys(("shift", "force", "moment"), (j, 3))
+    shapes |= dict.fromkeys(("torque", "rate", "cap"), (j,))
+    return Work(world=frames(j), **{name: np.zeros(shape) for name, shape in shapes.items()})
+
+
+@inline_in_any_order
+def roll_out(home: np.ndarray, motions: Motions, n: int, at: int, state: np.ndarray) -> None:
+    """State (3, J) of trajectory n at a row of the basis."""
+    c, basis = motions.c, motions.basis
+    for j in range(c.shape[1]):
+        q, dq, ddq = home[j], 0.0, 0.0
+        for k in range(c.shape[2]):
+            q += basis[at, 0, k] * c[n, j, k]
+            dq += basis[at, 1, k] * c[n, j, k]
+            ddq += basis[at, 2, k] * c[n, j, k]
+        state[0, j], state[1, j], state[2, j] = q, dq, ddq
+
+
+@inline
+def bound_motion(state: np.ndarray, motions: Motions, n: int, motion: np.ndarray) -> None:
+    """Bounds of the motion in the cell around a state."""
+    for j in range(state.shape[1]):
+        bounds = _cell_bounds(state[1, j], state[2, j], motions.jerk[n, j], motions.half)
+        motion[0, j], motion[1, j], motion[2, j], motion[3, j] = bounds
+
+
+@inline
+def place_joints(model: Model, work: Work) -> None:
+    """Frames of the joints, in their parents and in the world."""
+    for i in range(len(model.home)):
+        q = work.state[0, i]
+        r, shift = placement(joint(model.chain, i), math.sin(q), math.cos(q), q)
+        set_matrix(work.turn, i, r)
+        set_row(work.shift, i, shift)
+        locate(work.world, i, r, shift)
+
+
+@inline
+def torques(model: Model, work: Work) -> None:
+    """Inverse dynamics [N·m] by the recursive Newton-Euler algorithm."""
+    joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
+    motion = still, still, (-g[0], -g[1], -g[2])
+    for i in range(joints):
+        r, shift = matrix(work.turn, i), row(work.shift, i)
+        motion = moved(joint(model.chain, i), r, shift, work.state[1, i], work.state[2, i], motion)
+        force, moment = wrench_of(ten(model.parameters, 10 * i), motion)
+        set_row(work.force, i, force)
+        set_row(work.moment, i, moment)
+    f, n = still, still
+    for i in range(joints - 1, -1, -1):
+        f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
+        work.torque[i] = dot(row(model.chain.axis, i), f if model.chain.prismatic[i] else n)
+        f, n = carried(matrix(work.turn, i), row(work.shift, i), (f, n))
+
+
+@kernel
+def bound_torque_rates(
+    model: Model, motion: np.ndarray, jerk: np.ndarray, sums: np.ndarray, rate: np.ndarray
+) -> None:
+    """Upper bound of the absolute rate of every joint torque in a cell, (J,), from that of the jerk, (J,)."""
+    g, slides, travel = model.chain.gravity, model.chain.prismatic, model.travel
+    link = 0.0, 0.0, 0.0, 0.0, math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2), 0.0
+    for i in range(len(rate)):
+        link = _link_bounds(slides[i], motion[2, i], motion[3, i], jerk[i], travel[i], link)
+        wrench = _wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
+        sums[0, i], sums[1, i], sums[2, i], sums[3, i] = wrench
+    f = df = n = dn = 0.0
+    for i in range(len(rate) - 1, -1, -1):
+        wrench = f + sums[0, i], df + sums[1, i], n + sums[2, i], dn + sums[3, i]
+        rate[i] = wrench[1] if slides[i] else wrench[3]
+        f, df, n, dn = _carried_bounds(slides[i], motion[2, i], travel[i], wrench)
+
+
+@inline
+def cap_torque_rates(model: Model, work: Work, motions: Motions, n: int, rows: np.ndarray) -> None:
+    """Bounds of the torques' rates that hold in all the given cells of a trajectory.
+
+    The bound grows with every speed and acceleration, so one for the largest of each will do.
+    """
+    most = work.most
+    for j in range(len(model.home)):
+        most[2, j] = most[3, j] = 0.0
+    for at in rows:
+        roll_out(model.home, motions, n, at, work.state)
+        bound_motion(work.state, motions, n, work.motion)
+        for j in range(len(model.home)):
+            most[2, j], most[3, j] = max(most[2, j], work.motion[2, j]), max(most[3, j], work.motion[3, j])
+    bound_torque_rates(model, most, motions.jerk[n], work.sums, work.cap)

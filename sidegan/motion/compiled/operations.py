@@ -1,0 +1,206 @@
+"""Compiled dynamics as differentiable functions of tensors (CPU, float64); those of ``sidegan.motion.plain``.
+
+First derivatives are compiled too. Where a derivative is to be derived again, the plain code takes over.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.motion import plain
+from sidegan.motion.compiled import closeness, eigen, lanes, regressor, slopes
+from sidegan.motion.compiled.chain import Chain, Shapes, array
+from sidegan.motion.compiled.limits import Limits, Near
+from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
+
+if TYPE_CHECKING:
+    from sidegan.motion.dynamics import RigidBody
+
+States = Sequence[Tensor]
+
+_STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
+_ALONE = 2**14  # numbers: below 2**15 torch works in the thread that it is called in
+
+
+def states_at_once(joints: int) -> int:
+    """How many states to hold at a time."""
+    return min(plain.states_at_once(joints), _STATES_IN_CACHE * torch.get_num_threads())
+
+
+def gram(body: "RigidBody", columns: Tensor, states: States) -> Tensor:
+    """Gram matrices YᵀY / T of columns (p,) of the regressor, (B, p, p), of states (B, T, J)."""
+    columns, order = columns.sort()
+    grams = _Gram.apply(*states, columns, body)
+    if torch.equal(order, torch.arange(len(order))):
+        return grams
+    back = order.argsort()
+    return grams[:, back][:, :, back]
+
+
+def torques(body: "RigidBody", states: States, sets: Tensor) -> Tensor:
+    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J)."""
+    return plain.torques(body, states, sets) if sets.requires_grad else _Torques.apply(*states, sets, body)
+
+
+def sums(body: "RigidBody", states: States, torque: Tensor) -> Tensor:
+    """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples (S, J)."""
+    joints, columns = torque.shape[1], _columns(body.base.columns, torque.shape[1])
+    size, threads = len(columns.kinds) + 1, threads_for(len(torque), len(torque))
+    products = np.zeros((threads, joints, size, size))
+    parts = [torch.tensor_split(x.detach(), threads) for x in (*states, torque)]
+
+    def work(k: int) -> None:
+        motion = _states(*(x[k][None] for x in parts[:3]))
+        y = lanes.aligned(size, joints * regressor.SPAN)
+        pulled = array(parts[3][k].T)[None]
+        regressor.sums(body.chain, motion, pulled, columns, products[k], lanes.room(joints), y)
+
+    each(work, threads)
+    return torch.from_numpy(products.sum(0))
+
+
+def penalised_slopes(
+    body: "RigidBody", states: States, sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
+) -> tuple[Tensor, list[Tensor]]:
+    """Penalty, (B,), and gradients in the states, (B, T, J) each, of it and of Σ weight · |Y v|²."""
+    exact = None if near is None or near.shapes is None else near
+    value, slope = _slopes(body.chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, exact)
+    if near is not None and exact is None:
+        cost, push = plain.distance_slopes(near, states[0])
+        value, slope = value + cost, [slope[0] + push, *slope[1:]]
+    return value, slope
+
+
+def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
+    """The ``low`` smallest and ``high`` largest of p > low + high eigenvalues, and eigenvectors."""
+    batch, size, count = *x.shape[:2], low + high
+    scale = torch.maximum(x.amax((1, 2)), -x.amin((1, 2))).clamp_min(torch.finfo(x.dtype).tiny)
+    a, sound = (x / scale[:, None, None]).contiguous().numpy(), np.zeros(batch, bool)
+    values, vectors = np.zeros((batch, count)), np.zeros((batch, count, size))
+
+    def work(k: slice) -> None:
+        eigen.extremes(a[k], low, values[k], vectors[k], sound[k], *eigen.room(size, count))
+
+    share(work, batch, AS_STATES)
+    pairs = torch.from_numpy(values) * scale[:, None], torch.from_numpy(vectors).transpose(1, 2)
+    if not sound.all():
+        rest = torch.from_numpy(~sound)
+        for x_of_all, x_of_rest in zip(pairs, plain.extremes(x[rest], low, high)):
+            x_of_all[rest] = x_of_rest
+    return pairs
+
+
+class _Gram(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, columns: Tensor, body: "RigidBody") -> Tensor:
+        ctx.save_for_backward(q, dq, ddq, columns)
+        ctx.body = body
+        batch, count, joints = q.shape
+        size, of_links = len(columns), _columns(columns, joints)
+        grams = np.zeros((batch, size, size))
+
+        def work(k: slice) -> None:
+            y = lanes.aligned(size, joints * regressor.SPAN)
+            motion = _states(q[k], dq[k], ddq[k])
+            regressor.grams(body.chain, motion, of_links, grams[k], lanes.room(joints), y)
+
+        share(work, batch, count)
+        return torch.from_numpy(grams)
+
+    @staticmethod
+    def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
+        """The cotangent is Σ weight v vᵀ over its eigenpairs: its product with YᵀY is Σ weight |Y v|²."""
+        *states, columns = ctx.saved_tensors
+        if torch.is_grad_enabled():
+            again = _again(lambda *x: plain.gram(ctx.body, columns, x), states, cotangent)
+            return (*again, None, None)
+        weights, vectors = eigh((cotangent + cotangent.transpose(1, 2)) / 2)
+        noise = len(columns) * torch.finfo(weights.dtype).eps * weights.abs().amax(1, keepdim=True)
+        count = int((weights.abs() > noise).sum(1).max()) if len(weights) else 0
+        heaviest = weights.abs().topk(count, 1).indices
+        vectors = vectors.gather(2, heaviest[:, None].expand(-1, len(columns), -1))
+        sets = cotangent.new_zeros(len(weights), count, 10 * states[0].shape[2])
+        sets[:, :, columns] = vectors.transpose(1, 2)
+        weights = weights.gather(1, heaviest) / states[0].shape[1]
+        limits = Limits.none(states[0].shape[2])
+        return (*penalised_slopes(ctx.body, states, sets, weights, limits, None)[1], None, None)
+
+
+class _Torques(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, body: "RigidBody") -> Tensor:
+        ctx.save_for_backward(q, dq, ddq, sets)
+        ctx.body = body
+        batch, count, joints = q.shape
+        torque, parameters = np.empty((batch, sets.shape[1], joints, count)), array(sets)
+
+        def work(k: slice) -> None:
+            motion = _states(q[k], dq[k], ddq[k])
+            lanes.torques(body.chain, motion, parameters[k], torque[k], lanes.room(joints))
+
+        share(work, batch, count)
+        return torch.from_numpy(torque).transpose(2, 3)
+
+    @staticmethod
+    def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
+        *states, sets = ctx.saved_tensors
+        if torch.is_grad_enabled():
+            return (*_again(lambda *x: plain.torques(ctx.body, x, sets), states, cotangent), None, None)
+        given = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
+        slope = _slopes(ctx.body.chain, states, given, Limits.none(states[0].shape[2]), None)[1]
+        return (*slope, None, None)
+
+
+def _again(
+    function: Callable[..., Tensor], states: Sequence[Tensor], cotangent: Tensor
+) -> list[Tensor | None]:
+    """Slopes of the plain function that can be derived again."""
+    used = [x for x in states if x.requires_grad]
+    slope = iter(torch.autograd.grad(function(*states), used, cotangent, create_graph=True))
+    return [next(slope) if x.requires_grad else None for x in states]
+
+
+def _slopes(
+    chain: Chain, states: States, sets: Sequence[Tensor], limits: Limits, near: Near | None
+) -> tuple[Tensor, list[Tensor]]:
+    """Penalty, (B,), and gradients of it and of the function of ``slopes.Sets``, given by its fields."""
+    batch, count, joints = states[0].shape
+    slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
+    arrays = [array(x) for x in sets]
+    shapes = None if near is None or near.shapes is None else Shapes.of(*near.shapes)
+
+    def work(k: slice) -> None:
+        motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))
+        slopes.slopes(chain, limits, motion, mine, value[k], slope[:, k], lanes.room(joints))
+        if near is not None and shapes is not None:
+            cost, push = np.zeros(len(value[k])), np.zeros((len(value[k]), joints, count))
+            room = closeness.room(shapes, joints)
+            closeness.closeness(chain, shapes, motion, near.reach, cost, push, room)
+            value[k] += near.weight * cost
+            slope[0, k] += near.weight * push
+
+    share(work, batch, count)
+    return torch.from_numpy(value), [x.transpose(1, 2) for x in torch.from_numpy(slope)]
+
+
+def _columns(columns: Tensor, joints: int) -> regressor.Columns:
+    """Ascending columns of the full regressor as kernels take them."""
+    first = torch.searchsorted(columns // 10, torch.arange(joints + 1))
+    return regressor.Columns((columns % 10).numpy(), first.numpy())
+
+
+def _states(q: Tensor, dq: Tensor, ddq: Tensor) -> np.ndarray:
+    """What kernels take of states (B, T, J), (5, B, J, T)."""
+    batch, count, joints = q.shape
+    states = np.empty((5, batch, joints, count))
+    for row, x in zip(states[2:], (q, dq, ddq)):
+        row[...] = x.detach().numpy().transpose(0, 2, 1)
+    # In pieces that torch does not share among its threads: those would wait beside ours, and busily.
+    sine, cosine, position = (x.split(_ALONE) for x in torch.from_numpy(states[:3]).flatten(1))
+    for s, c, x in zip(sine, cosine, position):
+        torch.sin(x, out=s)
+        torch.cos(x, out=c)
+    return states

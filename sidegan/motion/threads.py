@@ -1,0 +1,56 @@
+"""Work shared among torch's threads, for what torch does in one alone: kernels, and eigenpairs."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
+
+import torch
+from torch import Tensor
+
+AS_STATES = 50  # a small matrix is as much work as so many states
+_WORTH_A_THREAD = 1_000  # states: half a millisecond of work
+
+
+def threads_for(tasks: int, states: int) -> int:
+    """How many of torch's threads so much work is worth."""
+    return max(1, min(torch.get_num_threads(), tasks, states // _WORTH_A_THREAD))
+
+
+def share(work: Callable[[slice], None], batch: int, states: int) -> None:
+    """Do work on slices of a batch, whose every item is as much work as so many states, one per thread."""
+    threads = threads_for(batch, batch * states)
+    cuts = [batch * k // threads for k in range(threads + 1)]
+    each(lambda k: work(slice(cuts[k], cuts[k + 1])), threads)
+
+
+def each(work: Callable[[int], None], count: int) -> None:
+    """Do work 0, 1, … at the same time, the first of it here."""
+    others = [_pool(os.getpid(), count - 1).submit(work, k) for k in range(1, count)]
+    try:
+        work(0)
+    finally:
+        wait(others)
+    for other in others:
+        other.result()
+
+
+@cache
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads that stay, of this process: a fork has none of its parent's."""
+    return ThreadPoolExecutor(threads, "sidegan")
+
+
+@torch.no_grad()
+def eigh(x: Tensor) -> tuple[Tensor, Tensor]:
+    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices; not differentiable.
+
+    LAPACK takes one matrix after the other; here torch's threads share them.
+    """
+    values, vectors = x.new_empty(x.shape[:2]), torch.empty_like(x)
+
+    def work(k: slice) -> None:
+        values[k], vectors[k] = torch.linalg.eigh(x[k].detach())
+
+    share(work, len(x), AS_STATES)
+    return values, vectors

@@ -1,0 +1,77 @@
+"""The cache of compiled kernels on disk."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sidegan
+
+pytest.importorskip("numba")
+
+KERNEL = """
+import sys
+import numpy as np
+from sidegan.motion.compiled import caller
+x = np.zeros(1)
+caller.three_times(x, 2.0)
+print(x[0], sum(caller.three_times.stats.cache_hits.values()))
+"""
+CALLER = """
+from sidegan.motion.compiled import callee
+from sidegan.motion.compiled.jit import kernel
+
+times = callee.times
+
+@kernel
+def three_times(x, y):
+    x[0] = times(3.0, y)
+"""
+CALLEE = """
+from sidegan.motion.compiled.jit import inline
+
+@inline
+def times(s, y):
+    return s * y
+"""
+
+
+def run(code: str, folder: Path) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    command = [sys.executable, "-c", code]
+    return subprocess.run(
+        command, env=environment, cwd=folder, check=True, timeout=120, capture_output=True, text=True
+    ).stdout.strip()
+
+
+@pytest.fixture
+def package(tmp_path):
+    """Folder with a copy of what the cache needs of the package, and two kernels in two files."""
+    source = Path(sidegan.__file__).parent
+    compiled = tmp_path / "sidegan" / "motion" / "compiled"
+    compiled.mkdir(parents=True)
+    for file in ("__init__.py", "errors.py", "motion/__init__.py", "motion/compiled/__init__.py"):
+        shutil.copy(source / file, tmp_path / "sidegan" / file)
+    shutil.copy(source / "motion/compiled/jit.py", compiled)
+    (compiled / "caller.py").write_text(CALLER)
+    (compiled / "callee.py").write_text(CALLEE)
+    return compiled
+
+
+def test_a_change_in_one_file_is_noticed_by_kernels_of_another(package):
+    folder = package.parents[2]
+    assert run(KERNEL, folder) == "6.0 0"
+    assert run(KERNEL, folder) == "6.0 1"
+    (package / "callee.py").write_text(CALLEE.replace("s * y", "s * y + 1.0"))
+    assert run(KERNEL, folder) == "7.0 0"
+    assert run(KERNEL, folder) == "7.0 1"
+
+
+def test_kernels_are_compiled_where_there_is_no_place_for_a_cache(package):
+    nowhere = "import numba.core.caching as c; c.CacheImpl._locator_classes = []\n"
+    for _ in range(2):
+        assert run(nowhere + KERNEL, package.parents[2]) == "6.0 0"
