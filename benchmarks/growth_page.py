@@ -9,11 +9,10 @@ import pandas as pd
 
 from benchmarks.growth_curves import CURVES, Curve
 from benchmarks.pictures import logarithmic, picture
-from sidegan.report.canvas import band
-from sidegan.report.document import Block, Document, Picture, Section, Table, Text
-from sidegan.report.markdown import write_markdown
+from sidegan.base.storage import write_bytes
+from sidegan.report.canvas import Line, band
+from sidegan.report.document import figure_text, table_text
 from sidegan.report.style import colours
-from sidegan.report.summary import Line
 
 _FITTED = 4  # largest points that an exponent is fitted to
 _LEAD = """How costs grow, as measured by
@@ -66,29 +65,32 @@ def draw(curve: Curve, rows: pd.DataFrame, path: Path) -> None:
 def write_page(folder: Path) -> None:
     """Write ``README.md`` of a folder: a section for each curve whose table is there."""
     there = {name: curve for name, curve in CURVES.items() if (folder / f"{name}.csv").exists()}
-    sections = [Section(curve.title, list(_blocks(name, curve, folder))) for name, curve in there.items()]
+    blocks = ["# Growth", _LEAD]
+    for name, curve in there.items():
+        blocks += [f"## {curve.title}", *_blocks(name, curve, folder)]
     if (folder / "soak.csv").exists():
-        sections.append(_soak(folder))
-    write_markdown(Document("Growth", _LEAD, sections), folder / "README.md")
+        blocks += ["## Memory over time", *_soak(folder)]
+    text = "\n\n".join(block.strip() for block in blocks)
+    write_bytes(folder / "README.md", f"{text}\n".encode())
 
 
-def _blocks(name: str, curve: Curve, folder: Path) -> Iterator[Block]:
+def _blocks(name: str, curve: Curve, folder: Path) -> Iterator[str]:
     rows = pd.read_csv(folder / f"{name}.csv")
-    yield Text(curve.about)
-    yield Picture(folder / f"{name}.png", f"{curve.unit} over {curve.varied}")
+    yield curve.about
+    yield figure_text(Path(f"{name}.png"), f"{curve.unit} over {curve.varied}")
     yield _table(curve, rows)
     powers = {words: exponent(curve, rows, column) for column, words in curve.shown.items()}
-    yield Text(f"Exponents of {'the total' if curve.share else 'the cost'}: {_listed(powers)}.")
+    yield f"Exponents of {'the total' if curve.share else 'the cost'}: {_listed(powers)}."
     if name == "long":
-        yield Text(_about_the_paper(rows, curve))
+        yield _about_the_paper(rows, curve)
 
 
-def _table(curve: Curve, rows: pd.DataFrame) -> Table:
+def _table(curve: Curve, rows: pd.DataFrame) -> str:
     columns = {**curve.shown, **({"peak_mb": "peak memory [MB]"} if curve.memory else {})}
     middle = rows.groupby("at")[list(columns)].median().rename(columns=columns).map(_number)
     counts = rows.groupby("at").size().rename("repeats")
     middle.index = pd.Index([f"{at:,}" for at in middle.index], name=curve.varied)
-    return Table(middle.assign(repeats=counts.to_numpy()), f"{curve.unit}, medians")
+    return table_text(middle.assign(repeats=counts.to_numpy()), f"{curve.unit}, medians")
 
 
 def _about_the_paper(rows: pd.DataFrame, curve: Curve) -> str:
@@ -115,7 +117,7 @@ def _about_the_paper(rows: pd.DataFrame, curve: Curve) -> str:
     )
 
 
-def _soak(folder: Path) -> Section:
+def _soak(folder: Path) -> list[str]:
     """The soak run, which has a command of its own."""
     from benchmarks.soak import read, slope_of, told
 
@@ -125,8 +127,8 @@ def _soak(folder: Path) -> Section:
         "generator trained on them, its library filtered, written part by part and read again, the "
         "selection, the identification. Its exit code is 1 when memory grows."
     )
-    picture_ = Picture(folder / "soak.png", "resident memory between two rounds of the same work")
-    return Section("Memory over time", [Text(about), picture_, Text(f"{told(samples, slope_of(samples))}.")])
+    drawn = figure_text(Path("soak.png"), "resident memory between two rounds of the same work")
+    return [about, drawn, f"{told(samples, slope_of(samples))}."]
 
 
 def _listed(powers: dict[str, Exponent]) -> str:

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from experiments.beyond_evidence import Evidence, arrival
+from experiments.beyond_frames import arrival, final_condition
 from sidegan.pipeline.plan import RANDOM, SEEDS
-from sidegan.pipeline.plan_beyond import OPTIMISED, POLISHED, SCRATCH
+from sidegan.pipeline.plan_beyond import OPTIMISED, POLISHED
 from sidegan.report import tables
 
 _POOLS = {
@@ -53,19 +53,19 @@ def spread(values: pd.Series) -> str:
     return tables.spread_or_dash(known)
 
 
-def pools(evidence: Evidence) -> pd.DataFrame:
+def pools(frame: pd.DataFrame) -> pd.DataFrame:
     """Validity, excitation and diversity of every pool, over trainings."""
-    return _table(evidence.pools, _POOLS)
+    return _table(frame, _POOLS)
 
 
-def best(evidence: Evidence, pick: str) -> pd.DataFrame:
+def best(frame: pd.DataFrame, pick: str) -> pd.DataFrame:
     """What the best set of every pool is worth, over trainings."""
-    return _table(evidence.best[evidence.best.pick == pick], _BEST)
+    return _table(frame[frame.pick == pick], _BEST)
 
 
-def first(evidence: Evidence) -> pd.DataFrame:
+def first(times: pd.DataFrame) -> pd.DataFrame:
     """Where the time to the first set goes, over trainings."""
-    frame = evidence.first.replace(0.0, np.nan)  # what was not needed
+    frame = times.replace(0.0, np.nan)  # what was not needed
     return _table(frame.assign(each=1000 * frame.each), _FIRST)
 
 
@@ -118,7 +118,7 @@ def transfers(frame: pd.DataFrame) -> pd.DataFrame:
     """What each way reaches for each target, and how soon it has the quality of the training from scratch."""
     rows = []
     for target, part in frame.groupby("target", sort=False):
-        final = float(part[part.way == SCRATCH].condition.iloc[-1])
+        final = final_condition(part)
         for way, curve in part.groupby("way", sort=False):
             steps, seconds = arrival(curve, final)
             last, begun = curve.iloc[-1], curve.iloc[0]

@@ -51,6 +51,17 @@ def spread(values: pd.Series) -> str:
     return f"{mean:.3g}" if len(values) < 2 else f"{mean:.3g} ± {deviation:.2g}"
 
 
+def spread_or_dash(values: pd.Series | None) -> str:
+    """Mean ± standard deviation of what is known, a dash when nothing is."""
+    known = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
+    return spread(known) if len(known) else "—"
+
+
+def weighting(weighted: bool) -> str:
+    """Name of a weighting of the least squares for people."""
+    return "weighted per joint" if weighted else "unweighted, as in the paper"
+
+
 def joints(raw: pd.DataFrame) -> pd.DataFrame:
     """Mean nMSE by joint and set, unweighted."""
     part = raw[~raw.weighted]
@@ -88,9 +99,3 @@ def generators(known: pd.DataFrame) -> pd.DataFrame:
         for name in ordered(groups)
     }
     return pd.DataFrame.from_dict(table, orient="index").rename_axis("generator")
-
-
-def spread_or_dash(values: pd.Series | None) -> str:
-    """Mean ± standard deviation of what is known, a dash when nothing is."""
-    known = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
-    return spread(known) if len(known) else "—"
