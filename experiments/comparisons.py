@@ -21,29 +21,33 @@ _LAST = {
     "distance_diagonal": "mean distance of diag(YᵀY)",
 }
 _LONG = {
-    "condition": "cond(YᵀY)",
-    "starts": "starts",
-    "cpu_seconds": "CPU [s]",
-    "allotted_seconds": "CPU of the short ones [s]",
+    "condition": ("cond(YᵀY)", ".4g"),
+    "starts": ("starts", ".4g"),
+    "cpu_seconds": ("CPU [s]", ".4g"),
+    "allotted_seconds": ("CPU of the short ones [s]", ".4g"),
+}
+_COSTS = {
+    "what": ("what", ""),
+    "ours": ("ours [s]", ".3g"),
+    "paper": ("paper [s]", ".3g"),
+    "ratio": ("times faster", ",.0f"),
 }
 _DENSITY = {
-    "bandwidth": ("bandwidth [Scott's]", "{:g}"),
-    "success": ("valid share", "{:.4f}"),
-    "condition": ("median cond(YᵀY)", "{:.3g}"),
-    "distance": ("mean distance", "{:.3g}"),
-    "from_seed": ("distance to the nearest seed", "{:.3g}"),
+    "bandwidth": ("bandwidth [Scott's]", "g"),
+    "success": ("valid share", ".4f"),
+    "condition": ("median cond(YᵀY)", ".3g"),
+    "distance": ("mean distance", ".3g"),
+    "from_seed": ("distance to the nearest seed", ".3g"),
 }
 
 
 def ablation(histories: pd.DataFrame) -> pd.DataFrame:
     """What each part of the recipe does, over trainings."""
-    rows = {}
-    for name, part in histories.groupby("variant", sort=False):
-        last = part[part.epoch == part.epoch.max()]
-        early = part[part.epoch == min(EARLY, part.epoch.max())].success
-        row = {label: tables.spread_or_dash(last[key]) for key, label in _LAST.items()}
-        rows[name] = {f"valid after {EARLY} epochs": tables.spread_or_dash(early), **row}
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
+    length = histories.groupby("variant").epoch.transform("max")
+    last = histories[histories.epoch == length]
+    early = histories[histories.epoch == length.clip(upper=EARLY)]
+    first = tables.over_groups(early, "variant", {"success": f"valid after {EARLY} epochs"})
+    return first.join(tables.over_groups(last, "variant", _LAST))
 
 
 def last_epochs(histories: pd.DataFrame) -> pd.DataFrame:
@@ -53,15 +57,13 @@ def last_epochs(histories: pd.DataFrame) -> pd.DataFrame:
 
 def densities(frame: pd.DataFrame) -> pd.DataFrame:
     """Kernel density estimates by bandwidth, for people."""
-    table = pd.DataFrame({name: frame[key].map(form.format) for key, (name, form) in _DENSITY.items()})
-    return table.set_index("bandwidth [Scott's]")
+    return tables.formatted(frame, _DENSITY).set_index("bandwidth [Scott's]")
 
 
 def longs(artifacts: Artifacts) -> pd.DataFrame:
     """How the single long trajectories were reached, for people."""
     known = pd.DataFrame({f"{h} harmonics": report for h, (report, _) in artifacts.longs.items()}).T
-    table = known[list(_LONG)].rename(columns=_LONG).map(lambda x: f"{x:.4g}")
-    return table.rename_axis("single long trajectory")
+    return tables.formatted(known, _LONG).rename_axis("single long trajectory")
 
 
 def durations(artifacts: Artifacts) -> pd.DataFrame:
@@ -89,16 +91,7 @@ def durations(artifacts: Artifacts) -> pd.DataFrame:
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """Times beside the paper's, for people."""
-    ratio = frame.paper / frame.ours
-    table = pd.DataFrame(
-        {
-            "what": frame.what,
-            "ours [s]": frame.ours.map("{:.3g}".format),
-            "paper [s]": frame.paper.map(lambda x: "—" if np.isnan(x) else f"{x:.3g}"),
-            "times faster": ratio.map(lambda x: "—" if np.isnan(x) else f"{x:,.0f}"),
-        }
-    )
-    return table.set_index("what")
+    return tables.formatted(frame.assign(ratio=frame.paper / frame.ours), _COSTS).set_index("what")
 
 
 def kinds(known: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:

@@ -11,7 +11,6 @@ from experiments import training
 from experiments.artifacts import Artifacts
 from experiments.paper import PAPER
 from sidegan.base.storage import write_parquet
-from sidegan.pipeline.plan import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 from sidegan.report.canvas import save
@@ -20,14 +19,10 @@ from sidegan.report.export import publish, show, write_table
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 PLANT, PLANT_WEIGHTED = "MuJoCo plant", "MuJoCo plant, weighted"
 RAW, RAW_PLANT = "exp1.parquet", "plant.parquet"
-
-
 _KEYS = ["seed", "set", "training", "repeat", "weighted", "joint"]
 
 
-def collect(task: Task) -> Artifacts:
-    """What the table is made from."""
-    return Artifacts(task)
+collect = Artifacts
 
 
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:

@@ -11,7 +11,6 @@ from experiments.artifacts import Artifacts
 from experiments.paper import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.export import publish
@@ -19,9 +18,7 @@ from sidegan.report.export import publish
 RAW, NORMS = "exp2.parquet", "covariance.parquet"
 
 
-def collect(task: Task) -> Artifacts:
-    """What the tables are made from."""
-    return Artifacts(task)
+collect = Artifacts
 
 
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:

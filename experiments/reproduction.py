@@ -11,7 +11,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import Page, publish
 from experiments.paper import PAPER
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.plan import SEEDS, Task
+from sidegan.pipeline.plan import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, spatial, tables
 from sidegan.report.figures import Across, Panel
@@ -26,9 +26,7 @@ _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 _WEIGHTINGS = {"": False, "_weighted": True}  # of a table, by the end of its name
 
 
-def collect(task: Task) -> Artifacts:
-    """What the report is made from."""
-    return Artifacts(task)
+collect = Artifacts
 
 
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:

@@ -18,6 +18,7 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES, best, transfer
 from sidegan.pipeline.stages.common import load
 from sidegan.pipeline.tracking import Tracker
+from tests.experiments.runs import configured
 from tests.tiny import tiny
 
 SMALL = (
@@ -32,13 +33,8 @@ SMALL = (
     "~beyond.targets.another_arm",
     "~beyond.targets.higher_desk",
 )
-
-
 READER, PAGE = BeyondArtifacts, "beyond"
-
-
-def config(root, *overrides):
-    return tiny(*SMALL, f"outputs={root}", *overrides, experiment="beyond")
+config = configured(PAGE, SMALL)
 
 
 def test_the_page_has_its_tables_figures_and_metrics(root, page):
