@@ -17,6 +17,7 @@ from sidegan.pipeline.plan import (
     FACTS,
     HISTORY,
     LIBRARY,
+    RANDOM,
     REPORT,
     RESULTS,
     SEEDS,
@@ -26,6 +27,8 @@ from sidegan.pipeline.plan import (
 from sidegan.pipeline.plan_conditional import STUDY, Conditions
 from sidegan.pipeline.stamp import Stamp
 from sidegan.robot import Arm
+
+__all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Report", "conditional"]
 
 Report = dict[str, Any]
 

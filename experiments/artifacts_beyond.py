@@ -10,10 +10,28 @@ from experiments.artifacts import Artifacts
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.plan import FACTS, NEGATIVES_TRAINING, RESULTS, SEEDS, Task, variant, with_subset
 
+POLISHED, OPTIMISED = plan_beyond.POLISHED, plan_beyond.OPTIMISED  # pools beside the variants'
+GREEDY, OPTIMAL = plan_beyond.GREEDY, plan_beyond.OPTIMAL  # ways to pick a set
+SCRATCH, TRANSFER = plan_beyond.SCRATCH, plan_beyond.TRANSFER  # ways to train for a target
+
 
 @dataclass(frozen=True)
 class BeyondArtifacts(Artifacts):
     """What was made for the page on exact physics; frames of parts that were not run are empty."""
+
+    @cached_property
+    def source(self) -> str:
+        """The variant that is polished and transferred.
+
+        Raises:
+            ConfigError: when it is not trained.
+        """
+        return plan_beyond.source(self.task)
+
+    @property
+    def pool_names(self) -> list[str]:
+        """Names of the pools that are compared."""
+        return list(dict.fromkeys(name for name, _ in plan_beyond.pools(self.task)))
 
     @cached_property
     def pools(self) -> pd.DataFrame:

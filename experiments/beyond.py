@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from experiments import beyond_goals, beyond_tables, beyond_words
-from experiments.artifacts_beyond import BeyondArtifacts
+from experiments.artifacts import SEEDS
+from experiments.artifacts_beyond import GREEDY, OPTIMAL, BeyondArtifacts
 from experiments.beyond_frames import first_times, progress, summary
 from experiments.pages import Page, publish
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.plan import SEEDS, Task
+from sidegan.pipeline.plan import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.figures import Across, panels
 from sidegan.report.figures import metrics as metric_panels
@@ -28,8 +28,9 @@ def collect(task: Task) -> BeyondArtifacts:
     Raises:
         ConfigError: when the variant that all is compared with is not trained.
     """
-    plan_beyond.source(task)
-    return BeyondArtifacts(task)
+    artifacts = BeyondArtifacts(task)
+    _ = artifacts.source
+    return artifacts
 
 
 def present(artifacts: BeyondArtifacts, folder: Path, tracker: Tracker) -> None:
@@ -58,8 +59,8 @@ def _tables(
         "goals": beyond_goals.table(judged),
         "pools": beyond_tables.pools(artifacts.pools),
         "first": beyond_tables.first(first_times(artifacts)),
-        "best_D_optimal": beyond_tables.best(artifacts.best, plan_beyond.OPTIMAL),
-        "best_greedy": beyond_tables.best(artifacts.best, plan_beyond.GREEDY),
+        "best_D_optimal": beyond_tables.best(artifacts.best, OPTIMAL),
+        "best_greedy": beyond_tables.best(artifacts.best, GREEDY),
     }
     parts = {
         "polish": (artifacts.polish, beyond_tables.polish),

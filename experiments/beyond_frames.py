@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.artifacts_beyond import BeyondArtifacts, elapsed
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.plan import SEEDS
+from experiments.artifacts import SEEDS
+from experiments.artifacts_beyond import OPTIMAL, OPTIMISED, POLISHED, SCRATCH, BeyondArtifacts, elapsed
 
 Measures = dict[str, float]
 GOOD, NEAR = (
@@ -22,7 +21,7 @@ def first_times(artifacts: BeyondArtifacts) -> pd.DataFrame:
     Further columns: each, CPU time of one more valid trajectory; cpu, that of a training, where it was
     measured, which is then what counts; and wall, what was recorded of the training.
     """
-    count, source = artifacts.cfg.selection.count, plan_beyond.source(artifacts.task)
+    count, source = artifacts.cfg.selection.count, artifacts.source
     rows: list[dict[str, Any]] = []
     for measured in artifacts.first_sets.to_dict("records"):
         name, training = measured["name"], measured["training"]
@@ -34,9 +33,9 @@ def first_times(artifacts: BeyondArtifacts) -> pd.DataFrame:
         rows.append(row)
         if name == source:
             each = artifacts.polished_each(training)
-            rows.append(row | {"name": plan_beyond.POLISHED, "each": each, "drawing": each * count})
+            rows.append(row | {"name": POLISHED, "each": each, "drawing": each * count})
     each = artifacts.optimised_each
-    rows.append({"name": plan_beyond.OPTIMISED, "training": 0, "drawing": each * count, "each": each})
+    rows.append({"name": OPTIMISED, "training": 0, "drawing": each * count, "each": each})
     frame = pd.DataFrame(rows)
     parts = ["seeds", "surrogates", "training_seconds", "drawing"]
     return frame.assign(total=frame[parts].fillna(0.0).sum(axis=1))
@@ -64,9 +63,9 @@ def trained_cpu(artifacts: BeyondArtifacts, name: str) -> pd.Series:
 
 def summary(artifacts: BeyondArtifacts) -> dict[str, Measures]:
     """All measures of every pool: means over trainings, sets by the D-optimal pick."""
-    best = artifacts.best[artifacts.best.pick == plan_beyond.OPTIMAL].rename(columns={"condition": "stack"})
+    best = artifacts.best[artifacts.best.pick == OPTIMAL].rename(columns={"condition": "stack"})
     first = first_times(artifacts)[["name", "total", "each"]]
-    names = dict.fromkeys(name for name, _ in plan_beyond.pools(artifacts.task))
+    names = artifacts.pool_names
     frames = (best, artifacts.pools, first)
     return {name: {k: x for frame in frames for k, x in mean_of(frame, name).items()} for name in names}
 
@@ -101,4 +100,4 @@ def arrival(curve: pd.DataFrame, final: float) -> tuple[float, float]:
 
 def final_condition(part: pd.DataFrame) -> float:
     """Median condition number at the end of the training from scratch for one target."""
-    return float(part[part.way == plan_beyond.SCRATCH].condition.iloc[-1])
+    return float(part[part.way == SCRATCH].condition.iloc[-1])

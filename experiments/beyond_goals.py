@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from experiments.artifacts_beyond import BeyondArtifacts
+from experiments.artifacts import SEEDS
+from experiments.artifacts_beyond import POLISHED, BeyondArtifacts
 from experiments.beyond_frames import mean_of, trained_cpu
 from experiments.beyond_tables import spread, title
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.plan import SEEDS
 
 MET, MISSED = "met", "not met"
 _VALID, _CONDITION, _SECONDS = 0.99, 300.0, 180.0
@@ -26,7 +25,7 @@ class Goal(NamedTuple):
 def goals(artifacts: BeyondArtifacts) -> dict[str, list[Goal]]:
     """The goals, by each pool that they are judged for: variants without seeds, and polished ones."""
     alone = [name for name in artifacts.cfg.gan if not artifacts.needs(name)[0]]
-    return {name: goals_of(artifacts, name) for name in [*alone, plan_beyond.POLISHED]}
+    return {name: goals_of(artifacts, name) for name in [*alone, POLISHED]}
 
 
 def goals_of(artifacts: BeyondArtifacts, name: str) -> list[Goal]:

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
+from experiments.artifacts import RANDOM, SEEDS
+from experiments.artifacts_beyond import OPTIMISED, POLISHED
 from experiments.beyond_frames import arrival, final_condition
-from sidegan.pipeline.plan import RANDOM, SEEDS
-from sidegan.pipeline.plan_beyond import OPTIMISED, POLISHED
 from sidegan.report import tables
 
 _POOLS = {

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.artifacts_beyond import BeyondArtifacts
+from experiments.artifacts import RANDOM, SEEDS
+from experiments.artifacts_beyond import OPTIMAL, OPTIMISED, SCRATCH, TRANSFER, BeyondArtifacts
 from experiments.beyond_frames import GOOD, NEAR, Measures, arrival, final_condition, first_times, trained_cpu
 from experiments.beyond_tables import called, title
-from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.plan import RANDOM, SEEDS
 
 _CROWDED = 1.2  # wall time over CPU time, from which on the page says so
 _LOWER = {
@@ -37,7 +36,7 @@ def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
     cfg = artifacts.cfg
     variants = cfg.gan | cfg.objectives
     terms = {name: x.exact.terms.values() for name, x in variants.items() if x.exact is not None}
-    source = cfg.gan[plan_beyond.source(artifacts.task)]
+    source = cfg.gan[artifacts.source]
     known = {
         "good": GOOD,
         "near": NEAR - 1,
@@ -81,7 +80,7 @@ def _polish(artifacts: BeyondArtifacts) -> dict[str, Any]:
 def _objectives(artifacts: BeyondArtifacts) -> dict[str, Any]:
     """Steps of the trainings; the best objective at each of three things, by D-optimal pick."""
     both = (artifacts.best, artifacts.objectives)
-    best, part = (frame[frame.pick == plan_beyond.OPTIMAL].set_index("name") for frame in both)
+    best, part = (frame[frame.pick == OPTIMAL].set_index("name") for frame in both)
     others = best.groupby("name").log_det.mean()
     winners = {
         "smallest stacked condition number": part.condition.idxmin(),
@@ -112,15 +111,15 @@ def choices(artifacts: BeyondArtifacts, summary: dict[str, Measures]) -> dict[st
         two best ways by each measure); elsewhere (of each target, steps to the same quality by transfer and
         from scratch, last valid share); measures and wins (those in which another way is better).
     """
-    source = plan_beyond.source(artifacts.task)
+    source = artifacts.source
     quickest = min((name for name in summary if name != RANDOM), key=lambda name: summary[name]["total"])
-    ours, optimised = summary[source], summary[plan_beyond.OPTIMISED]
+    ours, optimised = summary[source], summary[OPTIMISED]
     training, gain = trained_cpu(artifacts, source).mean(), optimised["each"] - ours["each"]
     return {
         "source": source,
         "quickest": quickest,
         "first": summary[quickest]["total"],
-        "optimiser_is_quickest": quickest in (SEEDS, plan_beyond.OPTIMISED),
+        "optimiser_is_quickest": quickest in (SEEDS, OPTIMISED),
         "slower": ours["total"] / summary[quickest]["total"],
         "each": (ours["each"], optimised["each"]),
         "training": training,
@@ -144,8 +143,8 @@ def _elsewhere(frame: pd.DataFrame) -> list[tuple[str, float, float, float]]:
         final = final_condition(part)
         curves = {str(way): curve for way, curve in part.groupby("way", sort=False)}
         steps = {way: arrival(curve, final)[0] for way, curve in curves.items()}
-        transfer, scratch = (steps.get(way, np.nan) for way in (plan_beyond.TRANSFER, plan_beyond.SCRATCH))
-        end = float(curves[plan_beyond.TRANSFER].success.iloc[-1])
+        transfer, scratch = (steps.get(way, np.nan) for way in (TRANSFER, SCRATCH))
+        end = float(curves[TRANSFER].success.iloc[-1])
         rows.append((called(str(target)), transfer, scratch, end))
     return rows
 

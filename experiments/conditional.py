@@ -6,10 +6,9 @@ from pathlib import Path
 import pandas as pd
 
 from experiments import artifacts
-from experiments.artifacts import Report
+from experiments.artifacts import LIBRARY, STUDY, Report
 from sidegan.base.storage import write_bytes, write_json
-from sidegan.pipeline.plan import LIBRARY, Task
-from sidegan.pipeline.plan_conditional import STUDY
+from sidegan.pipeline.plan import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 

@@ -7,11 +7,10 @@ import pandas as pd
 from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, training
-from experiments.artifacts import Artifacts
+from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import Page, publish
 from experiments.paper import PAPER
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.plan import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, spatial, tables
 from sidegan.report.figures import Across, Panel
@@ -31,8 +30,8 @@ collect = Artifacts
 
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, ``reproduction.html``, tables, figures and metrics; record the page."""
-    pictures = _motion(artifacts)
-    judged = claims.claims(artifacts)
+    numbers, shown = metrics(artifacts), _tables(artifacts)
+    judged, pictures = claims.claims(artifacts), _motion(artifacts)
     context = {
         "artifacts": artifacts,
         "cfg": artifacts.cfg,
@@ -40,10 +39,10 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "reliable": training.RELIABLE,
         "verdicts": claims.counted(judged),
     }
-    shown = _tables(artifacts) | {"claims": claims.table(judged)}
+    shown["claims"] = claims.table(judged)
     drawn = _figures(artifacts) | {name: _static(picture) for name, picture in pictures.items()}
     turned = {name: _turned(picture) for name, picture in pictures.items()}
-    page = Page("reproduction", shown, drawn, metrics(artifacts), context, turned)
+    page = Page("reproduction", shown, drawn, numbers, context, turned)
     publish(page, Path(artifacts.cfg.publish or folder), tracker)
 
 

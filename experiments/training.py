@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from experiments.artifacts import Artifacts
+from experiments.artifacts import SEEDS, Artifacts
 from sidegan.base.storage import write_parquet
-from sidegan.pipeline.plan import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 from sidegan.report.canvas import save

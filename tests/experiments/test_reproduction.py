@@ -44,7 +44,7 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root, page):
     ):
         assert f"## {title}" in text and title in web
     assert "default-src 'none'" in web  # nothing is fetched
-    assert web.count('src="data:image/png;base64,') == 6
+    assert web.count('<img src="data:image/png;base64,') == 6
     assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
     names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
     assert names <= made
