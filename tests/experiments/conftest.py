@@ -1,3 +1,5 @@
+from importlib import import_module
+
 import pytest
 
 from sidegan.pipeline.artifacts import Store
@@ -17,8 +19,9 @@ def root(request, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def artifacts(request, root):
-    """What that run left, read by the module's class."""
-    return request.module.READER(Task(request.module.config(root), Store(root)))
+    """What that run left, as its experiment collects it."""
+    experiment = import_module(f"experiments.{request.module.PAGE}")
+    return experiment.collect(Task(request.module.config(root), Store(root)))
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ SMALL = (
     "~beyond.targets.another_arm",
     "~beyond.targets.higher_desk",
 )
-READER, PAGE = BeyondArtifacts, "beyond"
+PAGE = "beyond"
 config = configured(PAGE, SMALL)
 
 

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from experiments import comparisons, exp2, training
-from experiments.artifacts import Artifacts
 from experiments.claims import HOLDS, NOT, PART, Claim, claims, counted
 from experiments.paper import PAPER
 from sidegan.errors import ArtifactError, ConfigError
@@ -26,7 +25,7 @@ SMALL = (
     "kinds.paper.evaluations=40",
     "gan@ablation=[eigen_cold]",
 )
-READER, PAGE = Artifacts, "reproduction"
+PAGE = "reproduction"
 config = configured(PAGE, SMALL)
 
 
