@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -28,7 +28,7 @@ from sidegan.pipeline.plan_conditional import STUDY, Conditions
 from sidegan.pipeline.stamp import Stamp
 from sidegan.robot import Arm
 
-__all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Report", "conditional"]
+__all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
 
 Report = dict[str, Any]
 
@@ -70,18 +70,18 @@ class Artifacts:
     @cached_property
     def errors(self) -> pd.DataFrame:
         """NMSE and facts of every excitation set, by seed, set, training, repeat, weighted and joint."""
-        found = []
+        parts = []
         for one in self.task.sets():
             stamp = self.task.identification(*one)
             facts = self._frame(stamp, FACTS)
-            found.append(self._frame(stamp, RESULTS).merge(facts, on=["set", "training", "repeat"]))
-        return pd.concat(found, ignore_index=True).assign(seed=self.cfg.seed)
+            parts.append(self._frame(stamp, RESULTS).merge(facts, on=["set", "training", "repeat"]))
+        return pd.concat(parts, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
     def plant(self) -> pd.DataFrame:
         """NMSE of every excitation set as executed on the plant, by seed, set, training, repeat, …."""
-        found = [self._frame(self.task.plant(*one), RESULTS) for one in self.task.sets()]
-        return pd.concat(found, ignore_index=True).assign(seed=self.cfg.seed)
+        parts = [self._frame(self.task.plant(*one), RESULTS) for one in self.task.sets()]
+        return pd.concat(parts, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
     def histories(self) -> pd.DataFrame:
@@ -213,10 +213,24 @@ class Artifacts:
         return self.task.store.find(stamp) is not None
 
 
-def conditional(task: Task) -> tuple[dict[str, list[Report]] | None, Report, Path | None]:
-    """The study of conditioned generation; or None, and what is known of one library, and its file."""
+class Conditional(NamedTuple):
+    """What was made for conditioned generation.
+
+    Attributes:
+        study: a row per kind of condition, and one per choice of links; None where a library was requested.
+        report: of that library.
+        library: its file.
+    """
+
+    study: dict[str, list[Report]] | None
+    report: Report
+    library: Path | None
+
+
+def conditional(task: Task) -> Conditional:
+    """The study of conditioned generation, or one library."""
     conditions = Conditions(task)
     if conditions.asked is None:
-        return read_json(task.store.require(conditions.study) / STUDY), {}, None
+        return Conditional(read_json(task.store.require(conditions.study) / STUDY), {}, None)
     folder = task.store.require(conditions.library)
-    return None, read_json(folder / REPORT), folder / LIBRARY
+    return Conditional(None, read_json(folder / REPORT), folder / LIBRARY)

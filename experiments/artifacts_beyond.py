@@ -48,8 +48,8 @@ class BeyondArtifacts(Artifacts):
 
     def _valid_share(self, name: str, training: int) -> float:
         if name in self.cfg.gan:
-            known = self.histories[(self.histories.variant == name) & (self.histories.training == training)]
-            return float(np.nan_to_num(known.success.iloc[-1]))
+            history = self.histories[(self.histories.variant == name) & (self.histories.training == training)]
+            return float(np.nan_to_num(history.success.iloc[-1]))
         report = self._report(plan_beyond.pool(self.task, name, training))
         return float(report["valid_share"] if name != SEEDS else 1 - report["failed"] / report["attempts"])
 
@@ -98,8 +98,8 @@ class BeyondArtifacts(Artifacts):
     def objectives(self) -> pd.DataFrame:
         """Best sets of every objective and its pool (suffix ``_one``), a row per objective and pick."""
         task = plan_beyond.with_objectives(self.task)
-        wanted = [(name, k) for name in task.cfg.gan for k in task.cfg.trainings]
-        if not all(self._exists(plan_beyond.best(task, *one)) for one in wanted):
+        pairs = [(name, k) for name in task.cfg.gan for k in task.cfg.trainings]
+        if not all(self._exists(plan_beyond.best(task, *one)) for one in pairs):
             return pd.DataFrame()
         best = self._judged(task, task.short_sets())
         last = (
@@ -121,8 +121,8 @@ class BeyondArtifacts(Artifacts):
         for size, part in parts:
             for name, settings in part.cfg.gan.items():
                 stamps = {k: part.gan(name, settings, k) for k in part.cfg.trainings}
-                known = {k: self._history(stamp) for k, stamp in stamps.items() if self._exists(stamp)}
-                rows += [h.tail(1).assign(variant=name, seeds=size, training=k) for k, h in known.items()]
+                trained = {k: self._history(stamp) for k, stamp in stamps.items() if self._exists(stamp)}
+                rows += [h.tail(1).assign(variant=name, seeds=size, training=k) for k, h in trained.items()]
         return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
 
     @cached_property

@@ -55,7 +55,7 @@ def _tables(
     artifacts: BeyondArtifacts, judged: dict[str, list[beyond_goals.Goal]]
 ) -> dict[str, pd.DataFrame]:
     """Every table of the page whose part was run, by name."""
-    made = {
+    shown = {
         "goals": beyond_goals.table(judged),
         "pools": beyond_tables.pools(artifacts.pools),
         "first": beyond_tables.first(first_times(artifacts)),
@@ -68,7 +68,7 @@ def _tables(
         "few": (artifacts.few, beyond_tables.few),
         "transfer": (artifacts.transfers, beyond_tables.transfers),
     }
-    return made | {name: make(frame) for name, (frame, make) in parts.items() if len(frame)}
+    return shown | {name: make(frame) for name, (frame, make) in parts.items() if len(frame)}
 
 
 def _figures(artifacts: BeyondArtifacts) -> dict[str, "Figure"]:
@@ -79,15 +79,15 @@ def _figures(artifacts: BeyondArtifacts) -> dict[str, "Figure"]:
     plain = metric_panels(_SHOWN)
     polish, few, transfers = artifacts.polish, artifacts.few, artifacts.transfers
     since = Across("seconds", "seconds from nothing", log=True)
-    made = {"progress": panels(progress(artifacts), since, compared, "variant", run="training")}
+    drawn = {"progress": panels(progress(artifacts), since, compared, "variant", run="training")}
     if len(polish):
         cost = Across("milliseconds", "CPU time per valid trajectory [ms]", log=True)
         curve = polish.assign(milliseconds=1000 * polish.seconds)
-        made["polish"] = panels(curve, cost, plain, "start", markers=True)
+        drawn["polish"] = panels(curve, cost, plain, "start", markers=True)
     if len(few):
         taught = Across("seeds", "seeds", log=True)
-        made["few"] = panels(few, taught, plain, "variant", run="training", markers=True)
+        drawn["few"] = panels(few, taught, plain, "variant", run="training", markers=True)
     for target, part in transfers.groupby("target", sort=False) if len(transfers) else []:
         steps = Across("steps", "steps", log=True)
-        made[f"transfer-{target}"] = panels(part[part.steps > 0], steps, plain[:2], "way")
-    return made
+        drawn[f"transfer-{target}"] = panels(part[part.steps > 0], steps, plain[:2], "way")
+    return drawn

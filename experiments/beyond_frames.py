@@ -80,10 +80,10 @@ def progress(artifacts: BeyondArtifacts) -> pd.DataFrame:
     """Metrics of all trainings after every epoch, against the seconds since nothing was there."""
     parts, histories = [], artifacts.histories
     for row in first_times(artifacts).to_dict("records"):
-        known = histories[(histories.variant == row["name"]) & (histories.training == row["training"])]
-        if len(known):
+        history = histories[(histories.variant == row["name"]) & (histories.training == row["training"])]
+        if len(history):
             since = row["seeds"] + row["surrogates"]
-            parts.append(known.assign(seconds=since + elapsed(known, row["training_seconds"])))
+            parts.append(history.assign(seconds=since + elapsed(history, row["training_seconds"])))
     return pd.concat(parts, ignore_index=True)
 
 

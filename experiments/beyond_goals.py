@@ -32,7 +32,7 @@ def goals_of(artifacts: BeyondArtifacts, name: str) -> list[Goal]:
     """The goals for exact physics beside one pool, by the means over trainings."""
     pools, cpu = artifacts.pools[artifacts.pools.name == name], trained_cpu(artifacts, name)
     seeds = mean_of(artifacts.pools, SEEDS)
-    made = [
+    goals = [
         _goal("valid without filtering", f"≥ {_VALID:.0%}", pools.success, pools.success.mean() >= _VALID),
         _goal("median cond(YᵀY)", f"≤ {_CONDITION:g}", pools.condition, pools.condition.mean() <= _CONDITION),
         *(
@@ -47,8 +47,8 @@ def goals_of(artifacts: BeyondArtifacts, name: str) -> list[Goal]:
             part = best[best.pick == pick]
             ours, theirs = part[part.name == name][key], float(part[part.name == SEEDS][key].mean())
             text = f"{label} of the best {count}, {pick} pick"
-            made.append(_goal(text, f"< {theirs:.4g}, the seeds'", ours, ours.mean() < theirs))
-    return made
+            goals.append(_goal(text, f"< {theirs:.4g}, the seeds'", ours, ours.mean() < theirs))
+    return goals
 
 
 def _goal(text: str, limit: str, result: pd.Series, met: bool) -> Goal:

@@ -67,10 +67,10 @@ _TARGETS = {"another_arm": "another arm", "tool": "a tool", "higher_desk": "a hi
 
 def spread(values: pd.Series | None) -> str:
     """Mean ± deviation, the value alone where all are alike; a dash where nothing is known."""
-    known = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
-    if known.nunique() == 1:
-        return f"{known.iloc[0]:.3g}"
-    return tables.spread_or_dash(known)
+    finite = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
+    if finite.nunique() == 1:
+        return f"{finite.iloc[0]:.3g}"
+    return tables.spread_or_dash(finite)
 
 
 def pools(frame: pd.DataFrame) -> pd.DataFrame:

@@ -37,7 +37,7 @@ def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
     variants = cfg.gan | cfg.objectives
     terms = {name: x.exact.terms.values() for name, x in variants.items() if x.exact is not None}
     source = cfg.gan[artifacts.source]
-    known = {
+    numbers = {
         "good": GOOD,
         "near": NEAR - 1,
         "compared": min(cfg.scale.evaluation, cfg.seeds.count, cfg.library.count),
@@ -47,13 +47,15 @@ def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
         "targets": _targets(artifacts),
     }
     parts = {"polish": _polish, "objectives": _objectives, "few": _few}
-    return known | {name: words(artifacts) for name, words in parts.items() if len(getattr(artifacts, name))}
+    return numbers | {
+        name: words(artifacts) for name, words in parts.items() if len(getattr(artifacts, name))
+    }
 
 
 def _crowding(artifacts: BeyondArtifacts) -> float | None:
     """Wall time over CPU time of trainings, where that is known and much."""
-    known = first_times(artifacts).dropna(subset=["cpu"])
-    ratio = float((known.wall / known.cpu).mean()) if len(known) else 1.0
+    measured = first_times(artifacts).dropna(subset=["cpu"])
+    ratio = float((measured.wall / measured.cpu).mean()) if len(measured) else 1.0
     return ratio if ratio >= _CROWDED else None
 
 
@@ -68,8 +70,8 @@ def _targets(artifacts: BeyondArtifacts) -> list[str]:
 
 def _polish(artifacts: BeyondArtifacts) -> dict[str, Any]:
     """The best point from generated trajectories, the first from random starts as good, and their best."""
-    known = artifacts.polish.dropna(subset=["condition"]).sort_values("seconds")
-    ours, theirs = (known[known.start == name] for name in (artifacts.cfg.beyond.source, RANDOM))
+    points = artifacts.polish.dropna(subset=["condition"]).sort_values("seconds")
+    ours, theirs = (points[points.start == name] for name in (artifacts.cfg.beyond.source, RANDOM))
     if ours.empty or theirs.empty:
         return {}
     there = theirs[theirs.condition <= ours.condition.min()]

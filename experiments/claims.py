@@ -56,15 +56,15 @@ class Claim(NamedTuple):
 
 def claims(artifacts: Artifacts) -> list[Claim]:
     """Every claim, in the order of the paper."""
-    made = []
+    judged = []
     for key, words in PAPER["claims"].items():
-        found = _CRITERIA[key](artifacts)
-        text, why = (words[part].format(**found.numbers) for part in ("claim", "why"))
-        made.append(Claim(key, text, words["where"], words["paper"], found.ours, found.verdict, why))
-    return made
+        finding = _CRITERIA[key](artifacts)
+        text, why = (words[part].format(**finding.numbers) for part in ("claim", "why"))
+        judged.append(Claim(key, text, words["where"], words["paper"], finding.ours, finding.verdict, why))
+    return judged
 
 
-def table(made: list[Claim]) -> pd.DataFrame:
+def table(judged: list[Claim]) -> pd.DataFrame:
     """The claims for people."""
     rows = [
         {
@@ -74,14 +74,14 @@ def table(made: list[Claim]) -> pd.DataFrame:
             "Ours": claim.ours,
             "Why": claim.why,
         }
-        for claim in made
+        for claim in judged
     ]
     return pd.DataFrame(rows).set_index("Verdict")
 
 
-def counted(made: Iterable[Claim]) -> str:
+def counted(judged: Iterable[Claim]) -> str:
     """How many claims hold and how many do not, in words."""
-    counts = Counter(claim.verdict for claim in made)
+    counts = Counter(claim.verdict for claim in judged)
     parts = {verdict: counts[verdict] for verdict in _SIGNS if counts[verdict]}
     return ", ".join(f"{n} {_PLURAL[verdict] if n > 1 else verdict}" for verdict, n in parts.items())
 
@@ -123,8 +123,8 @@ def _diverse_diagonals(artifacts: Artifacts) -> Finding:
 
 
 def _diverse_union(artifacts: Artifacts) -> Finding:
-    known = artifacts.generators.set_index("name").union_distance_diagonal
-    return _against_seeds(artifacts, {n: known.loc[[n]].to_numpy(float) for n in SIDE_GANS}, 1.0)
+    diagonals = artifacts.generators.set_index("name").union_distance_diagonal
+    return _against_seeds(artifacts, {n: diagonals.loc[[n]].to_numpy(float) for n in SIDE_GANS}, 1.0)
 
 
 def _against_seeds(artifacts: Artifacts, diagonals: Values, factor: float) -> Finding:
@@ -240,14 +240,14 @@ def _by_training(histories: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
 
 def _at(histories: pd.DataFrame, names: Iterable[str], key: str, epoch: int) -> Values:
     """A metric after an epoch, or the last one there is."""
-    known = {n: _by_training(histories, n, key) for n in names}
-    return {n: x.iloc[min(epoch, len(x)) - 1].to_numpy() for n, x in known.items()}
+    curves = {n: _by_training(histories, n, key) for n in names}
+    return {n: x.iloc[min(epoch, len(x)) - 1].to_numpy() for n, x in curves.items()}
 
 
 def _late(artifacts: Artifacts, names: Iterable[str], key: str) -> Values:
     """Mean of a metric over the epochs after ``_LATE``, or of the last one there is."""
-    known = {n: _by_training(artifacts.histories, n, key) for n in names}
-    return {n: x.iloc[min(_LATE, len(x) - 1) :].mean().to_numpy() for n, x in known.items()}
+    curves = {n: _by_training(artifacts.histories, n, key) for n in names}
+    return {n: x.iloc[min(_LATE, len(x) - 1) :].mean().to_numpy() for n, x in curves.items()}
 
 
 def _table1(artifacts: Artifacts) -> Any:

@@ -62,8 +62,8 @@ def densities(frame: pd.DataFrame) -> pd.DataFrame:
 
 def longs(artifacts: Artifacts) -> pd.DataFrame:
     """How the single long trajectories were reached, for people."""
-    known = pd.DataFrame({f"{h} harmonics": report for h, (report, _) in artifacts.longs.items()}).T
-    return tables.formatted(known, _LONG).rename_axis("single long trajectory")
+    reports = pd.DataFrame({f"{h} harmonics": report for h, (report, _) in artifacts.longs.items()}).T
+    return tables.formatted(reports, _LONG).rename_axis("single long trajectory")
 
 
 def durations(artifacts: Artifacts) -> pd.DataFrame:
@@ -94,11 +94,11 @@ def costs(frame: pd.DataFrame) -> pd.DataFrame:
     return tables.formatted(frame.assign(ratio=frame.paper / frame.ours), _COSTS).set_index("what")
 
 
-def kinds(known: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
+def kinds(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
     """Kinds of seeds for people; diversity is compared of equally many."""
-    fewest = min(len(library) for _, library in known.values())
+    fewest = min(len(library) for _, library in kinds.values())
     rows = {}
-    for name, (report, library) in known.items():
+    for name, (report, library) in kinds.items():
         c = library.coefficients[:fewest]
         rows[name] = {
             "seeds": str(len(library)),
@@ -112,11 +112,11 @@ def kinds(known: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("kind")
 
 
-def kind_points(known: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
+def kind_points(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
     """Columns kind, quality (condition number), diversity (distance to the nearest other), a row per seed."""
-    fewest = min(len(library) for _, library in known.values())
+    fewest = min(len(library) for _, library in kinds.values())
     parts = []
-    for name, (_, library) in known.items():
+    for name, (_, library) in kinds.items():
         flat = library.coefficients[:fewest].flatten(1)
         apart = torch.cdist(flat, flat).fill_diagonal_(torch.inf).amin(1)
         quality = library.fitness[:fewest].numpy()

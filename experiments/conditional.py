@@ -1,41 +1,21 @@
 """Conditioned generation: how well each kind of condition is met, at what cost; or a library for one."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from experiments import artifacts
-from experiments.artifacts import LIBRARY, STUDY, Report
+from experiments.artifacts import LIBRARY, STUDY, Conditional, Report, conditional
 from sidegan.base.storage import write_bytes, write_json
-from sidegan.pipeline.plan import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 
 MET, LOSS = 0.97, 1.5  # goals: share of samples that meet their condition, loss against a dedicated generator
 
 
-@dataclass(frozen=True)
-class Result:
-    """What the tables are made from.
-
-    Attributes:
-        study: a row per kind of condition, and one per choice of links; None where a library was requested.
-        report: of that library.
-        library: its file.
-    """
-
-    study: dict[str, list[Report]] | None
-    report: Report
-    library: Path | None
+collect = conditional
 
 
-def collect(task: Task) -> Result:
-    """What the tables are made from: the study, or one library."""
-    return Result(*artifacts.conditional(task))
-
-
-def present(result: Result, folder: Path, tracker: Tracker) -> None:
+def present(result: Conditional, folder: Path, tracker: Tracker) -> None:
     """Print, write and record the tables, or the library."""
     if result.study is not None:
         write_json(folder / STUDY, result.study)

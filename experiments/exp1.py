@@ -34,13 +34,13 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
     over += f" and {trainings} trainings" if trainings > 1 else ""
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
-    made = {
+    shown = {
         "table1": (table1(raw, artifacts.plant, ["training", "repeat"]), caption),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(artifacts.generators), "Seeds and generators, true physics"),
     }
-    for name, (table, words) in made.items():
+    for name, (table, words) in shown.items():
         publish(table, folder / name, words, tracker)
     for name, figure in {"training": training.figure(artifacts), "nmse": figures.errors(raw)}.items():
         tracker.log_artifact(save(figure, folder / name), "figures")

@@ -27,16 +27,16 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     write_parquet(folder / RAW, tables.arrow(results))
     write_parquet(folder / NORMS, tables.arrow(artifacts.whole_facts))
     noise = config.replication.noise
-    made = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
+    setting = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
     spread = "mean ± standard deviation over joints"
     for weighted, name in ((False, "table2"), (True, "table2_weighted")):
         part = results[results.weighted == weighted]
         if len(part):
             kind = "RLS weighted per joint" if weighted else "unweighted RLS, as in the paper"
-            caption = f"Table II: improvement in nMSE [%], {spread} ({kind}; {made})"
+            caption = f"Table II: improvement in nMSE [%], {spread} ({kind}; {setting})"
             publish(table2(part, config), folder / name, caption, tracker)
-    publish(table3(artifacts.whole_facts), folder / "table3", f"Table III: ‖diag P‖ ({made})", tracker)
-    publish(errors(results), folder / "errors", f"nMSE, mean over joints ({made})", tracker)
+    publish(table3(artifacts.whole_facts), folder / "table3", f"Table III: ‖diag P‖ ({setting})", tracker)
+    publish(errors(results), folder / "errors", f"nMSE, mean over joints ({setting})", tracker)
 
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:

@@ -48,22 +48,22 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
 
 def metrics(artifacts: Artifacts) -> dict[str, float]:
     """The numbers that a later run is compared by."""
-    known: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for name, part in artifacts.generators.groupby("name"):
         for key in ("success", "condition", "distance", "rank", "distance_diagonal"):
             if key in part and part[key].notna().all():
-                known[f"{name}.{key}"] = float(part[key].mean())
+                numbers[f"{name}.{key}"] = float(part[key].mean())
     errors = artifacts.errors.groupby(["set", "weighted"], as_index=False).nmse.mean()
     for name, weighted, value in errors.itertuples(index=False):
-        known[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(value)
+        numbers[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(value)
     norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
-    return known | {f"covariance.{name}": float(value) for name, value in norms.items()}
+    return numbers | {f"covariance.{name}": float(value) for name, value in norms.items()}
 
 
 def _tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
     """Every table of the report that has its numbers, by name."""
     raw, whole, changed = artifacts.errors, artifacts.whole_errors, artifacts.sensitivity
-    made = {
+    shown = {
         "generators": tables.generators(artifacts.generators),
         "epochs": training.speed(artifacts.histories),
         "table1": exp1.table1(raw, artifacts.plant, ["training", "repeat"]),
@@ -79,10 +79,10 @@ def _tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
     for end, weighted in _WEIGHTINGS.items():
         part = whole[whole.weighted == weighted]
         if len(part):
-            made[f"table2{end}"] = exp2.table2(part, artifacts.cfg)
+            shown[f"table2{end}"] = exp2.table2(part, artifacts.cfg)
         if (changed.weighted == weighted).any():
-            made[f"sensitivity{end}"] = comparisons.sensitivity(changed, weighted)
-    return made
+            shown[f"sensitivity{end}"] = comparisons.sensitivity(changed, weighted)
+    return shown
 
 
 def _figures(artifacts: Artifacts) -> dict[str, "Figure"]:

@@ -56,7 +56,7 @@ def metrics(
         Panel(
             key,
             *METRICS[key],
-            {name: known[key] for name, known in compared.items() if known.get(key) is not None},
+            {name: values[key] for name, values in compared.items() if values.get(key) is not None},
             key == "success",
         )
         for key in keys
@@ -94,8 +94,8 @@ def panels(
     shades = colours(frame[group].astype(str))
     handles: dict[str, Any] = {}
     for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
-        known = frame.dropna(subset=[across.key, panel.key])
-        for (name, *_), part in known.groupby([group, run] if run else [group], sort=False):
+        drawn = frame.dropna(subset=[across.key, panel.key])
+        for (name, *_), part in drawn.groupby([group, run] if run else [group], sort=False):
             line = _means(part, across.key, panel.key)
             handles[str(name)] = band(axis, line, str(name), shades[str(name)], "o" if markers else None)
         for name, value in panel.references.items():
@@ -130,8 +130,8 @@ def _scale(axis: Axes, which: Literal["x", "y"], log: bool) -> None:
 
 def _means(part: pd.DataFrame, x: str, y: str) -> Line:
     """Mean and range of column ``y`` over the rows that share ``x``, in the order of ``x``."""
-    known = part.groupby(x)[y].agg(["mean", "min", "max"])
-    return Line(known.index.to_numpy(), *known.to_numpy(float).T)
+    values = part.groupby(x)[y].agg(["mean", "min", "max"])
+    return Line(values.index.to_numpy(), *values.to_numpy(float).T)
 
 
 def errors(raw: pd.DataFrame) -> Figure:
@@ -206,8 +206,8 @@ def timing(frame: pd.DataFrame) -> Figure:
     axis = figure.subplots()
     handles = {}
     for name, shift in (("paper", -0.2), ("ours", 0.2)):
-        known = frame[name].notna().to_numpy()
-        places, values = (np.arange(len(frame)) + shift)[known], frame[name].to_numpy(float)[known]
+        there = frame[name].notna().to_numpy()
+        places, values = (np.arange(len(frame)) + shift)[there], frame[name].to_numpy(float)[there]
         handles[name] = axis.barh(places, values - low, 0.36, left=low, color=colour(name), label=name)
         for place, value in zip(places, values):
             axis.text(value * 1.15, place, seconds(value), va="center", fontsize=8)

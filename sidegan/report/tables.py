@@ -60,8 +60,8 @@ def spread(values: pd.Series) -> str:
 
 def spread_or_dash(values: pd.Series | None) -> str:
     """Mean ± standard deviation of what is known, a dash when nothing is."""
-    known = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
-    return spread(known) if len(known) else "—"
+    numbers = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
+    return spread(numbers) if len(numbers) else "—"
 
 
 def weighting(weighted: bool) -> str:
@@ -108,12 +108,12 @@ def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
     return formatted(mean.loc[ordered(mean.index)], _SETS).rename(index=title)
 
 
-def generators(known: pd.DataFrame) -> pd.DataFrame:
+def generators(frame: pd.DataFrame) -> pd.DataFrame:
     """Validity, fitness and diversity of the seeds and of every generator, over its trainings."""
-    share = known.get("valid_share", pd.Series(index=known.index, dtype=float))
-    rows = known.assign(
-        valid_share=share.fillna(known.get("valid")),
-        condition_valid=known.get("condition_valid", known.condition).fillna(known.condition),
+    share = frame.get("valid_share", pd.Series(index=frame.index, dtype=float))
+    rows = frame.assign(
+        valid_share=share.fillna(frame.get("valid")),
+        condition_valid=frame.get("condition_valid", frame.condition).fillna(frame.condition),
     )
     table = over_groups(rows, "name", _GENERATORS)
     return table.loc[ordered(table.index)].rename_axis("generator")

@@ -149,12 +149,12 @@ def test_goals_follow_from_the_numbers(artifacts, monkeypatch):
 
 
 def test_choices_follow_from_the_numbers(artifacts):
-    known = summary(artifacts)
+    measures = summary(artifacts)
 
     def choices(name, **values):
-        return beyond_words.choices(artifacts, known | {name: known[name] | values})
+        return beyond_words.choices(artifacts, measures | {name: measures[name] | values})
 
-    slow = {name: row | {"total": 100.0} for name, row in known.items()}
+    slow = {name: row | {"total": 100.0} for name, row in measures.items()}
     one = beyond_words.choices(artifacts, slow | {SEEDS: slow[SEEDS] | {"total": 1.0}})
     assert (one["quickest"], one["slower"], one["optimiser_is_quickest"]) == (SEEDS, 100.0, True)
     one = beyond_words.choices(artifacts, slow | {"vanilla": slow["vanilla"] | {"total": 1.0}})

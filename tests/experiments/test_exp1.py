@@ -72,7 +72,7 @@ def test_a_sweep_without_results_has_no_table(tmp_path):
 
 
 @pytest.fixture
-def made():
+def artifacts():
     row = {"success": 0.5, "condition": 9.0, "condition_valid": 8.0, "distance": 1.0, "nearest": 0.5}
     row |= {"rank": 4.0, "distance_diagonal": 2.0}
     rows = [{"name": "seeds", "valid": 1.0, **row}, {"name": "eigen", "valid_share": 0.6, **row}]
@@ -85,7 +85,7 @@ def made():
     )
 
 
-def test_everything_is_printed_written_and_recorded(made, tmp_path, capsys):
+def test_everything_is_printed_written_and_recorded(artifacts, tmp_path, capsys):
     recorded = []
 
     class Recorder(Tracker):
@@ -99,7 +99,7 @@ def test_everything_is_printed_written_and_recorded(made, tmp_path, capsys):
             assert path.is_file()
             recorded.append(f"{folder}/{path.name}")
 
-    exp1.present(made, tmp_path, Recorder())
+    exp1.present(artifacts, tmp_path, Recorder())
     names = ["table1", "joints", "sets", "generators"]
     expected = {f"{name}{end}" for name in names for end in (".csv", ".md")}
     expected |= {"training.png", "nmse.png"}
@@ -111,7 +111,7 @@ def test_everything_is_printed_written_and_recorded(made, tmp_path, capsys):
     for text in ("Table I", "seed 5", "seeds + eigen", "1.5 ± 0.71", "0.2248 ± 0.056", "duration [s]"):
         assert text in out, text
     raw = pd.read_parquet(tmp_path / exp1.RAW)
-    assert set(raw.seed) == {5} and len(raw) == len(made.errors)
+    assert set(raw.seed) == {5} and len(raw) == len(artifacts.errors)
     pd.testing.assert_frame_equal(
-        exp1.aggregate([tmp_path], tmp_path), exp1.table1(raw, made.plant, ["seed"])
+        exp1.aggregate([tmp_path], tmp_path), exp1.table1(raw, artifacts.plant, ["seed"])
     )

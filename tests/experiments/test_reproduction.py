@@ -30,7 +30,7 @@ config = configured(PAGE, SMALL)
 
 
 def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root, page):
-    docs, (text, made) = root / "docs", page
+    docs, (text, tables) = root / "docs", page
     web = (docs / "reproduction.html").read_text(encoding="utf-8")
     for title in (
         "Table I",
@@ -46,17 +46,17 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root, page):
     assert web.count('<img src="data:image/png;base64,') == 6
     assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
     names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
-    assert names <= made
+    assert names <= tables
     assert not list(docs.glob("*/figures/*.svg"))
     metrics = json.loads((docs / "reproduction" / "metrics.json").read_text())
     assert metrics["covariance.seeds ×1"] > metrics["covariance.seeds ×10"] > 0
 
 
 def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(artifacts):
-    made = claims(artifacts)
-    assert [claim.key for claim in made] == list(PAPER["claims"]) and len(made) >= 15
-    assert len({claim.text for claim in made}) == len(made)
-    for claim in made:
+    judged = claims(artifacts)
+    assert [claim.key for claim in judged] == list(PAPER["claims"]) and len(judged) >= 15
+    assert len({claim.text for claim in judged}) == len(judged)
+    for claim in judged:
         assert "{" not in claim.text + claim.why and claim.where
         assert claim.paper and claim.ours and claim.why.endswith(".")
         assert "nan" not in claim.ours.lower()
