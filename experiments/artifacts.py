@@ -1,170 +1,236 @@
-"""What the experiments read from the artifacts of a run, as tables."""
+"""What the experiments show, read from a run's artifacts as frames; nothing else here opens an artifact."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from experiments import exp2
 from sidegan.base.storage import read_json
-from sidegan.gan.variants import Variant
 from sidegan.library import Library
-from sidegan.pipeline.plan import FACTS, HISTORY, LIBRARY, REPORT, RESULTS, SEEDS, Task, with_subset
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.config import Config, GanVariant
+from sidegan.pipeline.plan import (
+    FACTS,
+    HISTORY,
+    LIBRARY,
+    RANDOM,
+    REPORT,
+    RESULTS,
+    SEEDS,
+    Task,
+    with_subset,
+)
+from sidegan.pipeline.plan_conditional import STUDY, Conditions
 from sidegan.pipeline.stamp import Stamp
+from sidegan.robot import Arm
 
-History = list[dict[str, float | None]]
+__all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
 
-
-def errors(task: Task) -> pd.DataFrame:
-    """NMSE and facts of every excitation set, by set, training, repeat, weighted and joint."""
-    found = []
-    for name, training in task.sets():
-        folder = task.store.require(task.identification(name, training))
-        results, facts = (pd.read_parquet(folder / file) for file in (RESULTS, FACTS))
-        found.append(results.merge(facts, on=["set", "training", "repeat"]))
-    return pd.concat(found, ignore_index=True).assign(seed=task.cfg.seed)
-
-
-def plant(task: Task) -> pd.DataFrame:
-    """NMSE of every excitation set as executed on the plant, by set, training, repeat, weighted, joint."""
-    folders = [task.store.require(task.plant(*one)) for one in task.sets()]
-    found = [pd.read_parquet(folder / RESULTS) for folder in folders]
-    return pd.concat(found, ignore_index=True).assign(seed=task.cfg.seed)
-
-
-def histories(
-    task: Task, variants: dict[str, Variant] | None = None, trainings: list[int] | None = None
-) -> dict[str, list[History]]:
-    """Metrics after every epoch of every training of each variant; the task's own where none are given."""
-    return {
-        name: [
-            read_json(task.store.require(task.gan(name, settings, k)) / HISTORY)
-            for k in trainings or task.cfg.trainings
-        ]
-        for name, settings in (variants or task.cfg.gan).items()
-    }
-
-
-def generators(task: Task) -> pd.DataFrame:
-    """Validity, fitness and diversity of the seeds and of every training of each generator, a row each."""
-    rows: list[dict[str, Any]] = [
-        {"name": SEEDS, "training": 0, **read_json(task.store.require(task.seeds) / REPORT)}
-    ]
-    for name, runs in histories(task).items():
-        for training, history in zip(task.cfg.trainings, runs):
-            last = history[-1]
-            kept = read_json(task.store.require(task.library(name, training)) / REPORT)
-            # A library holds what is valid: its condition is not that of all that the generator makes.
-            known = last | kept | {"condition": last["condition"], "condition_valid": kept["condition"]}
-            rows.append({"name": name, "training": training, **known})
-    return pd.DataFrame(rows)
+Report = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """Everything that the reproduction report is made from, read when it is asked for."""
+class Artifacts:
+    """What was made for one task, read when it is first needed.
+
+    Raises:
+        ArtifactError: by every member, when what it reads was not made.
+    """
 
     task: Task
 
+    @property
+    def cfg(self) -> Config:
+        """The run's configuration."""
+        return self.task.cfg
+
+    @property
+    def arm(self) -> Arm:
+        """The configured arm."""
+        return self.task.arm
+
+    @property
+    def family(self) -> Trajectory:
+        """The family of the short trajectories."""
+        return self.task.trajectory
+
+    @property
+    def parameters_count(self) -> int:
+        """Number of base parameters."""
+        return self.task.body.parameters_count
+
+    def long_family(self, harmonics: int) -> Trajectory:
+        """The family of a single long trajectory."""
+        return self.task.long_trajectory(harmonics)
+
     @cached_property
     def errors(self) -> pd.DataFrame:
-        """NMSE and facts of the excitation sets of experiment 1."""
-        return errors(self.task)
+        """NMSE and facts of every excitation set, by seed, set, training, repeat, weighted and joint."""
+        parts = []
+        for one in self.task.sets():
+            stamp = self.task.identification(*one)
+            facts = self._frame(stamp, FACTS)
+            parts.append(self._frame(stamp, RESULTS).merge(facts, on=["set", "training", "repeat"]))
+        return pd.concat(parts, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
     def plant(self) -> pd.DataFrame:
-        """NMSE of the excitation sets as executed on the MuJoCo plant."""
-        return plant(self.task)
+        """NMSE of every excitation set as executed on the plant, by seed, set, training, repeat, …."""
+        parts = [self._frame(self.task.plant(*one), RESULTS) for one in self.task.sets()]
+        return pd.concat(parts, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
-    def histories(self) -> dict[str, list[History]]:
-        """Metrics after every epoch of every training of each variant."""
-        return histories(self.task)
+    def histories(self) -> pd.DataFrame:
+        """Metrics of each variant after every epoch of every training, a row per variant, training, epoch."""
+        return self._histories(self.task, self.cfg.gan)
+
+    @cached_property
+    def subsets(self) -> pd.DataFrame:
+        """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
+        sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
+        parts = ((size, with_subset(self.task, size)) for size in sizes)
+        return pd.concat([self._histories(part, part.cfg.gan).assign(seeds=n) for n, part in parts])
+
+    @cached_property
+    def ablation(self) -> pd.DataFrame:
+        """Metrics after every epoch of the ablation's variants, the recipe itself first."""
+        others = self._histories(self.task, self.cfg.ablation, self.cfg.scale.ablation_trainings)
+        return pd.concat([self.histories[self.histories.variant == "eigen"], others], ignore_index=True)
 
     @cached_property
     def generators(self) -> pd.DataFrame:
-        """The seeds and every training of each generator, a row each."""
-        return generators(self.task)
+        """Validity, fitness and diversity of the seeds and of each generator's every training, a row each."""
+        rows: list[Report] = [{"name": SEEDS, "training": 0, **self.seeds}]
+        last = self.histories.groupby(["variant", "training"], sort=False).tail(1).drop(columns="epoch")
+        for row in last.rename(columns={"variant": "name"}).to_dict("records"):
+            kept = self._report(self.task.library(row["name"], row["training"]))
+            # A library holds what is valid: its condition number is not that of all that the generator makes.
+            both = {"condition": row["condition"], "condition_valid": kept["condition"]}
+            rows.append({str(key): value for key, value in row.items()} | kept | both)
+        return pd.DataFrame(rows)
 
     @cached_property
-    def seeds(self) -> dict[str, Any]:
+    def seeds(self) -> Report:
         """Report of the seed set."""
-        return self.report(self.task.seeds)
+        return self._report(self.task.seeds)
 
     @cached_property
-    def replication(self) -> exp2.Material:
-        """Experiment 2."""
-        return exp2.collect(self.task)
+    def whole_errors(self) -> pd.DataFrame:
+        """NMSE of experiment 2 by set, training, repeat, weighted and joint."""
+        return self._frame(self.task.replication, RESULTS)
+
+    @cached_property
+    def whole_facts(self) -> pd.DataFrame:
+        """Covariance norm and samples of experiment 2 by set, training and repeat."""
+        return self._frame(self.task.replication, FACTS)
 
     @cached_property
     def sensitivity(self) -> pd.DataFrame:
         """Experiment 1 with other settings."""
-        return pd.read_parquet(self.task.store.require(self.task.sensitivity) / RESULTS)
+        return self._frame(self.task.sensitivity, RESULTS)
 
     @cached_property
     def density(self) -> pd.DataFrame:
         """Samples of kernel density estimates, a row for each bandwidth."""
-        return pd.read_parquet(self.task.store.require(self.task.density) / RESULTS)
+        return self._frame(self.task.density, RESULTS)
 
     @cached_property
-    def subsets(self) -> dict[int, dict[str, list[History]]]:
-        """Histories of the variants trained on fewer seeds, and on all of them."""
-        sizes = sorted({*self.task.cfg.discussion.sizes, self.task.cfg.seeds.count})
-        return {size: histories(with_subset(self.task, size)) for size in sizes}
+    def longs(self) -> dict[int, tuple[Report, Library]]:
+        """Report and library of every single long trajectory, by its harmonics."""
+        return {h: self._made(self.task.long(h)) for h in self.cfg.long.harmonics}
 
     @cached_property
-    def ablation(self) -> dict[str, list[History]]:
-        """Histories of the ablation's variants, the recipe itself first."""
-        cfg = self.task.cfg
-        others = histories(self.task, cfg.ablation, cfg.scale.ablation_trainings)
-        return {"eigen": self.histories["eigen"], **others}
+    def kinds(self) -> dict[str, tuple[Report, Library]]:
+        """Report and library of the seeds and of the other kinds of seeds."""
+        stamps = {"gradient": self.task.seeds} | {n: self.task.kind(n).seeds for n in self.cfg.kinds}
+        return {name: self._made(stamp) for name, stamp in stamps.items()}
+
+    def generated(self, name: str, training: int) -> Library:
+        """A variant's own library."""
+        return self._library(self.task.library(name, training))
+
+    def selected(self, name: str, training: int) -> Library:
+        """The excitation set that was picked from one pool."""
+        return self._library(self.task.selection(name, training))
 
     @cached_property
-    def kinds(self) -> dict[str, Library]:
-        """The seeds and the other kinds of seeds."""
-        known = {"gradient": self.library(self.task.seeds)}
-        for name in self.task.cfg.kinds:
-            known[name] = self.library(self.task.kind(name).seeds)
-        return known
-
-    def union(self, name: str, key: str) -> np.ndarray:
-        """A diversity of seeds and library together, one for each training."""
-        return self.generators[self.generators["name"] == name][f"union_{key}"].to_numpy(float)
-
-    def report(self, stamp: Stamp) -> dict[str, Any]:
-        """Report in an artifact."""
-        return read_json(self.task.store.require(stamp) / REPORT)
-
-    def library(self, stamp: Stamp) -> Library:
-        """Library in an artifact."""
-        return Library.load(self.task.store.require(stamp) / LIBRARY, self.task.arm)
-
-    def seconds(self, stamp: Stamp) -> float:
-        """Wall time in which an artifact was made [s]."""
-        return float(read_json(self.task.store.require(stamp) / "stamp.json")["seconds"])
+    def speed(self) -> Report:
+        """Measured speed of the first training of the eigen variant, and the machine."""
+        return self._report(self.task.timing("eigen", self.cfg.trainings[0]))
 
     @cached_property
-    def costs(self) -> pd.DataFrame:
-        """Each time of the paper's text beside ours [s], a row each: key, what, ours, paper."""
-        task, first = self.task, self.task.cfg.trainings[0]
-        seeds, speed = self.seeds, self.report(task.timing("eigen", first))
-        kind = self.report(task.kind("paper").seeds) if "paper" in task.cfg.kinds else None
-        longs = [self.report(task.long(h))["cpu_seconds"] for h in task.cfg.long.harmonics]
-        trainings = [
-            self.seconds(task.gan(n, s, k)) for n, s in task.cfg.gan.items() for k in task.cfg.trainings
+    def seeds_seconds(self) -> float:
+        """Wall time of the seed set [s]."""
+        return self._seconds(self.task.seeds)
+
+    @cached_property
+    def surrogates_seconds(self) -> float:
+        """Wall time of the surrogates [s]."""
+        return self._seconds(self.task.surrogates("broad"))
+
+    def training_wall(self, name: str, training: int) -> float:
+        """Wall time of one training [s], whatever else ran beside it."""
+        return self._seconds(self.task.gan(name, self.cfg.gan[name], training))
+
+    def _histories(
+        self, task: Task, variants: dict[str, GanVariant], trainings: Iterable[int] | None = None
+    ) -> pd.DataFrame:
+        parts = [
+            self._history(task.gan(name, settings, training)).assign(variant=name, training=training)
+            for name, settings in variants.items()
+            for training in trainings or task.cfg.trainings
         ]
-        rows = [
-            ("long", "the single long trajectory, CPU", max(longs), 14 * 3600),
-            ("seed", "one seed, CPU", seeds["cpu_seconds"] / seeds["count"], 360),
-            ("seeds", "the seed set, wall", self.seconds(task.seeds), 30 * 3600),
-            ("surrogates", "the surrogates, wall", self.seconds(task.surrogates("broad")), np.nan),
-            ("training", "one training, wall", float(np.mean(trainings)), 2400),
-            ("generation", "one generated trajectory", speed["generation_seconds"], 1.4e-3),
-            ("checked", "one valid trajectory, checked", 1 / speed["valid_per_second"], 1 / 32),
-        ]
-        if kind is not None:
-            once = kind["cpu_seconds"] / kind["count"]
-            rows.insert(2, ("colony", "one seed by gaco + compass search, CPU", once, 360))
-        return pd.DataFrame(rows, columns=["key", "what", "ours", "paper"])
+        return pd.concat(parts, ignore_index=True)
+
+    def _history(self, stamp: Stamp) -> pd.DataFrame:
+        rows = pd.DataFrame(read_json(self._folder(stamp) / HISTORY)).astype(float)
+        rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
+        return rows
+
+    def _made(self, stamp: Stamp) -> tuple[Report, Library]:
+        return self._report(stamp), self._library(stamp)
+
+    def _report(self, stamp: Stamp) -> Report:
+        return read_json(self._folder(stamp) / REPORT)
+
+    def _library(self, stamp: Stamp) -> Library:
+        return Library.load(self._folder(stamp) / LIBRARY, self.arm)
+
+    def _frame(self, stamp: Stamp, file: str) -> pd.DataFrame:
+        return pd.read_parquet(self._folder(stamp) / file)
+
+    def _seconds(self, stamp: Stamp) -> float:
+        return float(read_json(self._folder(stamp) / "stamp.json")["seconds"])
+
+    def _folder(self, stamp: Stamp) -> Path:
+        return self.task.store.require(stamp)
+
+    def _exists(self, stamp: Stamp) -> bool:
+        return self.task.store.find(stamp) is not None
+
+
+class Conditional(NamedTuple):
+    """What was made for conditioned generation.
+
+    Attributes:
+        study: a row per kind of condition, and one per choice of links; None where a library was requested.
+        report: of that library.
+        library: its file.
+    """
+
+    study: dict[str, list[Report]] | None
+    report: Report
+    library: Path | None
+
+
+def conditional(task: Task) -> Conditional:
+    """The study of conditioned generation, or one library."""
+    conditions = Conditions(task)
+    if conditions.asked is None:
+        return Conditional(read_json(task.store.require(conditions.study) / STUDY), {}, None)
+    folder = task.store.require(conditions.library)
+    return Conditional(None, read_json(folder / REPORT), folder / LIBRARY)

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from experiments.beyond_evidence import Evidence, arrival
-from sidegan.pipeline.plan import RANDOM, SEEDS
-from sidegan.pipeline.plan_beyond import OPTIMISED, POLISHED, SCRATCH
+from experiments.artifacts import RANDOM, SEEDS
+from experiments.artifacts_beyond import OPTIMISED, POLISHED
+from experiments.beyond_frames import arrival, final_condition
 from sidegan.report import tables
 
 _POOLS = {
@@ -35,6 +35,26 @@ _FIRST = {
     "total": "together [s]",
     "each": "one more [ms]",
 }
+_OBJECTIVES = {
+    "name": ("objective", ""),
+    "success": ("valid share", ".3f"),
+    "condition_one": ("median cond of one", ".4g"),
+    "distance": ("mean distance", ".3g"),
+    "rank": ("effective rank", ".3g"),
+    "pick": ("pick", ""),
+    "condition": ("cond of the stack", ".4g"),
+    "log_det": ("log det", ".4g"),
+    "covariance_norm": ("‖diag P‖", ".3g"),
+}
+_POLISH = {
+    "start": ("start", ""),
+    "steps": ("steps", ""),
+    "seconds": ("CPU per valid trajectory [ms]", ".3g"),
+    "success": ("valid share", ".3f"),
+    "condition": ("median cond(YᵀY)", ".4g"),
+    "distance": ("mean distance", ".3g"),
+    "rank": ("effective rank", ".3g"),
+}
 _TITLES = {
     RANDOM: "random valid",
     SEEDS: "optimised seeds",
@@ -45,80 +65,53 @@ _FIRST_ROWS = (RANDOM, SEEDS, OPTIMISED)
 _TARGETS = {"another_arm": "another arm", "tool": "a tool", "higher_desk": "a higher desk"}
 
 
-def spread(values: pd.Series) -> str:
+def spread(values: pd.Series | None) -> str:
     """Mean ± deviation, the value alone where all are alike; a dash where nothing is known."""
-    known = values.replace([np.inf, -np.inf], np.nan).dropna()
-    if known.nunique() == 1:
-        return f"{known.iloc[0]:.3g}"
-    return tables.spread_or_dash(known)
+    finite = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
+    if finite.nunique() == 1:
+        return f"{finite.iloc[0]:.3g}"
+    return tables.spread_or_dash(finite)
 
 
-def pools(evidence: Evidence) -> pd.DataFrame:
+def pools(frame: pd.DataFrame) -> pd.DataFrame:
     """Validity, excitation and diversity of every pool, over trainings."""
-    return _table(evidence.pools, _POOLS)
+    return _table(frame, _POOLS)
 
 
-def best(evidence: Evidence, pick: str) -> pd.DataFrame:
+def best(frame: pd.DataFrame, pick: str) -> pd.DataFrame:
     """What the best set of every pool is worth, over trainings."""
-    return _table(evidence.best[evidence.best.pick == pick], _BEST)
+    return _table(frame[frame.pick == pick], _BEST)
 
 
-def first(evidence: Evidence) -> pd.DataFrame:
+def first(times: pd.DataFrame) -> pd.DataFrame:
     """Where the time to the first set goes, over trainings."""
-    frame = evidence.first.replace(0.0, np.nan)  # what was not needed
+    frame = times.replace(0.0, np.nan)  # what was not needed
     return _table(frame.assign(each=1000 * frame.each), _FIRST)
 
 
 def objectives(frame: pd.DataFrame) -> pd.DataFrame:
     """What each objective makes, a row per objective and pick."""
-    rows = [
-        {
-            "objective": row["name"].removeprefix("exact_"),
-            "valid share": f"{row['success']:.3f}",
-            "median cond of one": f"{row['condition_one']:.4g}",
-            "mean distance": f"{row['distance']:.3g}",
-            "effective rank": f"{row['rank']:.3g}",
-            "pick": row["pick"],
-            "cond of the stack": f"{row['condition']:.4g}",
-            "log det": f"{row['log_det']:.4g}",
-            "‖diag P‖": f"{row['covariance_norm']:.3g}",
-        }
-        for row in frame.to_dict("records")
-    ]
-    return pd.DataFrame(rows).set_index("objective")
+    named = frame.assign(name=frame.name.str.removeprefix("exact_"))
+    return tables.formatted(named, _OBJECTIVES).set_index("objective")
 
 
 def few(frame: pd.DataFrame) -> pd.DataFrame:
     """Validity, excitation and diversity against the number of seeds."""
     labels = {key: _POOLS[key] for key in ("success", "condition", "distance", "rank")}
-    rows = [
-        {"variant": name, "seeds": size, **{label: spread(part[key]) for key, label in labels.items()}}
-        for (name, size), part in frame.groupby(["variant", "seeds"], sort=True)
-    ]
-    return pd.DataFrame(rows).set_index("variant")
+    table = tables.over_groups(frame.sort_values(["variant", "seeds"]), ["variant", "seeds"], labels, spread)
+    return table.reset_index("seeds")
 
 
 def polish(frame: pd.DataFrame) -> pd.DataFrame:
     """The polish curve and that of the optimiser."""
-    table = pd.DataFrame(
-        {
-            "start": frame.start,
-            "steps": frame.steps,
-            "CPU per valid trajectory [ms]": (1000 * frame.seconds).map("{:.3g}".format),
-            "valid share": frame.success.map("{:.3f}".format),
-            "median cond(YᵀY)": frame.condition.map("{:.4g}".format),
-            "mean distance": frame.distance.map("{:.3g}".format),
-            "effective rank": frame["rank"].map("{:.3g}".format),
-        }
-    )
-    return table.replace("nan", "—").set_index("start")
+    return tables.formatted(frame.assign(seconds=1000 * frame.seconds), _POLISH).set_index("start")
 
 
 def transfers(frame: pd.DataFrame) -> pd.DataFrame:
     """What each way reaches for each target, and how soon it has the quality of the training from scratch."""
     rows = []
     for target, part in frame.groupby("target", sort=False):
-        final = float(part[part.way == SCRATCH].condition.iloc[-1])
+        final = final_condition(part)
         for way, curve in part.groupby("way", sort=False):
             steps, seconds = arrival(curve, final)
             last, begun = curve.iloc[-1], curve.iloc[0]
@@ -144,17 +137,11 @@ def called(target: str) -> str:
 
 
 def _table(frame: pd.DataFrame, labels: dict[str, str]) -> pd.DataFrame:
-    groups = {str(name): part for name, part in frame.groupby("name")}
-    rows = {
-        title(name): {label: spread(groups[name][key]) for key, label in labels.items() if key in frame}
-        for name in sorted(tables.ordered(groups), key=lambda name: _place(name))
-    }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("from")
-
-
-def _place(name: str) -> int:
-    """What was not generated comes first."""
-    return _FIRST_ROWS.index(name) if name in _FIRST_ROWS else len(_FIRST_ROWS)
+    """A row per pool: what was not generated comes first."""
+    table = tables.over_groups(frame, "name", labels, spread)
+    generated = [name for name in tables.ordered(table.index) if name not in _FIRST_ROWS]
+    names = [name for name in (*_FIRST_ROWS, *generated) if name in table.index]
+    return table.loc[names].rename(index=title).rename_axis("from")
 
 
 def title(name: str) -> str:

@@ -6,8 +6,11 @@ import numpy as np
 import pandas as pd
 import torch
 
-from experiments.artifacts import Evidence, History
+from experiments.artifacts import Artifacts
+from experiments.paper import PAPER
+from experiments.training import EARLY
 from sidegan.design.excitation import effective_rank, mean_distance
+from sidegan.library import Library
 from sidegan.report import tables
 
 _LAST = {
@@ -17,75 +20,86 @@ _LAST = {
     "rank": "effective rank",
     "distance_diagonal": "mean distance of diag(YᵀY)",
 }
+_LONG = {
+    "condition": ("cond(YᵀY)", ".4g"),
+    "starts": ("starts", ".4g"),
+    "cpu_seconds": ("CPU [s]", ".4g"),
+    "allotted_seconds": ("CPU of the short ones [s]", ".4g"),
+}
+_COSTS = {
+    "what": ("what", ""),
+    "ours": ("ours [s]", ".3g"),
+    "paper": ("paper [s]", ".3g"),
+    "ratio": ("times faster", ",.0f"),
+}
+_DENSITY = {
+    "bandwidth": ("bandwidth [Scott's]", "g"),
+    "success": ("valid share", ".4f"),
+    "condition": ("median cond(YᵀY)", ".3g"),
+    "distance": ("mean distance", ".3g"),
+    "from_seed": ("distance to the nearest seed", ".3g"),
+}
 
 
-def last_epoch(runs: dict[str, list[History]]) -> pd.DataFrame:
-    """Metrics after the last epoch, a row per variant and training."""
-    rows = [
-        {"variant": name, "training": k, **history[-1]}
-        for name, histories in runs.items()
-        for k, history in enumerate(histories)
-    ]
-    return pd.DataFrame(rows)
-
-
-def ablation(evidence: Evidence) -> pd.DataFrame:
+def ablation(histories: pd.DataFrame) -> pd.DataFrame:
     """What each part of the recipe does, over trainings."""
-    frame = last_epoch(evidence.ablation)
-    early = {
-        name: [h[min(9, len(h) - 1)]["success"] for h in histories]
-        for name, histories in evidence.ablation.items()
-    }
-    rows = {}
-    for name, part in frame.groupby("variant", sort=False):
-        row = {label: tables.spread_or_dash(part[key]) for key, label in _LAST.items()}
-        rows[name] = {"valid after 10 epochs": tables.spread_or_dash(pd.Series(early[str(name)])), **row}
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
+    length = histories.groupby("variant").epoch.transform("max")
+    last = histories[histories.epoch == length]
+    early = histories[histories.epoch == length.clip(upper=EARLY)]
+    first = tables.over_groups(early, "variant", {"success": f"valid after {EARLY} epochs"})
+    return first.join(tables.over_groups(last, "variant", _LAST))
 
 
-def subsets(evidence: Evidence) -> pd.DataFrame:
-    """Metrics after the last epoch against the number of seeds, a row per size, variant and training."""
-    frames = [last_epoch(runs).assign(seeds=size) for size, runs in evidence.subsets.items()]
-    return pd.concat(frames, ignore_index=True)
+def last_epochs(histories: pd.DataFrame) -> pd.DataFrame:
+    """Metrics after the last epoch, a row per size, variant and training."""
+    return histories.groupby(["seeds", "variant", "training"], sort=False).tail(1)
 
 
-def densities(evidence: Evidence) -> pd.DataFrame:
+def densities(frame: pd.DataFrame) -> pd.DataFrame:
     """Kernel density estimates by bandwidth, for people."""
-    frame = evidence.density
-    table = pd.DataFrame(
-        {
-            "bandwidth [Scott's]": frame.bandwidth.map("{:g}".format),
-            "valid share": frame.success.map("{:.4f}".format),
-            "median cond(YᵀY)": frame.condition.map("{:.3g}".format),
-            "mean distance": frame.distance.map("{:.3g}".format),
-            "distance to the nearest seed": frame.from_seed.map("{:.3g}".format),
-        }
-    )
-    return table.set_index("bandwidth [Scott's]")
+    return tables.formatted(frame, _DENSITY).set_index("bandwidth [Scott's]")
+
+
+def longs(artifacts: Artifacts) -> pd.DataFrame:
+    """How the single long trajectories were reached, for people."""
+    reports = pd.DataFrame({f"{h} harmonics": report for h, (report, _) in artifacts.longs.items()}).T
+    return tables.formatted(reports, _LONG).rename_axis("single long trajectory")
+
+
+def durations(artifacts: Artifacts) -> pd.DataFrame:
+    """Each time of the paper's text beside ours [s], by key: what, ours, paper."""
+    seeds, speed, walls = artifacts.seeds, artifacts.speed, artifacts.training_wall
+    trainings = [walls(name, k) for name in artifacts.cfg.gan for k in artifacts.cfg.trainings]
+    long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
+    rows = {
+        "long": ("the single long trajectory, CPU", long),
+        "seed": ("one seed, CPU", seeds["cpu_seconds"] / seeds["count"]),
+        "colony": ("one seed by gaco + compass search, CPU", np.nan),
+        "seeds": ("the seed set, wall", artifacts.seeds_seconds),
+        "surrogates": ("the surrogates, wall", artifacts.surrogates_seconds),
+        "training": ("one training, wall", float(np.mean(trainings))),
+        "generation": ("one generated trajectory", speed["generation_seconds"]),
+        "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),
+    }
+    frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
+    frame["paper"] = pd.Series(PAPER["seconds"], dtype=float).reindex(frame.index)
+    if "paper" in artifacts.kinds:  # the paper's optimiser
+        kind, _ = artifacts.kinds["paper"]
+        frame.loc["colony", ["ours", "paper"]] = kind["cpu_seconds"] / kind["count"], frame.paper["seed"]
+    return frame.dropna(subset="ours")
 
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """Times beside the paper's, for people."""
-    ratio = frame.paper / frame.ours
-    table = pd.DataFrame(
-        {
-            "what": frame.what,
-            "ours [s]": frame.ours.map("{:.3g}".format),
-            "paper [s]": frame.paper.map(lambda x: "—" if np.isnan(x) else f"{x:.3g}"),
-            "times faster": ratio.map(lambda x: "—" if np.isnan(x) else f"{x:,.0f}"),
-        }
-    )
-    return table.set_index("what")
+    return tables.formatted(frame.assign(ratio=frame.paper / frame.ours), _COSTS).set_index("what")
 
 
-def kinds(evidence: Evidence) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Kinds of seeds for people, and a point per seed: kind, condition, distance to the nearest other."""
-    task = evidence.task
-    stamps = {"gradient": task.seeds} | {name: task.kind(name).seeds for name in task.cfg.kinds}
-    fewest = min(map(len, evidence.kinds.values()))
-    rows, points = {}, []
-    for name, library in evidence.kinds.items():
-        report, c = evidence.report(stamps[name]), library.coefficients[:fewest]
+def kinds(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
+    """Kinds of seeds for people; diversity is compared of equally many."""
+    fewest = min(len(library) for _, library in kinds.values())
+    rows = {}
+    for name, (report, library) in kinds.items():
+        c = library.coefficients[:fewest]
         rows[name] = {
             "seeds": str(len(library)),
             "median cond(YᵀY)": f"{library.fitness.median():.4g}",
@@ -95,28 +109,38 @@ def kinds(evidence: Evidence) -> tuple[pd.DataFrame, pd.DataFrame]:
             f"effective rank of {fewest}": f"{effective_rank(c):.3g}" if fewest > 1 else "—",
             "CPU per seed [s]": f"{report['cpu_seconds'] / report['count']:.3g}",
         }
-        points.append(_points(name, c, library.fitness[:fewest]))
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("kind"), pd.concat(points)
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("kind")
 
 
-def _points(kind: str, c: torch.Tensor, fitness: torch.Tensor) -> pd.DataFrame:
-    apart = torch.cdist(c.flatten(1), c.flatten(1)).fill_diagonal_(torch.inf).amin(1)
-    return pd.DataFrame({"kind": kind, "condition": fitness.numpy(), "nearest": apart.numpy()})
+def kind_points(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
+    """Columns kind, quality (condition number), diversity (distance to the nearest other), a row per seed."""
+    fewest = min(len(library) for _, library in kinds.values())
+    parts = []
+    for name, (_, library) in kinds.items():
+        flat = library.coefficients[:fewest].flatten(1)
+        apart = torch.cdist(flat, flat).fill_diagonal_(torch.inf).amin(1)
+        quality = library.fitness[:fewest].numpy()
+        parts.append(pd.DataFrame({"kind": name, "quality": quality, "diversity": apart.numpy()}))
+    return pd.concat(parts)
 
 
 def sensitivity(frame: pd.DataFrame, weighted: bool) -> pd.DataFrame:
     """NMSE of every set with one setting changed at a time; the smallest of a row is marked."""
     part = frame[frame.weighted == weighted]
-    rows: dict[tuple[str, str], dict[str, Any]] = {}
-    for (factor, value, name), group in part.groupby(["factor", "value", "set"], sort=False):
-        mean = group.groupby(["training", "repeat"]).nmse.mean()
-        rows.setdefault((str(factor), str(value)), {})[str(name)] = mean
-    columns = tables.ordered({name for row in rows.values() for name in row})
+    columns = tables.ordered(part["set"].unique())
     shown = []
-    for (factor, value), row in rows.items():
-        best = min(row, key=lambda name: row[name].mean())
-        words = {name: tables.spread_or_dash(row.get(name)) for name in columns}
+    for (factor, value), group in part.groupby(["factor", "value"], sort=False):
+        nmse = group.groupby(["set", "training", "repeat"]).nmse.mean().groupby("set")
+        words = {str(name): tables.spread_or_dash(values) for name, values in nmse}
+        best = str(nmse.mean().idxmin())
         words[best] = f"**{words[best]}**"
-        cells = {tables.title(name): text for name, text in words.items()}
+        cells = {tables.title(name): words.get(name, "—") for name in columns}
         shown.append({"changed": factor, "to": value, **cells})
     return pd.DataFrame(shown).set_index("changed")
+
+
+def counts(frame: pd.DataFrame) -> pd.DataFrame:
+    """Unweighted nMSE, mean over joints, by set, training, repeat and number of selected trajectories."""
+    part = frame[(frame.factor == "count") & ~frame.weighted]
+    mean = part.groupby(["set", "training", "repeat", "value"], as_index=False).nmse.mean()
+    return mean.assign(trajectories=mean.value.astype(int)).sort_values("trajectories")

@@ -1,60 +1,35 @@
 """Conditioned generation: how well each kind of condition is met, at what cost; or a library for one."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
-from sidegan.base.storage import read_json, write_bytes, write_json
-from sidegan.pipeline.plan import LIBRARY, REPORT, Task
-from sidegan.pipeline.plan_conditional import STUDY, Conditions
+from experiments.artifacts import LIBRARY, STUDY, Conditional, Report, conditional
+from sidegan.base.storage import write_bytes, write_json
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 
 MET, LOSS = 0.97, 1.5  # goals: share of samples that meet their condition, loss against a dedicated generator
 
 
-@dataclass(frozen=True)
-class Material:
-    """What the tables are made from.
-
-    Attributes:
-        study: a row per kind of condition, and one per choice of links; None where a library is asked for.
-        asked: what is known of that library.
-        library: its file.
-    """
-
-    study: dict[str, list[dict[str, Any]]] | None
-    asked: dict[str, Any] | None = None
-    library: Path | None = None
+collect = conditional
 
 
-def collect(task: Task) -> Material:
-    """Everything that the tables need, from the artifacts."""
-    conditions = Conditions(task)
-    if conditions.asked is None:
-        return Material(read_json(task.store.require(conditions.study) / STUDY))
-    folder = task.store.require(conditions.library)
-    return Material(None, read_json(folder / REPORT), folder / LIBRARY)
-
-
-def present(material: Material, folder: Path, tracker: Tracker) -> None:
+def present(result: Conditional, folder: Path, tracker: Tracker) -> None:
     """Print, write and record the tables, or the library."""
-    if material.study is not None:
-        write_json(folder / STUDY, material.study)
-        publish(
-            kinds(material.study["kinds"]), folder / "conditions", "Conditions, by the true check", tracker
-        )
-        if material.study["links"]:
+    if result.study is not None:
+        write_json(folder / STUDY, result.study)
+        table = kinds(result.study["kinds"])
+        publish(table, folder / "conditions", "Conditions, by the true check", tracker)
+        if result.study["links"]:
             caption = "Variance of the chosen links' parameters, best sets, conditioned over unconditional"
-            publish(links(material.study["links"]), folder / "links", caption, tracker)
-    if material.asked is not None and material.library is not None:
-        write_bytes(folder / LIBRARY, material.library.read_bytes())
-        publish(library(material.asked), folder / "library", "Trajectories for what is asked", tracker)
+            publish(links(result.study["links"]), folder / "links", caption, tracker)
+    if result.library is not None:
+        write_bytes(folder / LIBRARY, result.library.read_bytes())
+        publish(library(result.report), folder / "library", "Trajectories for what is asked", tracker)
 
 
-def kinds(rows: list[dict[str, Any]]) -> pd.DataFrame:
+def kinds(rows: list[Report]) -> pd.DataFrame:
     """A row per kind of condition."""
     table = {
         row["kind"]: {
@@ -74,7 +49,7 @@ def kinds(rows: list[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(table, orient="index").rename_axis("condition")
 
 
-def links(rows: list[dict[str, Any]]) -> pd.DataFrame:
+def links(rows: list[Report]) -> pd.DataFrame:
     """A row per choice of links."""
     names = {"variance": "mean", "worst": "worst", "others": "other links"}
     table = {
@@ -84,17 +59,17 @@ def links(rows: list[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(table, orient="index").rename_axis("links")
 
 
-def library(asked: dict[str, Any]) -> pd.DataFrame:
+def library(report: Report) -> pd.DataFrame:
     """What is known of a library, a row per fact."""
-    told = {
-        "trajectories": asked["count"],
-        "drawn": asked["drawn"],
-        "met": _share(asked["valid_share"]),
-        "median cond(YᵀY)": _number(asked["condition"]),
-        "mean distance": _number(asked["distance"]),
-        "effective rank": _number(asked["rank"]),
+    facts = {
+        "trajectories": report["count"],
+        "drawn": report["drawn"],
+        "met": _share(report["valid_share"]),
+        "median cond(YᵀY)": _number(report["condition"]),
+        "mean distance": _number(report["distance"]),
+        "effective rank": _number(report["rank"]),
     }
-    return pd.DataFrame({"value": pd.Series(told)}).rename_axis("fact")
+    return pd.DataFrame({"value": pd.Series(facts)}).rename_axis("fact")
 
 
 def _share(value: float) -> str:

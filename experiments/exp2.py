@@ -3,70 +3,40 @@
 Source: Jegorova et al. 2020, section V-D.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
+from experiments.artifacts import Artifacts
+from experiments.paper import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.config import Config
-from sidegan.pipeline.plan import FACTS, RESULTS, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.export import publish
 
-PAPER_IMPROVEMENT = {
-    "vanilla": {1: "36 ± 44", 4: "21 ± 30", 10: "38 ± 17"},
-    "eigen": {1: "51 ± 27", 4: "39 ± 25", 10: "53 ± 8"},
-    "diagonal": {1: "52 ± 16", 4: "35 ± 32", 10: "44 ± 27"},
-}
-PAPER_NORM = {
-    "seeds ×1": "2.65384",
-    "seeds ×4": "2.44338",
-    "vanilla": "2.2573",
-    "eigen": "1.89143",
-    "diagonal": "2.36345",
-}
 RAW, NORMS = "exp2.parquet", "covariance.parquet"
 
 
-@dataclass(frozen=True)
-class Material:
-    """What the tables are made from.
-
-    Attributes:
-        results: nMSE by set, training, repeat, weighted, joint.
-        facts: covariance norm and samples by set, training, repeat.
-        config: the run's configuration.
-    """
-
-    results: pd.DataFrame
-    facts: pd.DataFrame
-    config: Config
+collect = Artifacts
 
 
-def collect(task: Task) -> Material:
-    """Everything that the tables need, from the artifacts."""
-    folder = task.store.require(task.replication)
-    return Material(pd.read_parquet(folder / RESULTS), pd.read_parquet(folder / FACTS), task.cfg)
-
-
-def present(material: Material, folder: Path, tracker: Tracker) -> None:
+def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Tables II and III, unweighted as in the paper and weighted."""
-    config = material.config
-    write_parquet(folder / RAW, tables.arrow(material.results))
-    write_parquet(folder / NORMS, tables.arrow(material.facts))
+    config, results = artifacts.cfg, artifacts.whole_errors
+    write_parquet(folder / RAW, tables.arrow(results))
+    write_parquet(folder / NORMS, tables.arrow(artifacts.whole_facts))
     noise = config.replication.noise
-    made = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
+    setting = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
     spread = "mean ± standard deviation over joints"
     for weighted, name in ((False, "table2"), (True, "table2_weighted")):
-        part = material.results[material.results.weighted == weighted]
+        part = results[results.weighted == weighted]
         if len(part):
             kind = "RLS weighted per joint" if weighted else "unweighted RLS, as in the paper"
-            caption = f"Table II: improvement in nMSE [%], {spread} ({kind}; {made})"
+            caption = f"Table II: improvement in nMSE [%], {spread} ({kind}; {setting})"
             publish(table2(part, config), folder / name, caption, tracker)
-    publish(table3(material.facts), folder / "table3", f"Table III: ‖diag P‖ ({made})", tracker)
-    publish(errors(material.results), folder / "errors", f"nMSE, mean over joints ({made})", tracker)
+    publish(table3(artifacts.whole_facts), folder / "table3", f"Table III: ‖diag P‖ ({setting})", tracker)
+    publish(errors(results), folder / "errors", f"nMSE, mean over joints ({setting})", tracker)
 
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
@@ -88,7 +58,7 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
             cells[f"×{replicas}"] = f"{joints.mean():.3g} ± {joints.std():.2g}"
             if len(trainings) > 1:
                 cells[f"×{replicas}, trainings"] = f"{trainings.min():.3g} … {trainings.max():.3g}"
-            cells[f"×{replicas}, paper"] = PAPER_IMPROVEMENT.get(name, {}).get(replicas, "—")
+            cells[f"×{replicas}, paper"] = PAPER["table2"].get(name, {}).get(replicas, "—")
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("improvement [%] over seeds")
 
 
@@ -100,7 +70,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
         rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby("training").covariance_norm.mean()),
             "samples": f"{part.samples.mean():.0f}",
-            "paper": PAPER_NORM.get(name, "—"),
+            "paper": PAPER["table3"].get(name, "—"),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
 

@@ -1,76 +1,140 @@
-"""The report on the whole paper: every figure and table beside ours, a verdict for each claim, and why.
-
-No number in it is typed: everything comes from artifacts.
-"""
+"""The report on the whole paper: every figure and table beside ours, a verdict for each claim, and why."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from experiments import sections
-from experiments.artifacts import Evidence
-from experiments.claims import claims
-from sidegan.base.storage import write_json
-from sidegan.pipeline.plan import Task
+import pandas as pd
+from torch import Tensor
+
+from experiments import claims, comparisons, exp1, exp2, training
+from experiments.artifacts import SEEDS, Artifacts
+from experiments.pages import Page, publish
+from experiments.paper import PAPER
+from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report.document import Claims, Document, Section
-from sidegan.report.markdown import write_markdown
-from sidegan.report.web import write_html
+from sidegan.report import figures, motion, spatial, tables
+from sidegan.report.figures import Across, Panel
+from sidegan.report.pose import Bundle, Film, Scene, film, scene
+from sidegan.report.style import colour
+
+if TYPE_CHECKING:  # slow to import
+    import plotly.graph_objects as go
+    from matplotlib.figure import Figure
+
+_TRACES = 8  # of generated trajectories, as in the paper's figure 2
+_WEIGHTINGS = {"": False, "_weighted": True}  # of a table, by the end of its name
 
 
-def collect(task: Task) -> Evidence:
-    """Everything that the report needs, from the artifacts."""
-    return Evidence(task)
+collect = Artifacts
 
 
-def present(evidence: Evidence, folder: Path, tracker: Tracker) -> None:
+def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, ``reproduction.html``, tables, figures and metrics; record the page."""
-    target = Path(evidence.task.cfg.publish or folder)
-    assets = target / "reproduction" / "figures"
-    made = [
-        sections.figure3(evidence, assets),
-        sections.table1(evidence, assets),
-        sections.table2(evidence, assets),
-        sections.discussion(evidence, assets),
-        sections.figure2(evidence, assets),
-        sections.timing(evidence, assets),
-        sections.kinds(evidence, assets),
-        sections.sensitivity(evidence, assets),
-        sections.ablation(evidence, assets),
-        sections.deviations(evidence),
-    ]
-    judged = claims(evidence)
-    verdicts = Section(
-        "The paper's claims", [Claims(judged, "Every verdict follows from the numbers beside it.")]
-    )
-    document = Document("SIDE-GAN, reproduced", _lead(evidence), [verdicts, *made])
-    write_markdown(document, target / "reproduction.md")
-    write_html(document, target / "reproduction.html")
-    known = metrics(evidence)
-    write_json(target / "reproduction" / "metrics.json", known)
-    tracker.log_artifact(target / "reproduction.html", "report")
-    tracker.log_metrics(known)
+    numbers, shown = metrics(artifacts), _tables(artifacts)
+    judged, pictures = claims.claims(artifacts), _motion(artifacts)
+    context = {
+        "artifacts": artifacts,
+        "cfg": artifacts.cfg,
+        "paper": PAPER,
+        "reliable": training.RELIABLE,
+        "verdicts": claims.counted(judged),
+    }
+    shown["claims"] = claims.table(judged)
+    drawn = _figures(artifacts) | {name: _static(picture) for name, picture in pictures.items()}
+    turned = {name: _turned(picture) for name, picture in pictures.items()}
+    page = Page("reproduction", shown, drawn, numbers, context, turned)
+    publish(page, Path(artifacts.cfg.publish or folder), tracker)
 
 
-def metrics(evidence: Evidence) -> dict[str, float]:
+def metrics(artifacts: Artifacts) -> dict[str, float]:
     """The numbers that a later run is compared by."""
-    known: dict[str, float] = {}
-    for name, part in evidence.generators.groupby("name"):
+    numbers: dict[str, float] = {}
+    for name, part in artifacts.generators.groupby("name"):
         for key in ("success", "condition", "distance", "rank", "distance_diagonal"):
             if key in part and part[key].notna().all():
-                known[f"{name}.{key}"] = float(part[key].mean())
-    errors = evidence.errors.groupby(["set", "weighted"], as_index=False).nmse.mean()
+                numbers[f"{name}.{key}"] = float(part[key].mean())
+    errors = artifacts.errors.groupby(["set", "weighted"], as_index=False).nmse.mean()
     for name, weighted, value in errors.itertuples(index=False):
-        known[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(value)
-    norms = evidence.replication.facts.groupby("set").covariance_norm.mean()
-    return known | {f"covariance.{name}": float(value) for name, value in norms.items()}
+        numbers[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(value)
+    norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
+    return numbers | {f"covariance.{name}": float(value) for name, value in norms.items()}
 
 
-def _lead(evidence: Evidence) -> str:
-    cfg = evidence.task.cfg
-    return (
-        "Jegorova et al., *Adversarial generation of informative trajectories for dynamics system "
-        f"identification* (IROS 2020), at its own scale: {cfg.seeds.count} seeds, {cfg.scale.gan_epochs} "
-        f"epochs, {len(cfg.trainings)} trainings of each variant, {cfg.library.count} valid trajectories "
-        "of each. "
-        "This page is generated from the artifacts of `dvc repro`; no number in it is typed. "
-        f"Robot: {evidence.task.arm.name}."
-    )
+def _tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
+    """Every table of the report that has its numbers, by name."""
+    raw, whole, changed = artifacts.errors, artifacts.whole_errors, artifacts.sensitivity
+    shown = {
+        "generators": tables.generators(artifacts.generators),
+        "epochs": training.speed(artifacts.histories),
+        "table1": exp1.table1(raw, artifacts.plant, ["training", "repeat"]),
+        "sets": tables.excitation_sets(raw),
+        "long": comparisons.longs(artifacts),
+        "table3": exp2.table3(artifacts.whole_facts),
+        "whole": exp2.errors(whole),
+        "density": comparisons.densities(artifacts.density),
+        "timing": comparisons.costs(comparisons.durations(artifacts)),
+        "kinds": comparisons.kinds(artifacts.kinds),
+        "ablation": comparisons.ablation(artifacts.ablation),
+    }
+    for end, weighted in _WEIGHTINGS.items():
+        part = whole[whole.weighted == weighted]
+        if len(part):
+            shown[f"table2{end}"] = exp2.table2(part, artifacts.cfg)
+        if (changed.weighted == weighted).any():
+            shown[f"sensitivity{end}"] = comparisons.sensitivity(changed, weighted)
+    return shown
+
+
+def _figures(artifacts: Artifacts) -> dict[str, "Figure"]:
+    """Every flat figure of the report, by name."""
+    eigen = artifacts.generators[artifacts.generators.name == "eigen"]
+    union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
+    share = [Panel("success", "valid share")]
+    nmse = [Panel("nmse", "nMSE, mean over joints", log=True)]
+    sizes, taught = comparisons.last_epochs(artifacts.subsets), Across("seeds", "seeds trained on")
+    counts = comparisons.counts(artifacts.sensitivity)
+    selected = Across("trajectories", "selected trajectories", log=True)
+    labels = ("distance to the nearest other seed", "cond(YᵀY)")
+    return {
+        "training": training.figure(artifacts, union),
+        "nmse": figures.errors(artifacts.errors),
+        "sizes": figures.panels(sizes, taught, share, "variant", columns=1, markers=True),
+        "timing-bars": figures.timing(comparisons.durations(artifacts)),
+        "kinds-scatter": figures.quality_diversity(comparisons.kind_points(artifacts.kinds), labels),
+        "counts": figures.panels(counts, selected, nmse, "set", columns=1, markers=True),
+    }
+
+
+def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:
+    """What the figures in space show, by name."""
+    first, family = artifacts.cfg.trainings[0], artifacts.family
+    generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
+    traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
+    sets = {
+        f"long-{h}": (artifacts.long_family(h), library.coefficients)
+        for h, (_, library) in artifacts.longs.items()
+    }
+    for name in (SEEDS, "eigen"):
+        sets[name] = family, artifacts.selected(name, first).coefficients
+    stacked = [
+        Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, colour(name))
+        for name, bundle in sets.items()
+    ]
+    return {
+        "traces": scene(artifacts.arm, traces),
+        "stacked": scene(artifacts.arm, stacked),
+        "snapshots": film(artifacts.arm, family, generated[:1]),
+    }
+
+
+def _described(family: Trajectory, coefficients: Tensor) -> str:
+    """Number and duration of a set's trajectories, in words."""
+    return f"{family.period:g} s" if len(coefficients) == 1 else f"{len(coefficients)} × {family.period:g} s"
+
+
+def _static(picture: Scene | Film) -> "Figure":
+    return motion.snapshots(picture) if isinstance(picture, Film) else motion.paths(picture)
+
+
+def _turned(picture: Scene | Film) -> "go.Figure":
+    return spatial.snapshots(picture) if isinstance(picture, Film) else spatial.paths(picture)

@@ -2,9 +2,8 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -12,14 +11,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from sidegan.base.storage import replacing
-from sidegan.report.summary import Line
 
-# The same figure gives the same file, so that a repeated run changes nothing under version control.
-_METADATA: dict[str, dict[str, Any]] = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
+
+class Line(NamedTuple):
+    """Mean, lowest and highest value, (N,) each, at N places."""
+
+    x: np.ndarray
+    mean: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure of this size [inch] on a canvas of its own."""
+    """An empty figure of this size [inch] on a canvas of its own: no screen, no global state."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -31,24 +35,6 @@ def band(axis: Axes, line: Line, label: str, shade: str, marker: str | None = No
         axis.fill_between(line.x, line.low, line.high, color=shade, alpha=0.2, linewidth=0)
     style = {"marker": marker, "markersize": 4} if marker or len(line.x) > 1 else {"marker": "o"}
     return axis.plot(line.x, line.mean, label=label, color=shade, linewidth=1.5, **style)[0]
-
-
-def points(axis: Axes, line: Line, label: str, shade: str, shift: float) -> Any:
-    """The means as dots beside each other, whiskers over the range: for places that have no order."""
-    whiskers = [line.mean - line.low, line.high - line.mean]
-    places = np.arange(len(line.x)) + shift
-    axis.set_xticks(range(len(line.x)), [str(x) for x in line.x])
-    return axis.errorbar(
-        places,
-        line.mean,
-        yerr=whiskers,
-        fmt="o",
-        color=shade,
-        label=label,
-        markersize=5,
-        capsize=2,
-        elinewidth=1,
-    )
 
 
 def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
@@ -74,12 +60,9 @@ def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
         )
 
 
-def save(figure: Figure, path: Path) -> list[Path]:
-    """Write ``path``.png and ``path``.svg."""
-    written = []
-    for suffix, metadata in _METADATA.items():
-        final = path.with_suffix(suffix)
-        with matplotlib.rc_context({"svg.hashsalt": "sidegan"}), replacing(final) as draft:
-            figure.savefig(draft, format=suffix[1:], dpi=150, metadata=metadata)
-        written.append(final)
-    return written
+def save(figure: Figure, path: Path) -> Path:
+    """Write ``path``.png; the same figure gives the same bytes, so that a repeated run changes no file."""
+    final = path.with_name(f"{path.name}.png")
+    with replacing(final) as draft:
+        figure.savefig(draft, format="png", dpi=150, metadata={"Software": None})
+    return final

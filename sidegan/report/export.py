@@ -1,5 +1,6 @@
 """Tables as files and on the terminal."""
 
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,8 @@ from sidegan.base.storage import write_bytes
 
 if TYPE_CHECKING:
     from sidegan.pipeline.tracking import Tracker
+
+_NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells of such signs alone line up on the right
 
 
 def publish(table: pd.DataFrame, path: Path, caption: str, tracker: "Tracker") -> None:
@@ -23,15 +26,21 @@ def publish(table: pd.DataFrame, path: Path, caption: str, tracker: "Tracker") -
 
 def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:
     """Write ``path``.csv and ``path``.md."""
-    flat = table.reset_index()
-    write_bytes(path.with_suffix(".csv"), flat.to_csv(index=False).encode())
-    write_bytes(path.with_suffix(".md"), f"{caption}\n\n{markdown(flat)}\n".encode())
+    write_bytes(path.with_suffix(".csv"), table.reset_index().to_csv(index=False).encode())
+    write_bytes(path.with_suffix(".md"), f"{caption}\n\n{markdown(table.reset_index())}\n".encode())
 
 
-def markdown(flat: pd.DataFrame) -> str:
-    """A Markdown table."""
-    rows = [list(map(str, flat.columns)), ["---"] * len(flat.columns), *flat.astype(str).values.tolist()]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
+def markdown(table: pd.DataFrame) -> str:
+    """A Markdown table without its index; columns of numbers line up on the right."""
+    text = table.astype(object).where(table.notna(), "—").astype(str)
+    text = text.map(lambda cell: " ".join(cell.replace("|", "\\|").splitlines()))
+    rules = ["---:" if text[name].map(_is_number).all() else "---" for name in text]
+    rows = [[str(name).replace("|", "\\|") for name in text], rules, *text.to_numpy().tolist()]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _is_number(cell: str) -> bool:
+    return _NUMBER.fullmatch(cell) is not None
 
 
 def show(table: pd.DataFrame, caption: str) -> None:
@@ -39,11 +48,11 @@ def show(table: pd.DataFrame, caption: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    flat = table.reset_index()
+    rows = table.reset_index().astype(str)
     drawn = Table(title=caption, title_justify="left", title_style="bold")
-    for i, column in enumerate(flat.columns):
+    for i, column in enumerate(rows.columns):
         drawn.add_column(str(column), justify="left" if i == 0 else "right", overflow="fold")
-    for row in flat.astype(str).values.tolist():
+    for row in rows.to_numpy().tolist():
         drawn.add_row(*row)
     width = None if sys.stdout.isatty() else 150
     Console(file=sys.stdout, width=width, markup=False).print(drawn)  # "[s]" is a unit and no style

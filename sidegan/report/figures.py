@@ -1,68 +1,137 @@
-"""Figures from the results of runs, with matplotlib on its own canvas (no screen, no global state)."""
+"""Figures from the results of runs, with matplotlib."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from sidegan.report.canvas import band, blank, legend, points, save, tidy
-from sidegan.report.style import PANELS, colour, colours, seconds
-from sidegan.report.summary import (
-    History,
-    aligned,
-    by_joint,
-    compared_with,
-    curves,
-    durations,
-    epochs,
-    is_text,
-    require,
-    time_ticks,
-    weighting,
-)
-from sidegan.report.tables import ordered, title
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.report.canvas import Line, band, blank, legend, tidy
+from sidegan.report.style import METRICS, colour, colours, seconds
+from sidegan.report.tables import ordered, title, weighting
 
-__all__ = ["History", "curve", "errors", "quality_diversity", "save", "timing", "training"]
-
-_FEW = 8  # places across that can all be ticks
+_SUBS = (1.0, 2.0, 5.0)  # of each decade, that are ticks
+_LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
 _CROWD = 50  # points of a kind from which on they are drawn small and faint
+_TIMES = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)  # [s] that may be ticks
 
 
-def training(
-    histories: Mapping[str, Sequence[History]],
-    seeds: Mapping[str, Any],
-    union: Mapping[str, Any] | None = None,
+class Panel(NamedTuple):
+    """One column and how it is drawn.
+
+    Attributes:
+        key: the column.
+        label: its name for people.
+        log: a logarithmic axis.
+        references: dashed lines, by the set whose value they are.
+        share: of a whole, so that the axis ends at one.
+    """
+
+    key: str
+    label: str
+    log: bool = False
+    references: Mapping[str, float] = {}
+    share: bool = False
+
+
+class Across(NamedTuple):
+    """The column across, its name for people, and whether its axis is logarithmic."""
+
+    key: str
+    label: str
+    log: bool = False
+
+
+def metrics(
+    keys: Iterable[str] = METRICS, references: Mapping[str, Mapping[str, float]] | None = None
+) -> list[Panel]:
+    """A panel for each metric of a generator, with the values of the sets that it is compared with."""
+    compared = references or {}
+    return [
+        Panel(
+            key,
+            *METRICS[key],
+            {name: values[key] for name, values in compared.items() if values.get(key) is not None},
+            key == "success",
+        )
+        for key in keys
+    ]
+
+
+def panels(
+    frame: pd.DataFrame,
+    across: Across,
+    shown: Sequence[Panel],
+    group: str,
+    run: str | None = None,
+    columns: int = 2,
+    markers: bool = False,
 ) -> Figure:
-    """Metrics with the true physics after every epoch, the seed set dashed.
+    """Columns of a frame over another one, a panel each; a group has one colour.
 
     Args:
-        histories: of every training of each variant; the line is their mean, the band their range.
-        seeds: the same metrics of the seed set.
-        union: the same metrics of the seeds and generated trajectories together.
+        frame: a row per result.
+        across: the column across.
+        shown: the columns up.
+        group: the column that tells colours apart.
+        run: the column that tells lines of one colour apart; without it a group is the line through its
+            means, with its range behind.
+        columns: panels beside each other.
+        markers: a dot at every result.
+
+    Raises:
+        ConfigError: when the frame lacks a column.
     """
-    figure = blank(11, 6.2)
+    require(frame, [across.key, group, *([run] if run else []), *(panel.key for panel in shown)])
+    columns = min(columns, len(shown))
+    rows = -(-len(shown) // columns)
+    figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
+    shades = colours(frame[group].astype(str))
     handles: dict[str, Any] = {}
-    for axis, (key, (label, logarithmic)) in zip(figure.subplots(2, 3).ravel(), PANELS.items()):
-        for name, runs in histories.items():
-            handles[name] = band(axis, epochs(runs, key), name, colour(name))
-        for name, words, reference in compared_with(key, seeds, union):
-            handles[words] = axis.axhline(
-                reference, color=colour(name), linestyle="--", linewidth=1.3, label=words
-            )
-        if logarithmic:
-            axis.set_yscale("log")
-        if key == "success":
-            axis.set_ylim(-0.03, 1.03)
-        axis.set_title(label, fontsize=10)
-        axis.set_xlabel("epoch", fontsize=9)
-        tidy(axis)
-    figure.suptitle("Training, measured with the true physics", fontsize=11)
-    legend(figure, handles)
+    for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
+        drawn = frame.dropna(subset=[across.key, panel.key])
+        for (name, *_), part in drawn.groupby([group, run] if run else [group], sort=False):
+            line = _means(part, across.key, panel.key)
+            handles[str(name)] = band(axis, line, str(name), shades[str(name)], "o" if markers else None)
+        for name, value in panel.references.items():
+            shade = shades.get(name, colour(name))
+            handles[name] = axis.axhline(value, color=shade, linestyle="--", linewidth=1.3)
+        _frame(axis, panel, across)
+    legend(figure, {name: handles[name] for name in [*shades, *handles] if name in handles})
     return figure
+
+
+def _frame(axis: Axes, panel: Panel, across: Across) -> None:
+    """Scales, ends and names of the axes."""
+    _scale(axis, "x", across.log)
+    _scale(axis, "y", panel.log)
+    if panel.share:
+        axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
+    axis.set_title(panel.label, fontsize=10)
+    axis.set_xlabel(across.label, fontsize=9)
+    tidy(axis)
+
+
+def _scale(axis: Axes, which: Literal["x", "y"], log: bool) -> None:
+    """A linear scale, or a logarithmic one whose ticks are plain numbers."""
+    if log:
+        axis.set(**{f"{which}scale": "log"})
+        ticks = axis.xaxis if which == "x" else axis.yaxis
+        decades = np.ptp(np.log10(axis.get_xlim() if which == "x" else axis.get_ylim()))
+        ticks.set_major_locator(LogLocator(subs=_SUBS if decades < 4 else (1.0,)))
+        ticks.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ticks.set_minor_formatter(NullFormatter())
+
+
+def _means(part: pd.DataFrame, x: str, y: str) -> Line:
+    """Mean and range of column ``y`` over the rows that share ``x``, in the order of ``x``."""
+    values = part.groupby(x)[y].agg(["mean", "min", "max"])
+    return Line(values.index.to_numpy(), *values.to_numpy(float).T)
 
 
 def errors(raw: pd.DataFrame) -> Figure:
@@ -74,15 +143,14 @@ def errors(raw: pd.DataFrame) -> Figure:
     look = {"ecolor": "#404040", "error_kw": {"elinewidth": 0.7, "capsize": 1.5}}
     handles = {}
     for axis, weighted in zip(figure.subplots(1, len(weightings), sharey=True, squeeze=False)[0], weightings):
-        for name, line in by_joint(raw[raw.weighted == weighted]).items():
-            places = [
-                joints.index(joint) + (names.index(name) - (len(names) - 1) / 2) * width for joint in line.x
-            ]
-            ends = [line.mean - line.low, line.high - line.mean]
-            bars = axis.bar(
-                places, line.mean, width, yerr=ends, color=colour(name), label=title(name), **look
+        part = raw[raw.weighted == weighted]
+        for k, name in enumerate(names):
+            nmse = part[part["set"] == name].groupby("joint").nmse.agg(["mean", "min", "max"]).reindex(joints)
+            ends = [nmse["mean"] - nmse["min"], nmse["max"] - nmse["mean"]]
+            places = np.arange(len(joints)) + (k - (len(names) - 1) / 2) * width
+            handles[title(name)] = axis.bar(
+                places, nmse["mean"], width, yerr=ends, color=colour(name), label=title(name), **look
             )
-            handles[title(name)] = bars
         axis.set_yscale("log")
         axis.set_xticks(range(len(joints)), joints)
         axis.set_title(weighting(weighted), fontsize=10)
@@ -92,100 +160,32 @@ def errors(raw: pd.DataFrame) -> Figure:
     return figure
 
 
-def curve(
-    frame: pd.DataFrame,
-    x: str,
-    y: str,
-    group: str | None = None,
-    *,
-    log_x: bool = False,
-    log_y: bool = False,
-    labels: Mapping[str, str] | None = None,
-    references: Mapping[str, float] | None = None,
-) -> Figure:
-    """Column ``y`` over column ``x``: a line through the means and a band over the range of each group.
+def quality_diversity(frame: pd.DataFrame, labels: tuple[str, str]) -> Figure:
+    """A point per row, its diversity across and its quality up; the crosses are the medians of a kind.
 
     Args:
-        frame: a row per result; rows that share group and x are repetitions. An ``x`` of text gives
-            places in the order of appearance.
-        x: the column across.
-        y: the column up.
-        group: the column that tells lines apart.
-        log_x: a logarithmic axis across.
-        log_y: a logarithmic axis up.
-        labels: what to call columns and groups.
-        references: dashed lines at these values.
-
-    Raises:
-        ConfigError: when the frame lacks a column.
-        ShapeError: when no row knows both x and y.
-    """
-    words = labels or {}
-    figure = blank(7.2, 4.2)
-    axis = figure.subplots()
-    found = aligned(curves(frame, x, y, group))
-    handles = {}
-    for k, (name, shade) in enumerate(colours(found).items()):
-        known = words.get(name, name)
-        if is_text(frame[x]):
-            shift = 0.12 * (k - (len(found) - 1) / 2)
-            handles[known] = points(axis, found[name], known, shade, shift)
-        else:
-            handles[known] = band(axis, found[name], known, shade, marker="o")
-    for name, value in (references or {}).items():
-        known = words.get(name, name)
-        handles[known] = axis.axhline(value, color=colour(name), linestyle="--", linewidth=1.3, label=known)
-    if log_x:
-        _log_places(axis, next(iter(found.values())).x)
-    if log_y:
-        axis.set_yscale("log")
-    axis.set_xlabel(words.get(x, x), fontsize=9)
-    axis.set_ylabel(words.get(y, y), fontsize=9)
-    tidy(axis)
-    legend(figure, {name: handle for name, handle in handles.items() if name})
-    return figure
-
-
-def _log_places(axis: Axes, places: np.ndarray) -> None:
-    """A logarithmic axis across; where the places are few, the ticks are at them."""
-    axis.set_xscale("log")
-    if len(places) <= _FEW:
-        axis.set_xticks(places, [f"{place:g}" for place in places])
-        axis.minorticks_off()
-
-
-def quality_diversity(
-    frame: pd.DataFrame,
-    quality: str,
-    diversity: str,
-    kind: str,
-    *,
-    log: bool = True,
-    labels: Mapping[str, str] | None = None,
-) -> Figure:
-    """A point per row: diversity across, quality up, coloured by kind; the crosses are the medians.
+        frame: columns kind, diversity and quality.
+        labels: names of diversity and quality for people.
 
     Raises:
         ConfigError: when the frame lacks a column.
     """
-    require(frame, [quality, diversity, kind])
-    words = labels or {}
-    figure = blank(6.4, 4.4)
+    require(frame, ["kind", "diversity", "quality"])
+    figure = blank(7.2, 4.6)
     axis = figure.subplots()
     handles: dict[str, Any] = {}
-    for name, shade in colours(frame[kind].astype(str)).items():
-        part = frame[frame[kind].astype(str) == name]
-        known = f"{words.get(name, name)} ({len(part)})"
+    for name, shade in colours(frame.kind.astype(str)).items():
+        part = frame[frame.kind.astype(str) == name]
         size, opacity = (28, 0.85) if len(part) < _CROWD else (14, 0.4)
-        handles[known] = axis.scatter(
-            part[diversity], part[quality], s=size, color=shade, alpha=opacity, linewidths=0, label=known
+        handles[f"{name} ({len(part)})"] = axis.scatter(
+            part.diversity, part.quality, s=size, color=shade, alpha=opacity, linewidths=0
         )
-        median = axis.plot(part[diversity].median(), part[quality].median(), "P", color=shade)[0]
+        median = axis.plot(part.diversity.median(), part.quality.median(), "P", color=shade)[0]
         median.set(markersize=13, markeredgecolor="white")
     handles["median"] = Line2D([], [], marker="P", color="#404040", linestyle="", markersize=9)
-    axis.set_yscale("log" if log else "linear")
-    axis.set_xlabel(words.get(diversity, diversity), fontsize=9)
-    axis.set_ylabel(words.get(quality, quality), fontsize=9)
+    axis.set_yscale("log")
+    axis.set_xlabel(labels[0], fontsize=9)
+    axis.set_ylabel(labels[1], fontsize=9)
     tidy(axis)
     legend(figure, handles)
     return figure
@@ -199,27 +199,48 @@ def timing(frame: pd.DataFrame) -> Figure:
 
     Raises:
         ConfigError: when the frame lacks a column.
-        ShapeError: when no duration is known.
+        ShapeError: when no duration is known, or one is not positive.
     """
+    low, high = _ends(frame)
     figure = blank(8.6, 0.62 * len(frame) + 1.1)
     axis = figure.subplots()
-    low, high = durations(frame)
     handles = {}
     for name, shift in (("paper", -0.2), ("ours", 0.2)):
-        known = frame[name].notna().to_numpy()
-        places = (np.arange(len(frame)) + shift)[known]
-        handles[name] = axis.barh(
-            places, frame[name][known] - low, 0.36, left=low, color=colour(name), label=name
-        )
-        for place, value in zip(places, frame[name][known]):
+        there = frame[name].notna().to_numpy()
+        places, values = (np.arange(len(frame)) + shift)[there], frame[name].to_numpy(float)[there]
+        handles[name] = axis.barh(places, values - low, 0.36, left=low, color=colour(name), label=name)
+        for place, value in zip(places, values):
             axis.text(value * 1.15, place, seconds(value), va="center", fontsize=8)
     axis.set_xscale("log")
     axis.set_xlim(low, high)
     axis.set_yticks(range(len(frame)), frame.what)
     axis.invert_yaxis()
-    ticks = time_ticks(low, high)
+    ticks = [tick for tick in _TIMES if low <= tick <= high]
     axis.set_xticks(ticks, [seconds(t) for t in ticks])
     axis.minorticks_off()
     tidy(axis, "x")
     legend(figure, handles)
     return figure
+
+
+def _ends(frame: pd.DataFrame) -> tuple[float, float]:
+    """Ends [s] of an axis with room for all durations and what is written beside them."""
+    require(frame, ["what", "ours", "paper"])
+    values = frame[["ours", "paper"]].to_numpy(dtype=float)
+    known = values[~np.isnan(values)]
+    if len(known) == 0 or not (known > 0).all():
+        raise ShapeError(f"durations must be positive and one at least known, got {known.tolist()}")
+    return float(known.min()) / 3, float(known.max()) * 12
+
+
+def require(frame: pd.DataFrame, columns: Sequence[str]) -> None:
+    """Refuse a frame that lacks a column.
+
+    Raises:
+        ConfigError: with the columns that are missing and those that are there.
+    """
+    missing = [name for name in columns if name not in frame.columns]
+    if missing:
+        raise ConfigError(
+            f"the data has no column {', '.join(missing)}, only {', '.join(map(str, frame.columns))}"
+        )

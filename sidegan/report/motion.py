@@ -1,9 +1,9 @@
-"""Figures of motion in space, with matplotlib: traces of the end effector, the arm's capsules on their way.
+"""Pictures of motion in space, with matplotlib: paths of the end effector, the arm on its way.
 
 Source: Jegorova et al. 2020, figure 2.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,14 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
-from torch import Tensor
 
-from sidegan.errors import ShapeError
-from sidegan.motion.trajectory import Trajectory
-from sidegan.report.pose import Mesh, bounds, film, tip_traces
-from sidegan.report.style import DESK, colour
-from sidegan.report.tables import title
-from sidegan.robot import Arm
+from sidegan.report.pose import Film, Mesh, Scene
+from sidegan.report.style import DESK, PATH
 
 _COLUMNS = 4
 _TIME = "viridis"
@@ -27,90 +22,39 @@ _VIEW = {"elev": 22.0, "azim": -58.0}
 _LIGHT = np.array([0.35, -0.55, 0.76])
 _FADING = 0.16  # opacity that is left of a pose at the next one
 _FLAT = 0.93  # height of a panel over its width
-_PATH = "#b2182b"
-
-Bundles = Mapping[str, tuple[Trajectory, Tensor]]
 
 
-def traces(arm: Arm, family: Trajectory, coefficients: Tensor, desk: float | None = 0.0) -> Figure:
-    """The end effector's path along each trajectory, a panel each, dark at the start and bright at the end.
-
-    Args:
-        arm: whose.
-        family: of the trajectories.
-        coefficients: [rad/s], (B, J, H, 2).
-        desk: height [m] of the desk to draw, none when None.
-
-    Raises:
-        ShapeError: when there is no trajectory, or one does not fit the family.
-    """
-    paths = tip_traces(arm, family, coefficients)
-    columns = min(_COLUMNS, len(paths))
-    rows = -(-len(paths) // columns)
-    figure = _panels(2.7, rows, columns)
-    limits = bounds([paths], desk)
-    for k, path in enumerate(paths):
-        axis = _space(figure, (rows, columns, k + 1), limits, desk)
-        _coloured(axis, path)
+def paths(scene: Scene) -> Figure:
+    """A panel per bundle with the paths of its trajectories, all to one scale."""
+    count = len(scene.bundles)
+    columns = min(_COLUMNS, count)
+    rows = -(-count // columns)
+    figure = _panels(2.9, rows, columns)
+    for k, (bundle, some) in enumerate(zip(scene.bundles, scene.paths)):
+        axis = _space(figure, (rows, columns, k + 1), scene.limits, scene.desk)
+        axis.set_title(bundle.title, fontsize=9)
+        if bundle.colour is None:
+            for path in some:
+                _timed(axis, path)
+        else:
+            lines = Line3DCollection(list(some), colors=bundle.colour, linewidths=0.5, alpha=0.75)
+            axis.add_collection3d(lines, autolim=False)
     return figure
 
 
-def stacked(arm: Arm, bundles: Bundles, desk: float | None = 0.0) -> Figure:
-    """Paths of all trajectories of each set together, a panel per set, all to one scale.
-
-    Args:
-        arm: whose.
-        bundles: family and coefficients [rad/s], (B, J, H, 2), by name of the set.
-        desk: height [m] of the desk to draw, none when None.
-
-    Raises:
-        ShapeError: when there is nothing to draw, or a trajectory does not fit its family.
-    """
-    if not bundles:
-        raise ShapeError("there are no sets to draw")
-    paths = {name: tip_traces(arm, family, c) for name, (family, c) in bundles.items()}
-    figure = _panels(3.6, 1, len(paths))
-    limits = bounds(list(paths.values()), desk)
-    for k, (name, set_) in enumerate(paths.items()):
-        axis = _space(figure, (1, len(paths), k + 1), limits, desk)
-        segments = Line3DCollection(list(set_), colors=colour(name), linewidths=0.5, alpha=0.75)
-        axis.add_collection3d(segments, autolim=False)
-        axis.set_title(f"{title(name)}\n{describe(bundles[name][0], len(set_))}", fontsize=9)
-    return figure
-
-
-def describe(family: Trajectory, number: int) -> str:
-    """Number and duration of a set's trajectories, in words."""
-    return f"{family.period:g} s" if number == 1 else f"{number} × {family.period:g} s"
-
-
-def snapshots(
-    arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6, desk: float | None = 0.0
-) -> Figure:
-    """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far.
-
-    Args:
-        arm: whose.
-        family: of the trajectory.
-        coefficients: [rad/s], (1, J, H, 2).
-        count: number of instants, spread evenly.
-        desk: height [m] of the desk to draw, none when None.
-
-    Raises:
-        ShapeError: when there is not exactly one trajectory, or it does not fit the family.
-    """
-    scene = film(arm, family, coefficients, count)
-    limits = bounds([scene.path, *(mesh.vertices for mesh in scene.meshes)], desk)
+def snapshots(film: Film) -> Figure:
+    """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far."""
+    count = len(film.times)
     columns = min(count, _COLUMNS - 1)
     rows = -(-count // columns)
     figure = _panels(3.0, rows, columns)
     shades = colormaps[_TIME](np.linspace(0.1, 0.8, count))[:, :3]
-    for k, time in enumerate(scene.times):
-        axis = _space(figure, (rows, columns, k + 1), limits, desk)
-        visible = [(scene.meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
+    for k, time in enumerate(film.times):
+        axis = _space(figure, (rows, columns, k + 1), film.limits, film.desk)
+        visible = [(film.meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
         axis.add_collection3d(_surfaces(visible), autolim=False)
-        so_far = scene.path[: 1 + round(len(scene.path) * time / family.period)]
-        axis.plot(*so_far.T, color=_PATH, linewidth=1.0, zorder=3)
+        so_far = film.path[: 1 + round(len(film.path) * time / film.period)]
+        axis.plot(*so_far.T, color=PATH, linewidth=1.0, zorder=3)
         axis.set_title(f"{time:.1f} s", fontsize=9)
     return figure
 
@@ -126,14 +70,10 @@ def _surfaces(visible: Sequence[tuple[Mesh, np.ndarray, float]]) -> Poly3DCollec
         paint = np.clip(shade * bright[:, None] + 0.12 * (bright[:, None] > 0.9), 0, 1)
         faces.append(corners)
         paints.append(np.concatenate([paint, np.full((len(paint), 1), opacity)], 1))
-    collection = Poly3DCollection(
-        np.concatenate(faces), facecolors=np.concatenate(paints), linewidths=0, zorder=2
-    )
-    collection.set_rasterized(True)  # thousands of faces: an SVG with each of them would be megabytes
-    return collection
+    return Poly3DCollection(np.concatenate(faces), facecolors=np.concatenate(paints), linewidths=0, zorder=2)
 
 
-def _coloured(axis: Axes3D, path: np.ndarray) -> None:
+def _timed(axis: Axes3D, path: np.ndarray) -> None:
     """A path whose colour tells the time."""
     shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
     pieces = np.stack([path[:-1], path[1:]], 1)

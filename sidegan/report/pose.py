@@ -1,5 +1,6 @@
-"""Where an arm is while it moves: traces of its end effector, and its capsules as meshes."""
+"""What pictures of motion show: paths of the end effector, and the arm's capsules as meshes."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,12 +25,57 @@ class Mesh(NamedTuple):
     faces: np.ndarray
 
 
-class Film(NamedTuple):
-    """One trajectory: the end effector's path [m], (T, 3), and the arm at some instants [s], (N,)."""
+class Bundle(NamedTuple):
+    """Trajectories whose paths are drawn together.
 
+    Attributes:
+        title: name for people.
+        family: of the trajectories.
+        coefficients: [rad/s], (B, J, H, 2).
+        colour: of the paths; None is one that tells the time.
+    """
+
+    title: str
+    family: Trajectory
+    coefficients: Tensor
+    colour: str | None = None
+
+
+class Scene(NamedTuple):
+    """Paths of the end effector [m], (B, T, 3), of some bundles, and the box around all, (2, 3)."""
+
+    bundles: list[Bundle]
+    paths: list[np.ndarray]
+    limits: np.ndarray
+    desk: float | None
+
+
+class Film(NamedTuple):
+    """One trajectory: the end effector's path [m], (T, 3), the arm at some instants [s], (N,), the box."""
+
+    period: float
     path: np.ndarray
     times: np.ndarray
     meshes: list[Mesh]
+    limits: np.ndarray
+    desk: float | None
+
+
+def scene(arm: Arm, bundles: Sequence[Bundle], desk: float | None = 0.0) -> Scene:
+    """The end effector's path along every trajectory of some bundles.
+
+    Args:
+        arm: whose.
+        bundles: what is drawn together.
+        desk: height [m] of the desk to draw, none when None.
+
+    Raises:
+        ShapeError: when there is nothing to draw, or a trajectory does not fit its family.
+    """
+    if not bundles:
+        raise ShapeError("there are no sets to draw")
+    paths = [tip_traces(arm, bundle.family, bundle.coefficients) for bundle in bundles]
+    return Scene(list(bundles), paths, bounds(paths, desk), desk)
 
 
 def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray:
@@ -46,8 +92,17 @@ def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray
     return place_points(arm, q, arm.tip[None], [arm.joints - 1])[:, 0].T.reshape(batch, count, 3).numpy()
 
 
-def film(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Film:
+def film(
+    arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6, desk: float | None = 0.0
+) -> Film:
     """The arm at ``count`` instants spread over one period; the ends, where it is at home, are left out.
+
+    Args:
+        arm: whose.
+        family: of the trajectory.
+        coefficients: [rad/s], (1, J, H, 2).
+        count: number of instants.
+        desk: height [m] of the desk to draw, none when None.
 
     Raises:
         ShapeError: when there is not exactly one trajectory, it does not fit the family, or count is none.
@@ -57,7 +112,9 @@ def film(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Film
     path = tip_traces(arm, family, coefficients)[0]
     times = family.grid(count)
     positions = family.derivative(coefficients.to("cpu", torch.float64), times, 0)[0]
-    return Film(path, times.numpy(), [arm_mesh(arm, q) for q in positions])
+    meshes = [arm_mesh(arm, q) for q in positions]
+    limits = bounds([path, *(mesh.vertices for mesh in meshes)], desk)
+    return Film(family.period, path, times.numpy(), meshes, limits, desk)
 
 
 def arm_mesh(arm: Arm, position: Tensor) -> Mesh:

@@ -4,8 +4,9 @@ from collections.abc import Iterable
 
 from sidegan.report.tables import ordered
 
-PANELS = {
-    "success": ("success rate", False),
+# Name for people of each metric of a generator, and whether its axis is logarithmic.
+METRICS = {
+    "success": ("valid share without filtering", False),
     "condition": ("median cond(YᵀY)", True),
     "distance": ("mean distance of coefficients", False),
     "rank": ("effective rank of coefficients", False),
@@ -29,8 +30,8 @@ _COLOURS = {
     "paper": "#a08f7c",
 }
 _LONG = "#ef8a62"
-_PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")
-DESK = "#b59b7c"
+PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")
+DESK, PATH = "#b59b7c", "#b2182b"  # in pictures of motion
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:
@@ -38,18 +39,12 @@ def colours(names: Iterable[str]) -> dict[str, str]:
     names = list(dict.fromkeys(names))
     if all(name in _COLOURS or name.startswith("long-") for name in names):
         return {name: colour(name) for name in ordered(names)}
-    return {name: _PALETTE[i % len(_PALETTE)] for i, name in enumerate(names)}
+    return {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(names)}
 
 
 def colour(name: str) -> str:
     """Colour of a set, the same in every figure."""
     return _COLOURS.get(name, _LONG if name.startswith("long-") else _COLOURS["random"])
-
-
-def lighter(shade: str, opacity: float) -> str:
-    """A colour ``#rrggbb`` as ``rgba(…)``."""
-    red, green, blue = (int(shade[i : i + 2], 16) for i in (1, 3, 5))
-    return f"rgba({red}, {green}, {blue}, {opacity:g})"
 
 
 def seconds(duration: float) -> str:

@@ -1,12 +1,19 @@
 """Tables for people, from the results of runs."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 
 _FIRST = ("random", "seeds", "vanilla", "eigen", "diagonal")
 _AGAIN = "seeds ×"  # measured so often
+_SETS = {
+    "duration": ("duration [s]", "g"),
+    "samples": ("samples", ".0f"),
+    "condition": ("cond(YᵀY) of the stack", ".4g"),
+    "covariance_norm": ("‖diag P‖", ".4g"),
+}
 _GENERATORS = {
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
@@ -51,6 +58,41 @@ def spread(values: pd.Series) -> str:
     return f"{mean:.3g}" if len(values) < 2 else f"{mean:.3g} ± {deviation:.2g}"
 
 
+def spread_or_dash(values: pd.Series | None) -> str:
+    """Mean ± standard deviation of what is known, a dash when nothing is."""
+    numbers = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
+    return spread(numbers) if len(numbers) else "—"
+
+
+def weighting(weighted: bool) -> str:
+    """Name of a weighting of the least squares for people."""
+    return "weighted per joint" if weighted else "unweighted, as in the paper"
+
+
+def formatted(frame: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
+    """Columns of numbers for people: of each its name and format, ``—`` where nothing is known."""
+
+    def cell(value: Any, form: str) -> str:
+        return "—" if pd.isna(value) else format(value, form)
+
+    return pd.DataFrame(
+        {name: [cell(x, form) for x in frame[key]] for key, (name, form) in columns.items()}, frame.index
+    )
+
+
+def over_groups(
+    frame: pd.DataFrame,
+    by: str | list[str],
+    columns: Mapping[str, str],
+    words: Callable[[pd.Series | None], str] = spread_or_dash,
+) -> pd.DataFrame:
+    """A row per group in the order of appearance: of each column there its name, and its values in words."""
+    groups = list(frame.groupby(by, sort=False))
+    rows = [{name: words(part[key]) for key, name in columns.items() if key in part} for _, part in groups]
+    index = frame.drop_duplicates(by).set_index(by).index
+    return pd.DataFrame(rows, index)
+
+
 def joints(raw: pd.DataFrame) -> pd.DataFrame:
     """Mean nMSE by joint and set, unweighted."""
     part = raw[~raw.weighted]
@@ -61,36 +103,17 @@ def joints(raw: pd.DataFrame) -> pd.DataFrame:
 
 def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
     """Length, conditioning of the stack and covariance norm of every excitation set."""
-    once = raw.drop_duplicates(["seed", "set", "training", "repeat"]).set_index("set")
-    names = ordered(once.index.unique())
-    rows = {
-        name: {
-            "duration [s]": f"{once.loc[[name]].duration.mean():g}",
-            "samples": f"{once.loc[[name]].samples.mean():.0f}",
-            "cond(YᵀY) of the stack": f"{once.loc[[name]].condition.mean():.4g}",
-            "‖diag P‖": f"{once.loc[[name]].covariance_norm.mean():.4g}",
-        }
-        for name in names
-    }
-    return pd.DataFrame.from_dict(rows, orient="index").rename(index=title).rename_axis("set")
+    once = raw.drop_duplicates(["seed", "set", "training", "repeat"])
+    mean = once.groupby("set")[list(_SETS)].mean()
+    return formatted(mean.loc[ordered(mean.index)], _SETS).rename(index=title)
 
 
-def generators(known: pd.DataFrame) -> pd.DataFrame:
+def generators(frame: pd.DataFrame) -> pd.DataFrame:
     """Validity, fitness and diversity of the seeds and of every generator, over its trainings."""
-    share = known.get("valid_share", pd.Series(index=known.index, dtype=float))
-    rows = known.assign(
-        valid_share=share.fillna(known.get("valid")),
-        condition_valid=known.get("condition_valid", known.condition).fillna(known.condition),
+    share = frame.get("valid_share", pd.Series(index=frame.index, dtype=float))
+    rows = frame.assign(
+        valid_share=share.fillna(frame.get("valid")),
+        condition_valid=frame.get("condition_valid", frame.condition).fillna(frame.condition),
     )
-    groups = {str(name): group for name, group in rows.groupby("name")}
-    table = {
-        name: {label: spread_or_dash(groups[name].get(key)) for key, label in _GENERATORS.items()}
-        for name in ordered(groups)
-    }
-    return pd.DataFrame.from_dict(table, orient="index").rename_axis("generator")
-
-
-def spread_or_dash(values: pd.Series | None) -> str:
-    """Mean ± standard deviation of what is known, a dash when nothing is."""
-    known = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
-    return spread(known) if len(known) else "—"
+    table = over_groups(rows, "name", _GENERATORS)
+    return table.loc[ordered(table.index)].rename_axis("generator")

@@ -5,18 +5,21 @@ import pandas as pd
 import pytest
 import torch
 
-from experiments import beyond, beyond_goals, beyond_tables
-from experiments import beyond_sections as sections
-from experiments.beyond_evidence import Evidence, arrival
+from experiments import beyond, beyond_goals, beyond_tables, beyond_words
+from experiments.artifacts_beyond import BeyondArtifacts
+from experiments.beyond_frames import arrival, first_times, progress, summary
+from sidegan.base.storage import read_json
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library import Library
 from sidegan.library.measure import effort
 from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import SEEDS, Task
+from sidegan.pipeline.plan import REPORT, SEEDS, Task
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES, best, transfer
 from sidegan.pipeline.stages.common import load
+from sidegan.pipeline.tracking import Tracker
+from tests.experiments.runs import configured
 from tests.tiny import tiny
 
 SMALL = (
@@ -31,28 +34,12 @@ SMALL = (
     "~beyond.targets.another_arm",
     "~beyond.targets.higher_desk",
 )
+PAGE = "beyond"
+config = configured(PAGE, SMALL)
 
 
-def config(root, *overrides):
-    return tiny(*SMALL, f"outputs={root}", *overrides, experiment="beyond")
-
-
-@pytest.fixture(scope="module")
-def root(tmp_path_factory):
-    """Root of a whole tiny comparison."""
-    folder = tmp_path_factory.mktemp("outputs")
-    run_stages(config(folder, f"publish={folder}/docs"), folder / "runs" / "first", "first", STAGES)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def evidence(root):
-    return Evidence(Task(config(root), Store(root)))
-
-
-def test_the_page_has_its_tables_figures_and_metrics(root):
-    docs = root / "docs"
-    text = (docs / "beyond.md").read_text(encoding="utf-8")
+def test_the_page_has_its_tables_figures_and_metrics(root, page):
+    text, tables = page
     for title in (
         "Goals",
         "What each way makes",
@@ -63,9 +50,6 @@ def test_the_page_has_its_tables_figures_and_metrics(root):
     ):
         assert f"## {title}" in text, title
     assert "Not run" not in text and "| nan" not in text
-    for link in [part.partition(")")[0] for part in text.split("](")[1:]]:
-        assert (docs / link).is_file(), link
-    tables = {path.stem for path in (docs / "beyond" / "tables").glob("*.csv")}
     assert {
         "goals",
         "pools",
@@ -76,7 +60,7 @@ def test_the_page_has_its_tables_figures_and_metrics(root):
         "objectives",
         "few",
     } <= tables
-    metrics = json.loads((docs / "beyond" / "metrics.json").read_text())
+    metrics = json.loads((root / "docs" / "beyond" / "metrics.json").read_text())
     assert 0 < metrics["exact.success"] <= 1 and metrics["seeds.stack"] >= 1
 
 
@@ -90,10 +74,11 @@ def test_a_second_run_makes_nothing_anew(root):
 def test_what_was_not_run_is_said(root, tmp_path):
     """With another schedule the single trainings are not there."""
     other = Task(config(root, "beyond.epoch=3", "beyond.steps=[4]", "scale.brief_epochs=3"), Store(root))
-    missing = {sections.polish: "polish", sections.objectives: "objectives", sections.transfers: "transfer"}
-    for section, stage in missing.items():
-        made = section(Evidence(other), tmp_path)
-        assert made.blocks == [f"Not run for this page: stage `{stage}` makes it."]
+    beyond.present(beyond.collect(other), tmp_path, Tracker(tmp_path, tmp_path, "", "", enabled=False))
+    text = (tmp_path / "beyond.md").read_text(encoding="utf-8")
+    for stage in ("polish", "objectives", "transfer"):
+        assert f"Not run for this page: stage `{stage}` makes it." in text
+        assert not (tmp_path / "beyond" / "tables" / f"{stage}.csv").exists()
 
 
 def test_the_page_needs_the_variant_that_it_is_about(root):
@@ -103,28 +88,28 @@ def test_the_page_needs_the_variant_that_it_is_about(root):
 
 
 def test_a_page_without_its_sets_names_what_is_missing(tmp_path):
-    evidence = Evidence(Task(config(tmp_path), Store(tmp_path)))
+    artifacts = BeyondArtifacts(Task(config(tmp_path), Store(tmp_path)))
     with pytest.raises(ArtifactError, match="run stage best first"):
-        _ = evidence.pools
+        _ = artifacts.pools
 
 
-def test_sets_are_of_one_pool_alone_and_of_their_size(evidence):
-    task = evidence.task
-    assert set(evidence.best.name) == {name for name, _ in plan_beyond.pools(task)}
+def test_sets_are_of_one_pool_alone_and_of_their_size(artifacts):
+    task = artifacts.task
+    assert set(artifacts.best.name) == {name for name, _ in plan_beyond.pools(task)}
     for name, training in plan_beyond.pools(task):
         pool = load(task, plan_beyond.pool(task, name, training))
         assert set(pool.source) == {"gradient" if name == SEEDS else name}
     chosen = best.picks(pool, best.information(task, pool.coefficients), 6)
-    assert set(chosen) == set(evidence.best.pick) and all(len(set(x.tolist())) == 6 for x in chosen.values())
+    assert set(chosen) == set(artifacts.best.pick) and all(len(set(x.tolist())) == 6 for x in chosen.values())
 
 
-def test_the_determinants_pick_has_the_larger_determinant(evidence):
-    table = evidence.best.pivot(index=["name", "training"], columns="pick", values="log_det")
+def test_the_determinants_pick_has_the_larger_determinant(artifacts):
+    table = artifacts.best.pivot(index=["name", "training"], columns="pick", values="log_det")
     assert (table[plan_beyond.OPTIMAL] >= table[plan_beyond.GREEDY] - 1e-9).all()
 
 
-def test_effort_of_a_motion_that_is_known(evidence):
-    task = evidence.task
+def test_effort_of_a_motion_that_is_known(artifacts):
+    task = artifacts.task
     c = load(task, task.seeds).coefficients[:3]
     energy, speed = effort(task.body, task.trajectory, c)
     double, faster = effort(task.body, task.trajectory, 1.5 * c)
@@ -136,52 +121,48 @@ def test_effort_of_a_motion_that_is_known(evidence):
     torch.testing.assert_close(torch.trapezoid(power, times, dim=1), energy, rtol=1e-3, atol=0)
 
 
-def test_time_from_nothing_counts_what_a_variant_needs(evidence):
-    frame = evidence.first.groupby("name").mean(numeric_only=True)
+def test_time_from_nothing_counts_what_a_variant_needs(artifacts):
+    frame = first_times(artifacts).groupby("name").mean(numeric_only=True)
     assert frame.seeds["exact"] == 0 and frame.surrogates["exact"] == 0
     assert frame.seeds["exact_adversarial"] > 0 and frame.surrogates["exact_adversarial"] == 0
     assert frame.seeds["eigen"] > 0 and frame.surrogates["eigen"] > 0
     assert frame.cpu["exact"] > 0 and np.isnan(frame.cpu["eigen"])
     assert frame.total[SEEDS] == pytest.approx(frame.drawing[SEEDS])
-    progress = evidence.progress
-    for (name, _), part in progress.groupby(["variant", "training"]):
+    for (name, _), part in progress(artifacts).groupby(["variant", "training"]):
         assert (part.seconds.diff().dropna() > 0).all()
-        assert part.seconds.iloc[0] > evidence.before(name)
+        assert part.seconds.iloc[0] > frame.seeds[name] + frame.surrogates[name]
 
 
-def test_goals_follow_from_the_numbers(evidence, monkeypatch):
+def test_goals_follow_from_the_numbers(artifacts, monkeypatch):
     def verdicts():
-        return {goal.text: goal.met for goal in beyond_goals.goals(evidence, "exact")}
+        return {goal.text: goal.met for goal in beyond_goals.goals_of(artifacts, "exact")}
 
-    pools = evidence.pools
+    pools = artifacts.pools
     for share, met in ((1.0, True), (0.98, False)):
-        monkeypatch.setitem(evidence.__dict__, "pools", pools.assign(success=share))
+        monkeypatch.setitem(artifacts.__dict__, "pools", pools.assign(success=share))
         assert verdicts()["valid without filtering"] is met
     ours = pools.name == "exact"
     for rank, met in ((100.0, True), (1.0, False)):
-        monkeypatch.setitem(evidence.__dict__, "pools", pools.assign(rank=np.where(ours, rank, 50.0)))
+        monkeypatch.setitem(artifacts.__dict__, "pools", pools.assign(rank=np.where(ours, rank, 50.0)))
         assert verdicts()["effective rank"] is met
-    table = beyond_goals.table({name: beyond_goals.goals(evidence, name) for name in ("exact", "polished")})
+    table = beyond_goals.table(beyond_goals.goals(artifacts))
     assert table["exact: verdict"]["effective rank"] == "**not met**"
 
 
-def test_choices_follow_from_the_numbers(evidence, monkeypatch):
-    def said():
-        return "\n".join(beyond_goals.choices(evidence))
+def test_choices_follow_from_the_numbers(artifacts):
+    measures = summary(artifacts)
 
-    first = evidence.first
-    slow = first.assign(total=np.where(first.name == SEEDS, 1.0, 100.0))
-    monkeypatch.setitem(evidence.__dict__, "first", slow)
-    assert "**: optimised seeds, after 1 s from nothing; `exact` takes 100 × as long" in said()
-    monkeypatch.setitem(
-        evidence.__dict__, "first", first.assign(total=np.where(first.name == SEEDS, 9.0, 1.0))
-    )
-    assert "optimised seeds, after" not in said()
-    pools = evidence.pools
-    worse = pools.assign(rank=np.where(pools.name == "vanilla", 1e6, pools["rank"]))
-    monkeypatch.setitem(evidence.__dict__, "pools", worse)
-    line = next(text for text in said().splitlines() if text.startswith("- **vanilla**"))
-    assert "effective rank" in line
+    def choices(name, **values):
+        return beyond_words.choices(artifacts, measures | {name: measures[name] | values})
+
+    slow = {name: row | {"total": 100.0} for name, row in measures.items()}
+    one = beyond_words.choices(artifacts, slow | {SEEDS: slow[SEEDS] | {"total": 1.0}})
+    assert (one["quickest"], one["slower"], one["optimiser_is_quickest"]) == (SEEDS, 100.0, True)
+    one = beyond_words.choices(artifacts, slow | {"vanilla": slow["vanilla"] | {"total": 1.0}})
+    assert (one["quickest"], one["optimiser_is_quickest"]) == ("vanilla", False)
+    assert "effective rank" in choices("vanilla", rank=1e6)["wins"]["vanilla"]
+    assert "effective rank" not in choices("vanilla", rank=0.0)["wins"]["vanilla"]
+    assert choices("exact", each=1e6)["worth"] is None and choices("exact", each=0.0)["worth"] > 0
 
 
 def test_arrival_is_where_a_training_first_has_both():
@@ -197,8 +178,8 @@ def test_arrival_is_where_a_training_first_has_both():
     assert np.isnan(arrival(curve, 50.0)).all()
 
 
-def test_a_payload_is_carried_at_the_tip(evidence, tmp_path):
-    task = evidence.task
+def test_a_payload_is_carried_at_the_tip(artifacts, tmp_path):
+    task = artifacts.task
     target = task.cfg.beyond.targets["tool"]
     there = transfer.Elsewhere(task, target, tmp_path)
     before, after = (arm.inertial_parameters[:, 0].sum() for arm in (task.arm, there.arm))
@@ -233,8 +214,8 @@ def test_the_panda_sized_arm_rests_at_its_home_and_can_be_excited():
     assert there.trajectory.home == tuple(cfg.beyond.targets["another_arm"].home)
 
 
-def test_a_transfer_starts_where_the_source_ended(evidence):
-    frame = evidence.transfers
+def test_a_transfer_starts_where_the_source_ended(artifacts):
+    frame = artifacts.transfers
     assert set(frame.way) == set(plan_beyond.WAYS)
     begun = frame[frame.way == plan_beyond.TRANSFER].iloc[0]
     assert begun.steps == 0 and 0 <= begun.success <= 1
@@ -243,23 +224,22 @@ def test_a_transfer_starts_where_the_source_ended(evidence):
     assert list(table["way"]) == list(plan_beyond.WAYS) and list(table.index) == ["a tool"] * 3
 
 
-def test_objectives_and_few_seeds_are_single_trainings(evidence):
-    assert set(evidence.objectives.name) == {"exact_brief", "exact_set"}
-    sizes = evidence.few.groupby("variant").seeds.apply(set).to_dict()
+def test_objectives_and_few_seeds_are_single_trainings(artifacts):
+    assert set(artifacts.objectives.name) == {"exact_brief", "exact_set"}
+    sizes = artifacts.few.groupby("variant").seeds.apply(set).to_dict()
     assert sizes["exact_adversarial_brief"] == {10, 40} and sizes["eigen"] == {40}
 
 
-def test_libraries_of_objectives_are_valid(evidence):
-    task = plan_beyond.with_objectives(evidence.task)
+def test_libraries_of_objectives_are_valid(artifacts):
+    task = plan_beyond.with_objectives(artifacts.task)
     folder = task.store.require(task.library("exact_set", 0))
     assert Library.load(folder / "library.parquet", task.arm).valid.all()
 
 
-def test_polishing_costs_what_it_takes_and_excites_more(evidence):
-    task = evidence.task
+def test_polishing_costs_what_it_takes_and_excites_more(artifacts):
+    task = artifacts.task
     for training in task.cfg.trainings:
-        report = evidence.report(plan_beyond.polished(task, training))
+        report = read_json(task.store.require(plan_beyond.polished(task, training)) / REPORT)
         assert report["count"] == task.cfg.seeds.count and report["each"] > 0
-        plain = evidence.report(task.library("exact", training))
+        plain = read_json(task.store.require(task.library("exact", training)) / REPORT)
         assert report["condition"] < plain["condition"]
-    assert not beyond_goals.verdict(beyond_goals.Goal("", "", "", True)).startswith("*")

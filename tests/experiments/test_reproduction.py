@@ -4,16 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments import exp2, training
-from experiments.artifacts import Evidence
-from experiments.claims import HOLDS, NOT, claims
-from experiments.comparisons import ablation, costs, densities, kinds, sensitivity, subsets
+from experiments import comparisons, exp2, training
+from experiments.claims import HOLDS, NOT, PART, Claim, claims, counted
+from experiments.paper import PAPER
 from sidegan.errors import ArtifactError, ConfigError
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import Task, with_subset
+from sidegan.pipeline.plan import with_subset
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES
-from tests.tiny import tiny
+from tests.experiments.runs import configured
 
 SMALL = (
     "trainings=[0,1]",
@@ -27,28 +25,13 @@ SMALL = (
     "kinds.paper.evaluations=40",
     "gan@ablation=[eigen_cold]",
 )
+PAGE = "reproduction"
+config = configured(PAGE, SMALL)
 
 
-def config(root, *overrides):
-    return tiny(*SMALL, f"outputs={root}", *overrides, experiment="reproduction")
-
-
-@pytest.fixture(scope="module")
-def root(tmp_path_factory):
-    """Root of a whole tiny reproduction."""
-    folder = tmp_path_factory.mktemp("outputs")
-    run_stages(config(folder, f"publish={folder}/docs"), folder / "runs" / "first", "first", STAGES)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def evidence(root):
-    return Evidence(Task(config(root), Store(root)))
-
-
-def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root):
-    docs = root / "docs"
-    text, page = ((docs / f"reproduction.{end}").read_text(encoding="utf-8") for end in ("md", "html"))
+def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root, page):
+    docs, (text, tables) = root / "docs", page
+    web = (docs / "reproduction.html").read_text(encoding="utf-8")
     for title in (
         "Table I",
         "Tables II and III",
@@ -58,72 +41,85 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root):
         "Ablation",
         "Sensitivity",
     ):
-        assert title in text and title in page
-    assert "default-src 'none'" in page  # nothing is fetched
-    for link in [part.partition(")")[0] for part in text.split("](")[1:]]:
-        assert (docs / link).is_file(), link
-    made = {path.name for path in (docs / "reproduction" / "tables").iterdir()}
-    for name in ("table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"):
-        assert {f"{name}.csv", f"{name}.md"} <= made
+        assert f"## {title}" in text and title in web
+    assert "default-src 'none'" in web  # nothing is fetched
+    assert web.count('<img src="data:image/png;base64,') == 6
+    assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
+    names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
+    assert names <= tables
+    assert not list(docs.glob("*/figures/*.svg"))
     metrics = json.loads((docs / "reproduction" / "metrics.json").read_text())
     assert metrics["covariance.seeds ×1"] > metrics["covariance.seeds ×10"] > 0
 
 
-def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(evidence):
-    made = claims(evidence)
-    assert len({claim.text for claim in made}) == len(made) >= 15
-    for claim in made:
+def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(artifacts):
+    judged = claims(artifacts)
+    assert [claim.key for claim in judged] == list(PAPER["claims"]) and len(judged) >= 15
+    assert len({claim.text for claim in judged}) == len(judged)
+    for claim in judged:
+        assert "{" not in claim.text + claim.why and claim.where
         assert claim.paper and claim.ours and claim.why.endswith(".")
         assert "nan" not in claim.ours.lower()
 
 
-def test_verdicts_follow_from_the_numbers(evidence, monkeypatch):
+def test_verdicts_are_counted_in_words():
+    def judged(*verdicts):
+        return [Claim("", "", "", "", "", verdict, "") for verdict in verdicts]
+
+    assert counted(judged(NOT, HOLDS, PART, HOLDS)) == "2 hold, 1 holds in part, 1 does not hold"
+    assert counted(judged(NOT, NOT)) == "2 do not hold"
+
+
+def test_verdicts_follow_from_the_numbers(artifacts, monkeypatch):
     def verdict(text):
-        return next(claim.verdict for claim in claims(evidence) if text in claim.text)
+        return next(claim.verdict for claim in claims(artifacts) if text in claim.text)
 
     for share, expected in ((0.0, HOLDS), (0.5, NOT)):
-        frame = evidence.density.assign(success=share)
-        monkeypatch.setitem(evidence.__dict__, "density", frame)
+        frame = artifacts.density.assign(success=share)
+        monkeypatch.setitem(artifacts.__dict__, "density", frame)
         assert verdict("Kernel density") == expected
-    raw = evidence.errors.copy()
+    raw = artifacts.errors.copy()
     for factor, expected in ((10.0, HOLDS), (0.1, NOT)):
         frame = raw.assign(nmse=np.where(raw["set"].str.startswith("long"), factor, 1.0))
-        monkeypatch.setitem(evidence.__dict__, "errors", frame)
+        monkeypatch.setitem(artifacts.__dict__, "errors", frame)
         assert verdict("beat one long") == expected
 
 
-def test_a_smaller_seed_set_is_a_part_of_the_whole(evidence):
-    frame = subsets(evidence)
+def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
+    frame = comparisons.last_epochs(artifacts.subsets)
     sizes = frame.groupby(["seeds", "variant"]).size()
     assert sizes.to_dict() == {(20, n): 1 for n in ("eigen", "diagonal")} | {
         (40, n): 2 for n in ("vanilla", "eigen", "diagonal")
     }
-    whole = with_subset(evidence.task, 40)
+    whole = with_subset(artifacts.task, 40)
     assert whole.cfg.subset is None
 
 
-def test_tables_for_people_show_every_row(evidence):
-    assert list(ablation(evidence).index) == ["eigen", "eigen_cold"]
-    assert len(densities(evidence)) == 5
-    assert costs(evidence.costs).loc["one generated trajectory", "paper [s]"] == "0.0014"
-    table, points = kinds(evidence)
+def test_tables_for_people_show_every_row(artifacts):
+    assert list(comparisons.ablation(artifacts.ablation).index) == ["eigen", "eigen_cold"]
+    assert len(comparisons.densities(artifacts.density)) == 5
+    costs = comparisons.costs(comparisons.durations(artifacts))
+    assert costs.loc["one generated trajectory", "paper [s]"] == "0.0014"
+    assert costs.loc["the surrogates, wall", "paper [s]"] == "—"
+    table, points = comparisons.kinds(artifacts.kinds), comparisons.kind_points(artifacts.kinds)
     assert set(table.index) == set(points.kind) == {"gradient", "paper", "diagonal"}
     assert points.groupby("kind").size().nunique() == 1
 
 
-def test_sensitivity_changes_one_setting_at_a_time(evidence):
-    frame = evidence.sensitivity
+def test_sensitivity_changes_one_setting_at_a_time(artifacts):
+    frame = artifacts.sensitivity
     changes = frame.groupby(["factor", "value"]).size()
     assert ("none", "as in experiment 1") in changes.index and ("prior", "1") in changes.index
-    table = sensitivity(frame, weighted=False)
-    assert table["random valid"].str.contains("±|—").any() or len(table)
+    table = comparisons.sensitivity(frame, weighted=False)
+    assert len(table) == changes[~changes.index.duplicated()].size
+    assert table["random valid"].str.fullmatch(r"(\*\*)?(—|[\d.e-]+( ± [\d.e-]+)?)(\*\*)?").all()
     assert (table.apply(lambda row: row.str.contains(r"\*\*").sum(), axis=1) == 1).all()
     usual = frame[(frame.factor == "none") & (frame["set"] == "seeds")]
-    assert set(usual.samples) == {evidence.task.cfg.selection.count * 161}
+    assert set(usual.samples) == {artifacts.task.cfg.selection.count * 161}
 
 
-def test_more_samples_of_the_same_seeds_shrink_the_covariance_in_proportion(evidence):
-    norms = evidence.replication.facts.groupby("set").covariance_norm.mean()
+def test_more_samples_of_the_same_seeds_shrink_the_covariance_in_proportion(artifacts):
+    norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
     assert norms["seeds ×1"] / norms["seeds ×10"] == pytest.approx(10, rel=0.1)
 
 
@@ -139,25 +135,28 @@ def test_improvement_is_one_minus_the_ratio_of_errors():
     assert gain.to_dict() == {"a": 75.0, "b": -50.0}
 
 
-def test_table_2_and_3_show_the_papers_numbers_beside_ours(evidence):
-    material = evidence.replication
-    table = exp2.table2(material.results[~material.results.weighted], material.config)
+def test_table_2_and_3_show_the_papers_numbers_beside_ours(artifacts):
+    results = artifacts.whole_errors
+    table = exp2.table2(results[~results.weighted], artifacts.cfg)
     assert table.loc["seeds + eigen", "×1, paper"] == "51 ± 27" and "±" in table.loc["seeds + eigen", "×1"]
-    third = exp2.table3(material.facts)
+    third = exp2.table3(artifacts.whole_facts)
     assert list(third.index)[:3] == ["seeds ×1", "seeds ×4", "seeds ×10"]
     assert third.loc["seeds + eigen", "paper"] == "1.89143"
 
 
 def test_epochs_to_reliability():
-    def run(*shares):
-        return [{"success": share} for share in shares]
-
-    table = training.speed(
-        {"eigen": [run(0.1, 0.85, 0.7), run(0.9, 0.2, 0.95)], "vanilla": [run(0.1), run(None)]}
-    )
-    assert (
-        table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never, never"
-    )
+    shares = {
+        ("eigen", 0): (0.1, 0.85, 0.7),
+        ("eigen", 1): (0.9, 0.2, 0.95),
+        ("vanilla", 0): (0.1, None, 0.1),
+    }
+    rows = [
+        {"variant": name, "training": k, "epoch": epoch, "success": share}
+        for (name, k), run in shares.items()
+        for epoch, share in enumerate(run, 1)
+    ]
+    table = training.speed(pd.DataFrame(rows))
+    assert table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never"
     assert table.loc["eigen", "best"] == "0.9 ± 0.071"
 
 

@@ -72,7 +72,7 @@ def test_the_experiment_leaves_table_1_and_its_figures(once):
         "seeds + diagonal",
     ]
     assert table.loc["Simulator"].str.contains("±").all()
-    for name in ("table1.md", "joints.csv", "sets.csv", "generators.md", "training.png", "nmse.svg"):
+    for name in ("table1.md", "joints.csv", "sets.csv", "generators.md", "training.png", "nmse.png"):
         assert (folder / name).stat().st_size > 0
 
 

@@ -1,38 +1,41 @@
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import pandas as pd
+import plotly.graph_objects as go
 import pytest
+from jinja2 import UndefinedError
 from markdown_it import MarkdownIt
-from matplotlib.figure import Figure
 
-from sidegan.errors import ArtifactError, ConfigError, StorageError
-from sidegan.report.document import (
-    Claim,
-    Claims,
-    Document,
-    Picture,
-    Section,
-    Table,
-    Text,
-    illustrate,
-    verdicts,
-)
-from sidegan.report.interactive import timing
-from sidegan.report.markdown import write_markdown
+from sidegan.errors import ArtifactError, StorageError
+from sidegan.report.canvas import blank
+from sidegan.report.document import table_text, write_page
 from sidegan.report.web import write_html
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
-TABLE = Table(
-    pd.DataFrame({"a|b": ["1 ± 2", None], "note": ["<b>", "x\ny"]}, index=pd.Index(["p", "q"], name="set")),
-    "Table I: nMSE.",
+TABLE = pd.DataFrame(
+    {"a|b": ["1 ± 2", None], "note": ["<b>", "x\ny"]}, index=pd.Index(["p", "q"], name="set")
 )
-CLAIMS = Claims(
-    [
-        Claim("Success < 40 %", "< 40 %", "16 %", "holds", "No constraints in `vanilla`."),
-        Claim("Fast", "1.4 ms", "0.1 ms", "holds"),
-        Claim("More diverse", "yes", "no", "does not hold", "Better | seeds."),
-    ]
-)
+TEMPLATE = """# Results & verdicts
+
+What **holds** with {{ known.share | number(".0%") }} in {{ 0.0014 | seconds }}.
+
+## First
+
+One `code`.
+
+- two
+
+{% if "t" in tables %}
+{{ table("t", "Table I: nMSE*.") }}
+
+{% endif %}
+{{ figure("line", "A [line] & more.") }}
+
+### Part
+
+## Second
+"""
 
 
 class Page(HTMLParser):
@@ -62,113 +65,87 @@ class Page(HTMLParser):
 
 
 @pytest.fixture
-def drawn(tmp_path):
-    figure = Figure(figsize=(1, 1))
+def written(tmp_path):
+    """The page ``docs/some report.md`` and its text."""
+    template = tmp_path / "page.md.j2"
+    template.write_text(TEMPLATE, encoding="utf-8")
+    figure = blank(1, 1)
     figure.subplots().plot([0, 1])
-    return illustrate(tmp_path / "docs" / "some figures", "line", figure, "A [line] & more.")
+    path = tmp_path / "docs" / "some report.md"
+    known = SimpleNamespace(share=0.5)
+    return path, write_page(template, path, {"t": TABLE}, {"line": figure}, known=known)
 
 
-def document(*blocks):
-    return Document("Results & verdicts", "What **holds**.", [Section("First", blocks)])
-
-
-def test_markdown_has_all_parts_in_order(tmp_path, drawn):
-    path = tmp_path / "docs" / "report.md"
-    write_markdown(document("One.", Text("- two"), TABLE, drawn, CLAIMS), path)
-    text = path.read_text(encoding="utf-8")
-    places = [
-        text.index(part) for part in ("# Results & verdicts", "What **holds**", "## First", "One.", "- two")
-    ]
+def test_markdown_has_all_parts_in_order(written):
+    path, text = written
+    assert path.read_text(encoding="utf-8") == text
+    parts = ("# Results & verdicts", "What **holds** with 50% in 1.4 ms.", "## First", "One `code`.", "- two")
+    places = [text.index(part) for part in parts]
     assert places == sorted(places)
     assert "| p | 1 ± 2 | <b> |" in text and "| q | — | x y |" in text
-    assert "![A (line) & more.](some%20figures/line.png)" in text
-    assert "**2 hold, 1 does not hold**" in text
-    assert "🔴\u00a0does\u00a0not\u00a0hold" in text and "Better \\| seeds." in text
+    assert "![A (line) & more.](some%20report/figures/line.png)" in text and "*A [line] & more.*" in text
+    assert "*Table I: nMSE\\*.*" in text
     html = MarkdownIt("commonmark").enable("table").render(text)
-    assert html.count("<table>") == 2 and '<img src="some%20figures/line.png"' in html
+    assert html.count("<table>") == 1 and '<img src="some%20report/figures/line.png"' in html
+    assert {file.name for file in path.with_suffix("").rglob("*.*")} == {"t.csv", "t.md", "line.png"}
 
 
-def test_a_page_has_all_parts_and_needs_nothing_else(tmp_path, drawn):
-    bars = timing(pd.DataFrame({"what": ["seed"], "ours": [1.0], "paper": [2.0]}))
-    interactive = Picture(drawn.path, "Bars.", bars)
-    write_html(document("One `code`.", TABLE, drawn, interactive, CLAIMS), tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    page = Page(text)
+def test_a_page_has_all_parts_and_needs_nothing_else(written):
+    path, text = written
+    write_html(text, path.with_suffix(".html"))
+    content = path.with_suffix(".html").read_text(encoding="utf-8")
+    page = Page(content)
     assert not page.open
-    for part in (
-        "Results & verdicts",
-        "What holds.",
-        "Table I: nMSE.",
-        "<b>",
-        "Bars.",
-        "2 hold",
-        "1 does not hold",
-    ):
+    for part in ("Results & verdicts", "What holds with 50%", "Table I: nMSE*.", "<b>", "A [line] & more."):
         assert part in page.words
-    assert {"badge", "holds", "does-not-hold"} <= set(page.classes)
-    assert page.links == ["#section-1"] and "section-1" in page.ids
+    assert len(page.links) == 3 and {link.removeprefix("#") for link in page.links} < set(page.ids)
     assert len(page.ids) == len(set(page.ids))
     assert all(source.startswith("data:image/png;base64,") for source in page.sources) and page.sources
-    assert "default-src 'none'" in text  # the browser loads nothing, whatever the plotting library asks for
+    assert "default-src 'none'" in content  # the browser loads nothing, whatever the page asks for
+    assert len(content) < 100_000  # the plotting library is not in it
+    assert content.count("<section>") == 2 and content.index("Part</h3>") < content.index("</section>")
+    assert page.classes.count("caption") == 2
 
 
-def test_the_plotting_library_comes_with_interactive_figures_alone(tmp_path, drawn):
-    write_html(document(drawn), tmp_path / "small.html")
-    assert (tmp_path / "small.html").stat().st_size < 100_000
-
-
-def test_parts_of_a_section_stand_in_it(tmp_path):
-    made = Document("T", "", [Section("A", []), Section("B", ["b"], level=3), Section("C", [])])
-    write_html(made, tmp_path / "x.html")
-    text = (tmp_path / "x.html").read_text(encoding="utf-8")
-    assert text.count("<section>") == 2
-    assert text.index('<h3 id="section-2">B') < text.index("</section>")
-    write_markdown(made, tmp_path / "x.md")
-    assert (tmp_path / "x.md").read_text(encoding="utf-8") == "# T\n\n## A\n\n### B\n\nb\n\n## C\n"
+def test_an_interactive_figure_stands_in_place_of_its_image(written):
+    path, text = written
+    write_html(text, path.with_suffix(".html"), {"line": go.Figure(go.Scatter(y=[0, 1]))})
+    page = Page(path.with_suffix(".html").read_text(encoding="utf-8"))
+    assert not page.sources and "plotly-graph-div" in page.classes and "line" in page.ids
 
 
 def test_markup_in_the_words_is_shown_and_not_obeyed(tmp_path):
     bad = "<script>alert(1)</script>"
-    claim = Claim(bad, bad, bad, "holds", bad)
-    table = Table(pd.DataFrame({bad: [bad]}), bad)
-    made = Document(bad, bad, [Section(bad, [bad, f"[x](javascript:{bad})", table, Claims([claim], bad)])])
-    write_html(made, tmp_path / "x.html")
+    table = table_text(pd.DataFrame({bad: [bad]}), bad)
+    write_html(f"# {bad}\n\n{bad} [x](javascript:{bad})\n\n## {bad}\n\n{table}", tmp_path / "x.html")
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     assert "<script>alert" not in text and 'href="javascript' not in text
 
 
-def test_numbers_line_up_on_the_right(tmp_path):
-    frame = pd.DataFrame({"n": ["1.5e-3 ± 0.1", "—"], "word": ["a 1", "2"]}, index=pd.Index([1, 2], name="k"))
-    write_html(document(Table(frame, "")), tmp_path / "x.html")
-    text = (tmp_path / "x.html").read_text(encoding="utf-8")
-    assert '<th class="text">k</th><th>n</th><th class="text">word</th>' in text
-
-
 def test_the_index_of_a_table_is_its_first_column_where_it_has_a_name():
     frame = pd.DataFrame({"a": [1.5, None]})
-    assert list(Table(frame, "").flat.columns) == ["a"] and list(Table(frame, "").flat.a) == ["1.5", "—"]
-    assert list(TABLE.flat.columns) == ["set", "a|b", "note"]
+    assert table_text(frame, "c").splitlines()[2:] == ["| a |", "| ---: |", "| 1.5 |", "| — |"]
+    assert table_text(TABLE, "c").splitlines()[2] == r"| set | a\|b | note |"
 
 
-def test_verdicts_are_counted_in_words():
-    assert CLAIMS.counts == {"holds": 2, "does not hold": 1}
-    every = {"holds": 1, "holds in part": 2, "does not hold": 2, "not tested": 2}
-    assert verdicts(every) == "1 holds, 2 hold in part, 2 do not hold, 2 not tested"
+def test_a_template_that_names_what_is_not_there_is_refused(tmp_path):
+    template = tmp_path / "x.md.j2"
+    template.write_text("{{ nothing }}")
+    with pytest.raises(UndefinedError, match="nothing"):
+        write_page(template, tmp_path / "x.md", {}, {})
+    assert not (tmp_path / "x.md").exists()
 
 
-def test_an_unknown_verdict_is_refused():
-    with pytest.raises(ConfigError, match=r"holds in part.*got 'maybe'"):
-        Claim("a", "b", "c", "maybe")
-
-
-def test_a_missing_figure_is_told(tmp_path):
+def test_a_missing_figure_is_refused(tmp_path):
     with pytest.raises(ArtifactError, match=r"no figure .*none\.png"):
-        write_html(document(Picture(tmp_path / "none.png", "None.")), tmp_path / "x.html")
+        write_html("![None.](none.png)", tmp_path / "x.html")
     assert not (tmp_path / "x.html").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
-    for write in (write_markdown, write_html):
-        with pytest.raises(StorageError):
-            write(document("x"), tmp_path / "file" / "x")
+    (tmp_path / "x.md.j2").write_text("x")
+    with pytest.raises(StorageError):
+        write_page(tmp_path / "x.md.j2", tmp_path / "file" / "x.md", {}, {})
+    with pytest.raises(StorageError):
+        write_html("x", tmp_path / "file" / "x.html")

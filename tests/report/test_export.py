@@ -17,10 +17,15 @@ def cells(line):
 def test_markdown_has_a_header_a_rule_and_escaped_bars():
     lines = markdown(table().reset_index()).split("\n")
     assert lines[0] == r"| set | duration [s] | a\|b |"
-    assert lines[1] == "| --- | --- | --- |"
+    assert lines[1] == "| --- | ---: | --- |"  # numbers line up on the right
     assert lines[2] == r"| seeds | 16 | 1\|2 |"
     assert len(lines) == 4
     assert all(len(cells(line)) == 3 for line in lines)
+
+
+def test_words_stand_on_the_left_and_what_is_unknown_is_a_dash():
+    frame = pd.DataFrame({"n": ["1.5e-3 ± 0.1", None], "word": ["a\xa01", "2\n3"]})
+    assert markdown(frame).split("\n")[1:] == ["| ---: | --- |", "| 1.5e-3 ± 0.1 | a\xa01 |", "| — | 2 3 |"]
 
 
 def test_a_table_is_written_as_csv_and_markdown(tmp_path):

@@ -1,31 +1,25 @@
-import xml.etree.ElementTree as ElementTree
-
 import pandas as pd
 import pytest
 from matplotlib.image import imread
 
-from sidegan.errors import ConfigError, StorageError
+from sidegan.errors import ConfigError, ShapeError, StorageError
 from sidegan.report import figures
+from sidegan.report.canvas import save
+from sidegan.report.figures import Across, Panel
 
-SEEDS = {"valid": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank": 20.0}
-HISTORY = [
+SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank": 20.0}
+HISTORY = pd.DataFrame(
     {
-        "success": 0.1,
-        "condition": 1e4,
-        "distance": 3.0,
-        "rank": 3.0,
-        "nearest": 1.0,
-        "distance_diagonal": 2.0,
-    },
-    {
-        "success": 0.9,
-        "condition": None,
-        "distance": 2.0,
-        "rank": 4.0,
-        "nearest": 0.5,
-        "distance_diagonal": 1.0,
-    },
-]
+        "success": [0.1, 0.9],
+        "condition": [1e4, None],
+        "distance": [3.0, 2.0],
+        "rank": [3.0, 4.0],
+        "nearest": [1.0, 0.5],
+        "distance_diagonal": [2.0, 1.0],
+        "epoch": [1, 2],
+    }
+)
+BACK = HISTORY[::-1].reset_index(drop=True).assign(epoch=[1, 2])
 
 
 def results(*weightings):
@@ -44,23 +38,35 @@ def legend(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()] if figure.legends else []
 
 
-def test_training_has_a_line_per_variant_and_a_dashed_one_for_the_seeds():
-    figure = figures.training({"vanilla": [HISTORY, HISTORY[::-1]], "eigen": [HISTORY[:1]]}, SEEDS)
+def training(references):
+    """Two trainings of one variant and one epoch of another."""
+    runs = [HISTORY.assign(variant="vanilla", training=0), BACK.assign(variant="vanilla", training=1)]
+    frame = pd.concat([*runs, HISTORY[:1].assign(variant="eigen", training=0)])
+    shown = figures.metrics(references=references)
+    return figures.panels(frame, Across("epoch", "epoch"), shown, "variant", columns=3)
+
+
+def test_metrics_have_a_line_per_variant_and_a_dashed_one_for_the_seeds():
+    figure = training({"seeds": SEEDS, "union": {"distance_diagonal": 7.0}})
     panels = {axis.get_title(): axis for axis in figure.axes}
-    assert len(panels) == 6
-    success = panels["success rate"].get_lines()
-    assert [line.get_label() for line in success] == ["vanilla", "eigen", "seeds"]
-    assert list(success[0].get_xdata()) == [1, 2] and list(success[0].get_ydata()) == [0.5, 0.5]
-    assert list(success[2].get_ydata()) == [1.0, 1.0]
-    assert len(panels["mean distance of diag(YᵀY)"].get_lines()) == 2  # the seeds' is not known
-    assert panels["median cond(YᵀY)"].get_yscale() == "log"
+    assert len(panels) == 6 and legend(figure) == ["vanilla", "eigen", "seeds", "union"]
+    vanilla, eigen, seeds = panels["valid share without filtering"].get_lines()
+    assert list(vanilla.get_xdata()) == [1, 2] and list(vanilla.get_ydata()) == pytest.approx([0.5, 0.5])
+    assert list(eigen.get_ydata()) == [0.1] and list(seeds.get_ydata()) == [1.0, 1.0]
+    lines = panels["mean distance of diag(YᵀY)"].get_lines()  # the seeds' is not known
+    assert len(lines) == 3 and list(lines[-1].get_ydata()) == [7.0, 7.0]
+    condition = panels["median cond(YᵀY)"]
+    assert condition.get_yscale() == "log"
+    assert list(condition.get_lines()[0].get_ydata()) == pytest.approx([1e4, 1e4])  # of those that are known
 
 
-def test_the_union_is_a_line_of_its_own():
-    figure = figures.training({"eigen": [HISTORY]}, SEEDS, union={"distance_diagonal": 7.0})
-    assert legend(figure) == ["eigen", "seeds", "seeds and generated"]
-    (axis,) = (axis for axis in figure.axes if axis.get_title() == "mean distance of diag(YᵀY)")
-    assert list(axis.get_lines()[-1].get_ydata()) == [7.0, 7.0]
+def test_runs_share_the_colour_of_their_group():
+    frame = pd.concat([HISTORY.assign(variant="eigen", training=k) for k in (0, 1)])
+    shown = [Panel("success", "share", share=True)]
+    figure = figures.panels(frame, Across("epoch", "epoch"), shown, "variant", run="training")
+    first, second = figure.axes[0].get_lines()
+    assert first.get_color() == second.get_color() and legend(figure) == ["eigen"]
+    assert figure.axes[0].get_ylim() == pytest.approx((0.06, 1.005))
 
 
 @pytest.mark.parametrize("weightings", [(False,), (False, True)])
@@ -90,40 +96,34 @@ CURVE = pd.DataFrame(
 
 
 def test_a_curve_has_a_line_and_a_band_per_group():
-    words = {"count": "seeds in the training set", "eigen": "SIDE-GAN"}
-    figure = figures.curve(CURVE, "count", "share", "set", log_x=True, labels=words, references={"paper": 9})
+    across, shown = (
+        Across("count", "seeds trained on", log=True),
+        [Panel("share", "share", True, {"paper": 9})],
+    )
+    figure = figures.panels(CURVE, across, shown, "set", columns=1, markers=True)
     (axis,) = figure.axes
-    assert legend(figure) == ["seeds", "SIDE-GAN", "paper"]
-    assert axis.get_xlabel() == "seeds in the training set" and axis.get_ylabel() == "share"
-    assert axis.get_xscale() == "log" and axis.get_yscale() == "linear"
-    assert [label.get_text() for label in axis.get_xticklabels()] == ["240", "450", "1800"]
+    assert legend(figure) == ["seeds", "eigen", "paper"]
+    assert axis.get_xlabel() == "seeds trained on" and axis.get_title() == "share"
+    assert axis.get_xscale() == "log" and axis.get_yscale() == "log"
     assert len(axis.collections) == 2
-    assert list(axis.get_lines()[0].get_ydata()) == [180, 337.5, 1350]
+    assert list(axis.get_lines()[0].get_ydata()) == pytest.approx([180, 337.5, 1350])
+    assert list(axis.get_lines()[0].get_xdata()) == [240, 450, 1800]
 
 
-def test_a_curve_without_groups_has_no_legend():
-    figure = figures.curve(CURVE, "count", "share", log_y=True)
-    assert legend(figure) == [] and figure.axes[0].get_yscale() == "log"
-
-
-def test_places_of_text_have_dots_beside_each_other():
-    frame = CURVE.assign(count=CURVE["count"].map({240: "noise", 450: "prior", 1800: "all"}))
-    figure = figures.curve(frame, "count", "share", "set")
-    (axis,) = figure.axes
-    assert [label.get_text() for label in axis.get_xticklabels()] == ["noise", "prior", "all"]
-    first, second = (container.lines[0].get_xdata() for container in axis.containers)
-    assert (second - first > 0.05).all() and (second - first < 0.5).all()
+def test_data_that_cannot_be_drawn_are_refused():
+    with pytest.raises(ConfigError, match="no column who, only count, set, share"):
+        figures.panels(CURVE, Across("count", ""), [Panel("share", "")], "who")
 
 
 def test_kinds_of_seeds_are_points_with_their_medians():
-    frame = pd.DataFrame({"kind": ["a", "a", "b"], "q": [1.0, 3.0, 5.0], "d": [1.0, 2.0, 3.0]})
-    figure = figures.quality_diversity(frame, "q", "d", "kind", labels={"q": "cond"})
+    frame = pd.DataFrame({"kind": ["a", "a", "b"], "quality": [1.0, 3.0, 5.0], "diversity": [1.0, 2.0, 3.0]})
+    figure = figures.quality_diversity(frame, ("distance", "cond"))
     (axis,) = figure.axes
     assert legend(figure) == ["a (2)", "b (1)", "median"]
     assert axis.get_ylabel() == "cond" and axis.get_yscale() == "log"
     assert [(*line.get_xdata(), *line.get_ydata()) for line in axis.get_lines()] == [(1.5, 2.0), (3.0, 5.0)]
     with pytest.raises(ConfigError, match="no column kind"):
-        figures.quality_diversity(frame.drop(columns="kind"), "q", "d", "kind")
+        figures.quality_diversity(frame.drop(columns="kind"), ("distance", "cond"))
 
 
 def test_durations_are_bars_with_words():
@@ -136,21 +136,23 @@ def test_durations_are_bars_with_words():
     assert ends == pytest.approx([0.4, 2.0, 360.0])
 
 
-def test_figures_are_written_as_png_and_svg_that_open(tmp_path):
-    for name, figure in {
-        "training": figures.training({"eigen": [HISTORY]}, SEEDS),
-        "nmse": figures.errors(results(False)),
-    }.items():
-        png, svg = figures.save(figure, tmp_path / name)
-        assert (png.name, svg.name) == (f"{name}.png", f"{name}.svg")
-        height, width, _ = imread(png).shape
-        assert width == 11 * 150 and height > 500
-        assert imread(png)[..., :3].min() < 0.5  # something is drawn
-        assert ElementTree.parse(svg).getroot().tag.endswith("svg")
-    assert len(list(tmp_path.iterdir())) == 4
+@pytest.mark.parametrize("ours", [[None], [0.0], [-1.0]])
+def test_durations_that_have_no_logarithm_are_refused(ours):
+    with pytest.raises(ShapeError, match="positive"):
+        figures.timing(pd.DataFrame({"what": ["a"], "ours": ours, "paper": [None]}, dtype=object))
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_figures_are_written_as_png_that_opens(tmp_path):
+    for name, figure in {"training": training({}), "nmse.all": figures.errors(results(False))}.items():
+        path = save(figure, tmp_path / name)
+        assert path.name == f"{name}.png"
+        height, width, _ = imread(path).shape
+        assert width > 1000 and height > 500
+        assert imread(path)[..., :3].min() < 0.5  # something is drawn
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError):
-        figures.save(figures.errors(results(False)), tmp_path / "file" / "nmse")
+        save(figures.errors(results(False)), tmp_path / "file" / "nmse")

@@ -1,0 +1,52 @@
+"""How a page of an experiment is written, with its tables, figures and metrics, and recorded."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from sidegan.base.storage import write_json
+from sidegan.pipeline.tracking import Tracker
+from sidegan.report.document import write_page
+from sidegan.report.web import write_html
+
+if TYPE_CHECKING:  # slow to import
+    import plotly.graph_objects as go
+    from matplotlib.figure import Figure
+
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page is made from.
+
+    Attributes:
+        name: of the page, of its template and of the folder of its tables and figures.
+        tables: for people, by the name of their file.
+        figures: by the name of their file.
+        interactive: figures of the same names for an HTML page; None where there is no such page.
+        metrics: the numbers that a later run is compared by.
+        context: whatever else the template names.
+    """
+
+    name: str
+    tables: Mapping[str, pd.DataFrame]
+    figures: Mapping[str, "Figure"]
+    metrics: Mapping[str, float]
+    context: Mapping[str, Any]
+    interactive: "Mapping[str, go.Figure] | None" = field(default=None)
+
+
+def publish(page: Page, folder: Path, tracker: Tracker) -> None:
+    """Write a page into a folder, and record it with its metrics."""
+    target = folder / f"{page.name}.md"
+    text = write_page(_TEMPLATES / f"{page.name}.md.j2", target, page.tables, page.figures, **page.context)
+    if page.interactive is not None:
+        target = target.with_suffix(".html")
+        write_html(text, target, page.interactive)
+    write_json(folder / page.name / "metrics.json", dict(page.metrics))
+    tracker.log_artifact(target, "report")
+    tracker.log_metrics(dict(page.metrics))
