@@ -17,10 +17,12 @@ from benchmarks.data import noiseless
 from benchmarks.setting import DESK, Setting
 from benchmarks.timing import medians, timed
 from sidegan.design.excitation import excite
-from sidegan.design.greedy import greedy_in_parts
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.greedy import greedy
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.identification import identify
+from sidegan.identification import RIGID, TorqueModel
+from sidegan.identification.gather import gather
 from sidegan.library import Library
 from sidegan.library.stream import Diagonals, save_parts, take
 from sidegan.motion.dynamics import gram
@@ -42,7 +44,7 @@ _SAMPLES = 1600  # per trajectory that is identified from
 def warm_up() -> None:
     """Load the compiled kernels, which no point should pay for."""
     problem = Setting().problem
-    Gradient(steps=2, attempts=1).optimise(problem, 1, np.random.SeedSequence(0))
+    Gradient(steps=2, attempts=1, reserve=0.2).optimise(problem, 1, np.random.SeedSequence(0))
     excite(problem.body, problem.trajectory, problem.start(1, torch.Generator()))
 
 
@@ -87,8 +89,9 @@ def rls(count: int) -> Point:
     """CPU time per sample [µs] to identify from so many trajectories of 1600 samples, and peak memory."""
     setting = Setting()
     recordings = noiseless(setting, 10, _SAMPLES)
-    identify(setting.body, recordings[0])
-    run = timed(lambda: identify(setting.body, (recordings[k % len(recordings)] for k in range(count))))
+    model = TorqueModel(setting.body, RIGID)
+    gather(model, recordings[0])
+    run = timed(lambda: gather(model, (recordings[k % len(recordings)] for k in range(count))))
     each = 1e6 / (count * _SAMPLES)
     return {"cpu_us_per_sample": each * run.cpu, "cpu_s": run.cpu, "wall_s": run.wall, "peak_mb": _peak()}
 
@@ -134,9 +137,11 @@ def _evaluate(problem: Problem, c: Tensor) -> None:
     problem.fitness(c)
 
 
-def _optimised(problem: Problem, count: int, **options: int) -> tuple[float, float, int]:
+def _optimised(problem: Problem, count: int, attempts: int = 5) -> tuple[float, float, int]:
     """CPU time of an optimisation [s], the median condition number, and how many became valid."""
-    batch = Gradient(steps=_STEPS, **options).optimise(problem, count, np.random.SeedSequence(0))
+    batch = Gradient(steps=_STEPS, attempts=attempts, reserve=0.2).optimise(
+        problem, count, np.random.SeedSequence(0)
+    )
     return batch.cpu_seconds, float(batch.fitness.median()) if len(batch) else float("nan"), len(batch)
 
 
@@ -155,7 +160,7 @@ def _library(setting: Setting, count: int) -> tuple[Counter[str], float]:
         whole = timed(lambda: save_parts(path, parts())).cpu
         spent["write"] = whole - spent.total()  # type: ignore[assignment] # seconds
         with _clock(spent, "selection"):
-            picked = greedy_in_parts(Diagonals(path), min(_PICKS, count))
+            picked = greedy(Diagonals(path), min(_PICKS, count))
         with _clock(spent, "read"):
             take(path, picked)
         return spent, path.stat().st_size / 1e6

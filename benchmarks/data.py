@@ -7,7 +7,9 @@ from benchmarks.machine import bandwidth, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, medians
 from sidegan.design.greedy import greedy
-from sidegan.identification import Measurements, identify
+from sidegan.identification import RIGID, Measurements, TorqueModel
+from sidegan.identification.fit import recursive
+from sidegan.identification.gather import gather
 
 _LIBRARY, _PICKS = 100_000, 350
 _TRAJECTORIES, _SAMPLES = 6000, 1600  # of the largest identification
@@ -23,9 +25,10 @@ def rls(setting: Setting) -> Result:
     recordings = noiseless(setting, count, samples)
     few = recordings[0][: setting.size(400)]
     y, tau = setting.body.base_regressor(*few.states).numpy(), few.torque.numpy()
+    model = TorqueModel(setting.body, RIGID)
     run, theirs = medians(
         min(setting.repeats, 3),
-        lambda: identify(setting.body, iter(recordings)),
+        lambda: recursive(gather(model, iter(recordings)).sums, 1, 1e6),
         lambda: _recursion(y, tau),
     )
     whole = _TRAJECTORIES * _SAMPLES

@@ -12,8 +12,8 @@ from benchmarks.setting import Setting
 from benchmarks.timing import Result, Timing, medians, timed
 from sidegan.design.excitation import excite
 from sidegan.gan import TrajectoryGenerator
-from sidegan.gan.surrogates import Converter, SuccessPredictor
-from sidegan.gan.training import train_variant
+from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
+from sidegan.gan.training import Run, train_variant
 from sidegan.gan.variants import Variant
 from sidegan.validity import check
 
@@ -47,15 +47,15 @@ def training(setting: Setting) -> Result:
     """
     epochs, seeds = (1, 200) if setting.quick else (5, 1800)
     runs: dict[str, Timing] = {}
-    for name, variant in _variants().items():
-        run = timed(partial(train, setting, replace(variant, epochs=epochs, fitness_start=0), seeds))
+    for name, variant in variants().items():
+        run = timed(partial(train, setting, name, replace(variant, epochs=epochs, fitness_start=0), seeds))
         runs[f"{name}, scaled from {epochs} epochs"] = Timing(*(x * variant.epochs / epochs for x in run))
     return Result(
         max(runs.values()), 1.0, _PAPER_TRAINING, also={name: run.wall for name, run in runs.items()}
     )
 
 
-def _variants() -> dict[str, Variant]:
+def variants() -> dict[str, Variant]:
     """The SIDE-GAN variants of the paper's first experiment, with its schedule."""
     from hydra import compose, initialize_config_dir
 
@@ -74,7 +74,7 @@ def _least_seconds(generator: TrajectoryGenerator, count: int) -> float:
     return max(products, sum(x.nbytes for x in weights) / bandwidth(count) / _BATCH)
 
 
-def train(setting: Setting, variant: Variant, count: int) -> None:
+def train(setting: Setting, name: str, variant: Variant, count: int) -> None:
     """Train a variant on so many random trajectories, with untrained surrogates where it needs some."""
     seeds = setting.start(count)
     predictor = converter = None
@@ -89,14 +89,6 @@ def train(setting: Setting, variant: Variant, count: int) -> None:
         converter.fit_standard(features)
         converter.eval().requires_grad_(False)
     with TemporaryDirectory() as work:
-        train_variant(
-            variant,
-            setting.constraints,
-            setting.trajectory,
-            seeds,
-            Path(work),
-            seed=0,
-            evaluation=setting.size(1000),
-            predictor=predictor,
-            converter=converter,
-        )
+        run = Run(name, 0, Path(work), evaluation=setting.size(1000))
+        surrogates = Surrogates(predictor, converter)
+        train_variant(variant, setting.constraints, setting.trajectory, seeds, run, surrogates)

@@ -10,7 +10,8 @@ from torch import Tensor
 from benchmarks.machine import operations, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, medians
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.motion.dynamics import gram
 from sidegan.robot.oracle import capsule_geometry, pinocchio_model
 from sidegan.validity import check

@@ -5,20 +5,21 @@ import torch
 
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, Timing, medians
-from sidegan.design.objective import Penalty, value_and_gradient
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
 from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import SeedBatch
 
 _COUNT = 50
 _PAPER_SECONDS = 360.0  # per seed
-_FULL = Paper()  # the paper's optimiser at its configured budget
+_FULL = Paper(100, 100, 20_000, attempts=5)  # the paper's optimiser at its configured budget
 _SMALL, _QUICK = Paper(20, 50, 1000, attempts=1), Paper(2, 10, 20, attempts=1)
 
 
 def seeds(setting: Setting) -> Result:
     """CPU seconds per valid seed of the default optimiser on one thread, failures and checks included."""
-    ours = Gradient(steps=20) if setting.quick else Gradient()
+    ours = Gradient(20 if setting.quick else 200, attempts=5, reserve=0.2)
     random = np.random.SeedSequence(0)
     batch = ours.optimise(setting.problem, setting.size(_COUNT), random)
     small = (_QUICK if setting.quick else _SMALL).optimise(setting.problem, 1, random)

@@ -20,10 +20,9 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from benchmarks import curves
-from benchmarks.networks import train
+from benchmarks.networks import train, variants
 from benchmarks.setting import Setting
 from sidegan.base.storage import replacing, write_bytes
-from sidegan.gan.variants import Variant
 
 FOLDER = Path(__file__).parent.parent / "docs" / "growth"
 
@@ -33,13 +32,13 @@ _MEANS = 16  # consecutive means that the slope is fitted to
 _ALLOWED = 5.0  # [MB/h] that nobody would notice in a day
 _MB = 2**20
 _SEEDS, _DRAWN, _RECORDINGS = 10, 1000, 4  # of one round
-_TRAINED = Variant("soak", epochs=2, steps=5, batch=50, width=64)
 
 
 def one_round() -> None:
     """Seeds, the training of a generator, a library from noise to the selection, an identification."""
     curves.seeds(_SEEDS)
-    train(Setting(quick=True), _TRAINED, 2 * _SEEDS)
+    brief = replace(variants()["vanilla"], epochs=2, steps=5, batch=50, width=64)
+    train(Setting(quick=True), "soak", brief, 2 * _SEEDS)
     curves.library(_DRAWN)
     curves.rls(_RECORDINGS)
 

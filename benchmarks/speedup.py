@@ -24,7 +24,7 @@ from torch import Tensor
 
 from benchmarks.setting import Setting
 from sidegan.base.parallel import Job, Report, engine, run_jobs
-from sidegan.identification import Noise, identify_weighted, measure
+from sidegan.identification import RIGID, Noise, TorqueModel, estimate, measure
 from sidegan.seeds import Gradient
 from sidegan.validity import check
 
@@ -49,7 +49,7 @@ def works(setting: Setting) -> dict[str, list[Task]]:
     """Tasks of each kind of work: seeds of 50, libraries of 1000, noise realisations of a set of 35."""
     steps, few = setting.size(60), setting.start(4 if setting.quick else 35)
     kinds: dict[str, Callable[..., Any]] = {
-        "seeds": partial(_seeds, setting, Gradient(steps=steps, attempts=1), setting.size(50)),
+        "seeds": partial(_seeds, setting, Gradient(steps=steps, attempts=1, reserve=0.2), setting.size(50)),
         "library filtering": partial(_filter, setting, setting.size(1000)),
         "identification": partial(_identify, setting, few),
     }
@@ -69,8 +69,9 @@ def _filter(setting: Setting, count: int, seed: np.random.SeedSequence) -> Tenso
 
 def _identify(setting: Setting, c: Tensor, seed: np.random.SeedSequence) -> Tensor:
     motion = setting.trajectory.roll_out(c, setting.trajectory.times(100.0))
-    measured = measure(setting.body, motion, Noise(level=0.1), np.random.default_rng(seed))
-    return identify_weighted(setting.body, measured).parameters
+    noise = Noise("multiplicative", 0.1, torque=True, state=False)
+    measured = measure(setting.body, motion, noise, np.random.default_rng(seed))
+    return estimate("weighted", TorqueModel(setting.body, RIGID), measured).parameters
 
 
 def overhead(workers: int) -> Overhead:

@@ -1,5 +1,7 @@
 """What the experiments show, read from a run's artifacts as frames; nothing else here opens an artifact."""
 
+import math
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,22 +12,27 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.storage import read_json
+from sidegan.gan import Variant
 from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.config import Config, GanVariant
-from sidegan.pipeline.plan import (
-    FACTS,
-    HISTORY,
-    LIBRARY,
-    RANDOM,
-    REPORT,
-    RESULTS,
-    SEEDS,
-    Task,
-    with_subset,
-)
-from sidegan.pipeline.plan_conditional import STUDY, Conditions
-from sidegan.pipeline.stamp import Stamp
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.settings import Config
+from sidegan.pipeline.stages.conditional import STUDY, Conditions
+from sidegan.pipeline.stages.density import density
+from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.kinds import kind
+from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.long import long_family, long_trajectory
+from sidegan.pipeline.stages.plant import plant
+from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
+from sidegan.pipeline.stages.replication import replication
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import excitation_sets, selection
+from sidegan.pipeline.stages.sensitivity import sensitivity
+from sidegan.pipeline.stages.subsets import on_subset
+from sidegan.pipeline.stages.timing import timing
+from sidegan.pipeline.stages.training import generator, surrogates
+from sidegan.pipeline.task import FACTS, LIBRARY, REPORT, Task
 from sidegan.robot import Arm
 
 __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
@@ -65,23 +72,23 @@ class Artifacts:
 
     def long_family(self, harmonics: int) -> Trajectory:
         """The family of a single long trajectory."""
-        return self.task.long_trajectory(harmonics)
+        return long_family(self.task, harmonics)
 
     @cached_property
     def errors(self) -> pd.DataFrame:
         """NMSE and facts of every excitation set, by seed, set, training, repeat, weighted and joint."""
-        parts = []
-        for one in self.task.sets():
-            stamp = self.task.identification(*one)
-            facts = self._frame(stamp, FACTS)
-            parts.append(self._frame(stamp, RESULTS).merge(facts, on=["set", "training", "repeat"]))
-        return pd.concat(parts, ignore_index=True).assign(seed=self.cfg.seed)
+        frames = []
+        for one in excitation_sets(self.task):
+            artifact = identification(self.task, one)
+            facts = self.task.frame(artifact, FACTS)
+            frames.append(self.task.frame(artifact).merge(facts, on=["set", "training", "repeat"]))
+        return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
     def plant(self) -> pd.DataFrame:
         """NMSE of every excitation set as executed on the plant, by seed, set, training, repeat, …."""
-        parts = [self._frame(self.task.plant(*one), RESULTS) for one in self.task.sets()]
-        return pd.concat(parts, ignore_index=True).assign(seed=self.cfg.seed)
+        frames = [self.task.frame(plant(self.task, one)) for one in excitation_sets(self.task)]
+        return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
     def histories(self) -> pd.DataFrame:
@@ -92,7 +99,7 @@ class Artifacts:
     def subsets(self) -> pd.DataFrame:
         """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
         sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
-        parts = ((size, with_subset(self.task, size)) for size in sizes)
+        parts = ((size, on_subset(self.task, size)) for size in sizes)
         return pd.concat([self._histories(part, part.cfg.gan).assign(seeds=n) for n, part in parts])
 
     @cached_property
@@ -107,7 +114,7 @@ class Artifacts:
         rows: list[Report] = [{"name": SEEDS, "training": 0, **self.seeds}]
         last = self.histories.groupby(["variant", "training"], sort=False).tail(1).drop(columns="epoch")
         for row in last.rename(columns={"variant": "name"}).to_dict("records"):
-            kept = self._report(self.task.library(row["name"], row["training"]))
+            kept = self.task.report(library(self.task, row["name"], row["training"]))
             # A library holds what is valid: its condition number is not that of all that the generator makes.
             both = {"condition": row["condition"], "condition_valid": kept["condition"]}
             rows.append({str(key): value for key, value in row.items()} | kept | both)
@@ -115,106 +122,104 @@ class Artifacts:
 
     @cached_property
     def seeds(self) -> Report:
-        """Report of the seed set."""
-        return self._report(self.task.seeds)
+        """Report of the seed set, with what it took."""
+        return self.task.report(seed_set(self.task)) | self.costs(seed_set(self.task))
 
     @cached_property
     def whole_errors(self) -> pd.DataFrame:
         """NMSE of experiment 2 by set, training, repeat, weighted and joint."""
-        return self._frame(self.task.replication, RESULTS)
+        return self.task.frame(replication(self.task))
 
     @cached_property
     def whole_facts(self) -> pd.DataFrame:
         """Covariance norm and samples of experiment 2 by set, training and repeat."""
-        return self._frame(self.task.replication, FACTS)
+        return self.task.frame(replication(self.task), FACTS)
 
     @cached_property
     def sensitivity(self) -> pd.DataFrame:
         """Experiment 1 with other settings."""
-        return self._frame(self.task.sensitivity, RESULTS)
+        return self.task.frame(sensitivity(self.task))
 
     @cached_property
     def density(self) -> pd.DataFrame:
         """Samples of kernel density estimates, a row for each bandwidth."""
-        return self._frame(self.task.density, RESULTS)
+        return self.task.frame(density(self.task))
 
     @cached_property
     def longs(self) -> dict[int, tuple[Report, Library]]:
         """Report and library of every single long trajectory, by its harmonics."""
-        return {h: self._made(self.task.long(h)) for h in self.cfg.long.harmonics}
+        return {h: self._made(long_trajectory(self.task, h)) for h in self.cfg.long.harmonics}
 
     @cached_property
     def kinds(self) -> dict[str, tuple[Report, Library]]:
         """Report and library of the seeds and of the other kinds of seeds."""
-        stamps = {"gradient": self.task.seeds} | {n: self.task.kind(n).seeds for n in self.cfg.kinds}
-        return {name: self._made(stamp) for name, stamp in stamps.items()}
+        sets = {"gradient": seed_set(self.task)} | {name: kind(self.task, name) for name in self.cfg.kinds}
+        return {name: self._made(artifact) for name, artifact in sets.items()}
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""
-        return self._library(self.task.library(name, training))
+        return self.task.load(library(self.task, name, training))
 
     def selected(self, name: str, training: int) -> Library:
         """The excitation set that was picked from one pool."""
-        return self._library(self.task.selection(name, training))
+        (pool,) = (one for one in pools(self.task) if (one.name, one.training or 0) == (name, training))
+        return self.task.load(selection(self.task, pool))
 
     @cached_property
     def speed(self) -> Report:
         """Measured speed of the first training of the eigen variant, and the machine."""
-        return self._report(self.task.timing("eigen", self.cfg.trainings[0]))
+        return self.costs(timing(self.task, "eigen"))
 
     @cached_property
     def seeds_seconds(self) -> float:
         """Wall time of the seed set [s]."""
-        return self._seconds(self.task.seeds)
+        return self.seconds(seed_set(self.task))
 
     @cached_property
     def surrogates_seconds(self) -> float:
         """Wall time of the surrogates [s]."""
-        return self._seconds(self.task.surrogates("broad"))
+        return self.seconds(surrogates(self.task, "broad"))
 
     def training_wall(self, name: str, training: int) -> float:
         """Wall time of one training [s], whatever else ran beside it."""
-        return self._seconds(self.task.gan(name, self.cfg.gan[name], training))
+        return self.seconds(generator(self.task, name, training))
+
+    def epoch_seconds(self, name: str, training: int) -> list[float] | None:
+        """Time of every epoch of one training [s]; None where it was not measured."""
+        return self.costs(generator(self.task, name, training)).get("epochs")
+
+    def costs(self, artifact: Artifact) -> Report:
+        """What making an artifact took; not a number where that was not kept."""
+        return defaultdict(lambda: math.nan, self.task.store.costs(artifact))
+
+    def seconds(self, artifact: Artifact) -> float:
+        """Wall time in which an artifact was made [s]; not a number where that was not kept."""
+        return float(self.costs(artifact)["seconds"])
 
     def _histories(
-        self, task: Task, variants: dict[str, GanVariant], trainings: Iterable[int] | None = None
+        self, task: Task, variants: dict[str, Variant], trainings: Iterable[int] | None = None
     ) -> pd.DataFrame:
         parts = [
-            self._history(task.gan(name, settings, training)).assign(variant=name, training=training)
-            for name, settings in variants.items()
-            for training in trainings or task.cfg.trainings
+            self._history(generator(task, name, k, variant)).assign(variant=name, training=k)
+            for name, variant in variants.items()
+            for k in trainings or task.cfg.trainings
         ]
         return pd.concat(parts, ignore_index=True)
 
-    def _history(self, stamp: Stamp) -> pd.DataFrame:
-        rows = pd.DataFrame(read_json(self._folder(stamp) / HISTORY)).astype(float)
+    def _history(self, artifact: Artifact) -> pd.DataFrame:
+        rows = pd.DataFrame(self.task.history(artifact)).astype(float)
         rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
         return rows
 
-    def _made(self, stamp: Stamp) -> tuple[Report, Library]:
-        return self._report(stamp), self._library(stamp)
+    def _made(self, artifact: Artifact) -> tuple[Report, Library]:
+        return self.task.report(artifact) | self.costs(artifact), self.task.load(artifact)
 
-    def _report(self, stamp: Stamp) -> Report:
-        return read_json(self._folder(stamp) / REPORT)
-
-    def _library(self, stamp: Stamp) -> Library:
-        return Library.load(self._folder(stamp) / LIBRARY, self.arm)
-
-    def _frame(self, stamp: Stamp, file: str) -> pd.DataFrame:
-        return pd.read_parquet(self._folder(stamp) / file)
-
-    def _seconds(self, stamp: Stamp) -> float:
-        return float(read_json(self._folder(stamp) / "stamp.json")["seconds"])
-
-    def _folder(self, stamp: Stamp) -> Path:
-        return self.task.store.require(stamp)
-
-    def _exists(self, stamp: Stamp) -> bool:
-        return self.task.store.find(stamp) is not None
+    def _exists(self, artifact: Artifact) -> bool:
+        return self.task.store.find(artifact) is not None
 
 
 class Conditional(NamedTuple):
-    """What was made for conditioned generation.
+    """What was made for conditional generation.
 
     Attributes:
         study: a row per kind of condition, and one per choice of links; None where a library was requested.
@@ -228,9 +233,9 @@ class Conditional(NamedTuple):
 
 
 def conditional(task: Task) -> Conditional:
-    """The study of conditioned generation, or one library."""
+    """The study of conditional generation, or one library."""
     conditions = Conditions(task)
-    if conditions.asked is None:
+    if conditions.requested is None:
         return Conditional(read_json(task.store.require(conditions.study) / STUDY), {}, None)
     folder = task.store.require(conditions.library)
     return Conditional(None, read_json(folder / REPORT), folder / LIBRARY)

@@ -10,7 +10,7 @@ from experiments.artifacts import SEEDS
 from experiments.artifacts_beyond import GREEDY, OPTIMAL, BeyondArtifacts
 from experiments.beyond_frames import first_times, progress, summary
 from experiments.pages import Page, publish
-from sidegan.pipeline.plan import Task
+from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.figures import Across, panels
 from sidegan.report.figures import metrics as metric_panels

@@ -83,7 +83,9 @@ def progress(artifacts: BeyondArtifacts) -> pd.DataFrame:
         history = histories[(histories.variant == row["name"]) & (histories.training == row["training"])]
         if len(history):
             since = row["seeds"] + row["surrogates"]
-            parts.append(history.assign(seconds=since + elapsed(history, row["training_seconds"])))
+            each = artifacts.epoch_seconds(row["name"], row["training"])
+            at = since + elapsed(len(history), row["training_seconds"], each)
+            parts.append(history.assign(seconds=at))
     return pd.concat(parts, ignore_index=True)
 
 

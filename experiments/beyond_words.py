@@ -34,7 +34,7 @@ _INFORMATIVE = ("condition", "stack", "covariance_norm", "nmse_weighted")
 def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
     """Numbers about the run and the single sections; those of parts that were not run are left out."""
     cfg = artifacts.cfg
-    variants = cfg.gan | cfg.objectives
+    variants = cfg.gan | cfg.beyond.objectives
     terms = {name: x.exact.terms.values() for name, x in variants.items() if x.exact is not None}
     source = cfg.gan[artifacts.source]
     numbers = {
@@ -90,7 +90,7 @@ def _objectives(artifacts: BeyondArtifacts) -> dict[str, Any]:
         "smallest covariance norm": part.covariance_norm.idxmin(),
     }
     return {
-        "steps": sorted({x.epochs * (x.steps or 1) for x in artifacts.cfg.objectives.values()}),
+        "steps": sorted({x.epochs * (x.steps or 1) for x in artifacts.cfg.beyond.objectives.values()}),
         "winners": {what: str(name).removeprefix("exact_") for what, name in winners.items()},
         "largest": part.log_det.max(),
         "other": (title(str(others.idxmax())), others.max()),

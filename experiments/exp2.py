@@ -10,7 +10,7 @@ import pandas as pd
 from experiments.artifacts import Artifacts
 from experiments.paper import PAPER
 from sidegan.base.storage import write_parquet
-from sidegan.pipeline.config import Config
+from sidegan.pipeline.settings import Config
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.export import publish

@@ -47,7 +47,7 @@ def planar() -> Arm:
 
 @pytest.fixture(scope="session")
 def outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of tiny artifacts that all tests of a run share, whichever process they are in: made once each."""
+    """Folder of tiny artifacts that all tests of a run share, whichever process they are in."""
     own = tmp_path_factory.getbasetemp()
     return (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "outputs"
 

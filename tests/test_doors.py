@@ -1,4 +1,4 @@
-"""Each heavy package has one door, and rooms import only rooms before them: the order of docs/architecture.md."""
+"""Each heavy package has one door, and rooms import only those before them, as docs/architecture.md says."""
 
 import ast
 import re
@@ -46,7 +46,11 @@ ORDER = [
     "pipeline",
     "run",
 ]
-STRANGERS = [{"gan", "conditional"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
+STRANGERS = [
+    {"gan", "conditional"},
+    {"plant"},
+    {"recording"},
+]  # side by side: the pipeline hands arrays across
 
 
 def room_of(path):
@@ -110,6 +114,8 @@ def test_experiments_use_only_the_graph_and_what_is_below_it():
 def test_the_documented_order_is_this_one():
     text = (SOURCE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
     table = text.partition("| room | in | out |")[2].partition("\n\n")[0]
-    named = [name for row in re.findall(r"^\| ([^|]+) \|", table, re.M) for name in re.findall(r"`(\w+)", row)]
+    named = [
+        name for row in re.findall(r"^\| ([^|]+) \|", table, re.M) for name in re.findall(r"`(\w+)", row)
+    ]
     order = list(dict.fromkeys(name for name in named if name in ORDER))
     assert order == [room for room in ORDER if room != "run"]

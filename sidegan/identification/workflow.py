@@ -1,7 +1,7 @@
 """From checked recordings to estimates, their test errors and a verdict: the identification of a real arm."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,10 +11,11 @@ from torch import Tensor
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.estimate import Estimate, estimate
 from sidegan.identification.measurements import Measurements
-from sidegan.identification.model import Model, Terms
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.next_runs import grams_of
 from sidegan.identification.score import folds, score
 from sidegan.identification.stribeck import stribeck_velocities
+from sidegan.identification.terms import Terms
 from sidegan.identification.trust import Trust, trust
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
@@ -43,7 +44,7 @@ class Candidates(NamedTuple):
 class IdentifiedArm:
     """A model identified from recordings, with everything that is known about its quality."""
 
-    model: Model  # what torque is explained with
+    model: TorqueModel  # what torque is explained with
     training: list[CheckedRecording]  # recordings that were identified from
     validation: list[CheckedRecording]  # recordings that were held out
     kind: str  # what the tests below were made on
@@ -51,7 +52,7 @@ class IdentifiedArm:
     estimates: dict[str, Estimate]
     tests: dict[str, Errors]  # errors of each of them on what it had not seen, where there was something
     trained: dict[str, Errors]  # errors of each of them on what it was identified from
-    standard: Tensor  # physically consistent parameters in ``Model.standard_names``' order, (F,)
+    standard: Tensor  # physically consistent parameters in ``TorqueModel.standard_names``' order, (F,)
     trust: Trust  # whether to trust the estimate of the chosen method
 
     @property
@@ -75,16 +76,17 @@ def measurements_of(recordings: Iterable[CheckedRecording]) -> list[Measurements
     return [Measurements(*segment[1:]) for recording in recordings for segment in recording.segments]
 
 
-def model_of(arm: Arm, terms: Mapping[str, Any], stribeck: bool, samples: list[Measurements]) -> Model:
+def model_of(arm: Arm, terms: Terms, samples: list[Measurements]) -> TorqueModel:
     """Model of an arm with terms of friction; velocities of a Stribeck term are found from the samples."""
-    model = Model(RigidBody(arm), Terms(**terms))
-    if not stribeck:
-        return model
-    return Model(model.body, Terms(**terms, stribeck=stribeck_velocities(model, samples)))
+    body = RigidBody(arm)
+    if not terms.stribeck:
+        return TorqueModel(body, terms)
+    plain = TorqueModel(body, replace(terms, stribeck=False))
+    return TorqueModel(body, terms, stribeck_velocities(plain, samples))
 
 
 def identify_arm(
-    model: Model,
+    model: TorqueModel,
     training: list[CheckedRecording],
     validation: list[CheckedRecording],
     methods: Mapping[str, Mapping[str, Any]],
@@ -127,13 +129,17 @@ def identify_arm(
     return IdentifiedArm(model, training, validation, kind, estimates, tests, trained, standard, trusted)
 
 
-def _scores(model: Model, estimates: dict[str, Estimate], samples: list[Measurements]) -> dict[str, Errors]:
+def _scores(
+    model: TorqueModel, estimates: dict[str, Estimate], samples: list[Measurements]
+) -> dict[str, Errors]:
     """Errors of the estimates on measurements."""
     scores = {method: score(model, one.parameters, samples) for method, one in estimates.items()}
     return {method: Errors(one.nmse, one.rmse) for method, one in scores.items()}
 
 
-def _next_runs(model: Model, chosen: Estimate, rate: float, candidates: Candidates | None) -> dict[str, Any]:
+def _next_runs(
+    model: TorqueModel, chosen: Estimate, rate: float, candidates: Candidates | None
+) -> dict[str, Any]:
     """Arguments of ``trust`` for recommending trajectories, recorded at ``rate`` [Hz]."""
     if candidates is None:
         return {}
@@ -148,7 +154,7 @@ def _next_runs(model: Model, chosen: Estimate, rate: float, candidates: Candidat
     }
 
 
-def _refuse_short(model: Model, samples: list[Measurements]) -> None:
+def _refuse_short(model: TorqueModel, samples: list[Measurements]) -> None:
     count = sum(map(len, samples))
     if count * model.joints < model.count:
         raise RecordingError(

@@ -10,7 +10,7 @@ from torch import Tensor
 from sidegan.base.parallel import Report
 from sidegan.base.typed import Count, Natural, Share
 from sidegan.errors import InfeasibleError
-from sidegan.validity import Validity, told
+from sidegan.validity import Validity, summarise_faults
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class Draws:
             verb = "are" if self.valid > 1 else "is"
             raise InfeasibleError(
                 f"{valid} of {self.drawn} trajectories {origin} {verb} valid; "
-                f"of the last {self.last}, {told(self.faults)}"
+                f"of the last {self.last}, {summarise_faults(self.faults)}"
             )
         if self.valid < self.count:
             numbers = f"{self.valid} valid trajectories in {self.drawn} draws, {self.count} were wanted"

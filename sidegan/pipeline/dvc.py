@@ -1,9 +1,9 @@
 """``dvc.yaml`` from the graph of artifacts: ``python -m sidegan.pipeline.dvc`` writes it.
 
-Each stage of the reproduction at paper scale is a stage of DVC, and the page on exact physics is one more. What a
-stage is made with stands in ``outputs/settings.yaml``, composed from ``conf/`` by the pipeline's first stage, so that
-a changed setting reruns what depends on it and nothing else. Outputs persist: the stages themselves know by
-their stamps what can be reused.
+Each stage of the reproduction at paper scale is a stage of DVC, and the page on exact physics is one
+more. What a stage is made with stands in ``outputs/settings.yaml``, composed from ``conf/`` by the
+pipeline's first stage, so that a changed setting reruns what depends on it and nothing else. Outputs
+persist: the stages themselves know by their stamps what can be reused.
 """
 
 import argparse
@@ -29,8 +29,8 @@ SETTINGS = "outputs/settings.yaml"
 _RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
 _VERSIONS = "sidegan/pipeline/versions.yaml"
 HEAD = """\
-# Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`. A stage that is
-# killed goes on where it was.
+# Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`.
+# A stage that is killed goes on where it was.
 """
 
 

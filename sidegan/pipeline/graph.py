@@ -1,4 +1,4 @@
-"""The graph of artifacts: each result on disk is a node that says what it is made with, from what, and by whom.
+"""The graph of artifacts: each result on disk is a node that says what it is made with, from what, by whom.
 
 Stamps, the order of work, reuse, what MLflow records and ``dvc.yaml`` follow from it.
 """
@@ -98,7 +98,7 @@ class Artifact:
 
 
 def waves(artifacts: Iterable[Artifact]) -> list[list[Artifact]]:
-    """Artifacts in groups that can be made one after another, each from those before it alone; no one twice."""
+    """Artifacts in groups, each made from those before it alone; none twice."""
     waiting = {one.digest: one for one in artifacts}
     groups = []
     while waiting:

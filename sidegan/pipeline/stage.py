@@ -43,7 +43,7 @@ def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
 
 
 def _produce(name: str, task: Task, artifacts: list[Artifact]) -> None:
-    """Make artifacts side by side, each in a process of its own; those that spread their own work one by one."""
+    """Make artifacts side by side, one process each; those that spread their own work one by one."""
     missing = [one for one in artifacts if task.store.find(one) is None]
     for one in artifacts:
         if one.alone or one not in missing:

@@ -100,7 +100,7 @@ class Store:
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
-        """What making an artifact took, as far as it is known: ``seconds`` of wall time, and what it measured."""
+        """What making an artifact took, as far as it is kept: ``seconds`` of wall time, and more."""
         path = self._costs(artifact)
         return read_json(path) if path.exists() else {}
 

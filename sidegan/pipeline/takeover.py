@@ -1,8 +1,11 @@
-"""Take over the artifacts of version 0.1, once: ``python -m sidegan.pipeline.takeover +experiment=reproduction …``.
+"""Take over the artifacts of version 0.1, once.
 
-Their stamps held digests of source files, and some of their files what the work took. An artifact is taken over
-when it was made by the last code of that version, for the same arm and seed, with the same settings, from inputs that are
-taken over themselves; everything else is left where it is, and made anew when it is needed.
+``python -m sidegan.pipeline.takeover +experiment=reproduction scale=paper named=true``
+
+Their stamps held digests of source files, and some of their files what the work took. An artifact is
+taken over when it was made by the last code of that version, for the same arm and seed, with the same
+settings, from inputs that are taken over themselves; everything else is left where it is, and made anew
+when it is needed.
 """
 
 import hashlib
@@ -38,22 +41,20 @@ _COSTS = {  # what went from reports to what is kept beside artifacts; None: all
     "first_set": None,
 }
 # First digits of the source digests of version 0.1.
-_CODE = dict(
-    entry.split("=")
-    for entry in (
-        "conditional=66ed85d4 criteria=edb9c988 dynamics=f7a0ec9c excitation=74715f46 gan=b9e060a1 "
-        "identification.estimate=6360ded6 identification.model=75147bf9 identification.replication=6b728610 "
-        "information=f08cfb36 library=fbc37fd6 optimal=dce49b47 plan_conditional=b95c1033 plant=01aa076a "
-        "recording=324b180d seeds=9629374a seeds.problem=ff397695 selection=657b15e5 stages.best=ad1aaa80 "
-        "stages.common=3d608f8b stages.conditional=4599c0c3 stages.conditional_study=e5e0f847 "
-        "stages.density=8aff40a2 stages.first_set=f62b480f stages.optimised=8fd1ef91 stages.plant=edb76352 "
-        "stages.polish=5c3a28a6 stages.random=88a81e5e stages.replication=37b5a7b9 "
-        "stages.sensitivity=d1dfff3a stages.timing=775d68ec stages.transfer=21b7e6ef trajectory=9af730d2 "
-        "validity=06c14f52 identification.identify=26419117 identification.measurements=02982ed8 "
-        "identification.metrics=8065681e identification.rls=599f426d identification.study=71c6152f "
-        "identification.sums=f543a708 "
-    ).split()
-)
+_DIGESTS = """
+conditional=66ed85d4 criteria=edb9c988 dynamics=f7a0ec9c excitation=74715f46 gan=b9e060a1
+identification.estimate=6360ded6 identification.model=75147bf9 identification.replication=6b728610
+information=f08cfb36 library=fbc37fd6 optimal=dce49b47 plan_conditional=b95c1033 plant=01aa076a
+recording=324b180d seeds=9629374a seeds.problem=ff397695 selection=657b15e5 stages.best=ad1aaa80
+stages.common=3d608f8b stages.conditional=4599c0c3 stages.conditional_study=e5e0f847
+stages.density=8aff40a2 stages.first_set=f62b480f stages.optimised=8fd1ef91 stages.plant=edb76352
+stages.polish=5c3a28a6 stages.random=88a81e5e stages.replication=37b5a7b9
+stages.sensitivity=d1dfff3a stages.timing=775d68ec stages.transfer=21b7e6ef trajectory=9af730d2
+validity=06c14f52 identification.identify=26419117 identification.measurements=02982ed8
+identification.metrics=8065681e identification.rls=599f426d identification.study=71c6152f
+identification.sums=f543a708
+"""
+_CODE = dict(entry.split("=") for entry in _DIGESTS.split())
 
 
 def take_over(store: Store, artifacts: Iterable[Artifact]) -> tuple[list[Artifact], dict[str, str]]:

@@ -1,8 +1,8 @@
 """What a run reports to MLflow; the only door to it.
 
 Tracking never stops a run: when the server cannot be reached, one warning is given and whatever could not
-be sent is kept, a JSON object a line, in ``untracked.jsonl`` in the run's folder. ``sidegan.pipeline.untracked``
-sends it later.
+be sent is kept, a JSON object a line, in ``untracked.jsonl`` in the run's folder. ``sidegan.untracked`` sends
+it later.
 """
 
 import json

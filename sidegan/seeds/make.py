@@ -74,29 +74,28 @@ def _task(
 
 
 def make_long(
-    problem: Problem, steps: int, seconds: float, random: np.random.SeedSequence, progress: Report
+    problem: Problem, steps: int, starts: int, random: np.random.SeedSequence, progress: Report
 ) -> SeedBatch:
-    """One long trajectory: the best of as many starts as fit into the CPU time, of at least one.
+    """One long trajectory: the best of some starts.
 
     Args:
         problem: with the long family, and as many samples as its bandwidth needs.
         steps: evaluations per start.
-        seconds: CPU time [s] that is used up before no further start is made.
+        starts: how many; more, up to a bound, while none is valid.
         random: of the starts.
-        progress: given (done, total) in thousandths of the time.
+        progress: given (done, total) after every start.
 
     Raises:
         InfeasibleError: when no start becomes valid.
     """
-    began, spent = time.process_time(), 0.0
+    began = time.process_time()
     method, batches = Gradient(steps, attempts=1, reserve=_LONG_RESERVE), list[SeedBatch]()
-    for seed in random.spawn(_LONG_ROUNDS):
+    for done, seed in enumerate(random.spawn(max(starts, _LONG_ROUNDS)), 1):
         batches.append(method.optimise(problem, 1, seed))
-        spent = time.process_time() - began
-        progress(min(1000, round(1000 * spent / seconds)) if seconds > 0 else 1000, 1000)
-        if spent >= seconds and any(map(len, batches)):
+        progress(min(done, starts), starts)
+        if done >= starts and any(map(len, batches)):
             break
     whole = SeedBatch.join(batches)
     if not len(whole):
         raise whole.shortfall(1)
-    return replace(whole.best(1), cpu_seconds=spent)
+    return replace(whole.best(1), cpu_seconds=time.process_time() - began)

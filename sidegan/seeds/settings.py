@@ -1,9 +1,9 @@
 """Settings of the seed set and of the single long trajectory."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
-from sidegan.base.typed import Bound, Count, Positive, Share
+from sidegan.base.typed import Count, Positive, Share
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
@@ -55,5 +55,5 @@ class Long:
     period: Positive  # [s]
     harmonics: list[Count]  # one trajectory for each
     samples: Count
-    steps: Count  # evaluations, at least
-    factor: Annotated[float, Bound("≥", 1)]  # CPU time, in that of all short ones of a selection together
+    steps: Count  # evaluations per start
+    starts: Count  # of which the best is kept

@@ -1,9 +1,9 @@
 from importlib import import_module
 
 import pytest
-
 from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.plan import Task
+
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES
 

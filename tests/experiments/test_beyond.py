@@ -4,6 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.plan import REPORT, SEEDS, Task
+from sidegan.pipeline.stages.common import load
 
 from experiments import beyond, beyond_goals, beyond_tables, beyond_words
 from experiments.artifacts_beyond import BeyondArtifacts
@@ -13,11 +16,8 @@ from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library import Library
 from sidegan.library.measure import effort
 from sidegan.pipeline import plan_beyond
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import REPORT, SEEDS, Task
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES, best, transfer
-from sidegan.pipeline.stages.common import load
 from sidegan.pipeline.tracking import Tracker
 from tests.experiments.runs import configured
 from tests.tiny import tiny

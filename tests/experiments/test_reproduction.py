@@ -3,12 +3,12 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from sidegan.pipeline.plan import with_subset
 
 from experiments import comparisons, exp2, training
 from experiments.claims import HOLDS, NOT, PART, Claim, claims, counted
 from experiments.paper import PAPER
 from sidegan.errors import ArtifactError, ConfigError
-from sidegan.pipeline.plan import with_subset
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES
 from tests.experiments.runs import configured

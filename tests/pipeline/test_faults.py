@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from sidegan.pipeline.artifacts import Store
 
 from sidegan.base import parallel
 from sidegan.base.engines import Dask
@@ -25,7 +26,6 @@ from sidegan.base.progress import Bar
 from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
-from sidegan.pipeline.artifacts import Store
 from sidegan.pipeline.tracking import Tracker
 from sidegan.seeds import Gradient
 from tests import small_job

@@ -8,13 +8,13 @@ import pandas as pd
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.config import validate
+from sidegan.pipeline.plan import Task
 
 from sidegan.errors import ConfigError, InfeasibleError, RecordingError, RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import validate
-from sidegan.pipeline.plan import Task
 from sidegan.pipeline.run import CONF, main, run_stages
 from sidegan.pipeline.stages import STAGES
 from sidegan.robot import load_robot
@@ -137,8 +137,9 @@ def test_the_same_again_is_reused_and_other_recordings_are_not(once, files, tmp_
 
 
 def test_one_recording_is_tested_on_itself_and_a_library_gives_what_to_run_next(files, tmp_path, planar):
-    from sidegan.motion.trajectory import Trajectory
     from sidegan.pipeline.stages.common import measured
+
+    from sidegan.motion.trajectory import Trajectory
     from sidegan.validity import Constraints
 
     trajectory = Trajectory(2, 3, 8.0)

@@ -109,8 +109,8 @@ def test_the_selections_are_of_seeds_and_libraries(once):
 def test_the_generators_are_the_arms_own(once):
     made = task(once)
     path = made.store.require(generator(made, "eigen", 0))
-    generator = TrajectoryGenerator.load(path / "generator.pt", made.arm)
-    assert generator.trajectory == made.trajectory and generator.variant == "eigen"
+    loaded = TrajectoryGenerator.load(path / "generator.pt", made.arm)
+    assert loaded.trajectory == made.trajectory and loaded.variant == "eigen"
     history = json.loads((path / "history.json").read_text())
     assert len(history) == made.cfg.scale.gan_epochs
     with pytest.raises(ArtifactError, match="planar2"):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sidegan.pipeline.graph import versions, waves
+from sidegan.pipeline.graph import VERSIONS, versions, waves
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.store import Store
@@ -34,7 +34,7 @@ MEASURED = {"timing", "first_set"}  # whose numbers are times
 
 
 def makers(outputs, run):
-    """Numbers of every maker of the tiny experiments, in an order in which each is made from those before it."""
+    """Numbers of every maker of the tiny experiments, each after those it is made from."""
     artifacts, numbers = [], {}
     for experiment in EXPERIMENTS:
         config = tiny(f"outputs={outputs}", experiment=experiment)
@@ -75,8 +75,8 @@ def test_no_number_moves_without_its_makers_version(computed):
         if record[maker]["version"] == versions()[maker]:
             differences = moved(numbers, record[maker]["numbers"])
             assert not differences, (
-                f"numbers of maker {maker} moved, and its version did not: {', '.join(differences[:3])}; raise it "
-                "in sidegan/pipeline/versions.yaml, and record anew: python -m tests.pipeline.test_versions"
+                f"numbers of maker {maker} moved, and its version did not: {', '.join(differences[:3])}; "
+                f"raise it in {VERSIONS.name}, and record anew: python -m tests.pipeline.test_versions"
             )
 
 

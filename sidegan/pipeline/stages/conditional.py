@@ -91,7 +91,11 @@ class Conditions:
         settings = self.task.cfg.conditional
         trained = {"ranges": asdict(settings.ranges), "training": asdict(settings.training)}
         if single is not None:
-            trained |= {"only": list(single), "of": settings.study.conditions, "epochs": settings.study.epochs}
+            trained |= {
+                "only": list(single),
+                "of": settings.study.conditions,
+                "epochs": settings.study.epochs,
+            }
         label = "generator" if single is None else f"{single[0]}-{single[1]}"
         return self.task.artifact(
             "conditional", label, partial(_train, single=single), trained, title=f"conditional/{label}"

@@ -12,8 +12,8 @@ from sidegan.design.information import information_of
 from sidegan.errors import ConfigError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Motion, concatenate
-from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import Pool, own_pools
 from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task

@@ -1,4 +1,4 @@
-"""Stage plant: every excitation set executed on the arm in MuJoCo, and the arm identified from what was recorded."""
+"""Stage plant: every excitation set executed on the arm in MuJoCo, and identification from that."""
 
 from dataclasses import asdict, fields, replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""Stage replication: identification from whole sets with noise on everything, and from the seeds measured again."""
+"""Stage replication: identification from whole sets with noise on everything, the seeds measured again."""
 
 from dataclasses import asdict, replace
 from functools import partial

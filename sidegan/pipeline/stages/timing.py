@@ -20,7 +20,7 @@ _SECONDS = 3.0  # [s] of every measurement
 
 
 def timing(task: Task, name: str) -> Artifact:
-    """The speed of the first training of a variant; its numbers are costs, since they depend on the machine."""
+    """The speed of the first training of a variant; its numbers are costs, as they are the machine's."""
     training = task.cfg.trainings[0]
     inputs = {"gan": generator(task, name, training)}
     make = partial(_make, name=name)

@@ -1,4 +1,4 @@
-"""What is trained: surrogates from the seeds and a vanilla generator, and generators from seeds and surrogates."""
+"""What is trained: surrogates from seeds and a vanilla generator, generators from seeds and surrogates."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
@@ -119,9 +119,7 @@ def _pretrain(task: Task, build: Build, data: str) -> None:
     vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)
     faulty = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
     seeds = training_seeds(task).coefficients
-    pretraining = Pretraining(
-        task.constraints, task.trajectory, settings, data, seeds, faulty, build.work
-    )
+    pretraining = Pretraining(task.constraints, task.trajectory, settings, data, seeds, faulty, build.work)
     labelling: list[Job] = [
         partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)
     ]
