@@ -9,6 +9,7 @@ from torch import Tensor
 
 from sidegan.errors import RobotError
 from sidegan.motion import newton_euler
+from sidegan.motion.compiled.chain import Chain
 from sidegan.robot import Arm
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -67,7 +68,7 @@ def _random_rows(arm: Arm) -> np.ndarray:
     span = (arm.position_upper - arm.position_lower) / 2
     q = (arm.position_upper + arm.position_lower) / 2 + span * draw[0]
     states = newton_euler.states_last((q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
-    return newton_euler.regressor(arm, states).permute(2, 0, 1).reshape(-1, 10 * arm.joints).numpy()
+    return newton_euler.regressor(Chain.of(arm), states).permute(2, 0, 1).reshape(-1, 10 * arm.joints).numpy()
 
 
 def _first_independent(unit: np.ndarray) -> np.ndarray:

@@ -92,7 +92,7 @@ class RigidBody:
             return self.torques_of(flat[0], flat[1], flat[2], v.reshape(1, 1, full)).reshape(q.shape)
         v = v.reshape(-1, full).T.reshape(self.joints, 10, 1, -1)
         states = newton_euler.states_last((q, dq, ddq))
-        return newton_euler.torque(self.arm, states, v)[:, 0].T.reshape(q.shape)
+        return newton_euler.torque(self.chain, states, v)[:, 0].T.reshape(q.shape)
 
     def torques_of(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor) -> Tensor:
         """Regressor times several parameter sets, (B, K, T, J), of states (B, T, J) and sets (B, K, 10 J).

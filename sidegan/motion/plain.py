@@ -26,7 +26,7 @@ def states_at_once(joints: int) -> int:
 
 def regressor(body: "RigidBody", states: States) -> Tensor:
     """Full regressor, (…, J, 10 J), of states (…, J)."""
-    y = newton_euler.regressor(body.arm, newton_euler.states_last(states))
+    y = newton_euler.regressor(body.chain, newton_euler.states_last(states))
     return y.permute(2, 0, 1).reshape(*states[0].shape, 10 * body.joints)
 
 
@@ -37,7 +37,7 @@ def gram(body: "RigidBody", columns: Tensor, states: States) -> Tensor:
     if count > most:
         parts = zip(*(x.split(most, 1) for x in states))
         return torch.stack([gram(body, columns, part) * part[0].shape[1] for part in parts]).sum(0) / count
-    y = newton_euler.regressor(body.arm, newton_euler.states_last(states))[:, columns.to(states[0].device)]
+    y = newton_euler.regressor(body.chain, newton_euler.states_last(states))[:, columns.to(states[0].device)]
     y = y.reshape(joints, len(columns), batch, count).permute(2, 1, 0, 3).flatten(2)
     return y @ y.transpose(1, 2) / count
 
@@ -50,7 +50,7 @@ def torques(body: "RigidBody", states: States, sets: Tensor) -> Tensor:
     if batch > 1:
         v = v.expand(joints, 10, size, batch, count)
     v = v.flatten(3)
-    torque = newton_euler.torque(body.arm, newton_euler.states_last(states), v)
+    torque = newton_euler.torque(body.chain, newton_euler.states_last(states), v)
     return torque.reshape(joints, size, batch, count).permute(2, 1, 3, 0)
 
 

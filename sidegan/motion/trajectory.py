@@ -6,7 +6,7 @@ both ends has a closed form on time scaled to [0, 1]; rest is exact at any perio
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -70,18 +70,13 @@ class Trajectory:
 
     def describe(self) -> dict[str, Any]:
         """Plain values that identify this family, for stamps and file metadata."""
-        return {
-            "joints": self.joints,
-            "harmonics": self.harmonics,
-            "period": self.period,
-            "home": list(self.home or ()),
-        }
+        return {**asdict(self), "home": list(self.home or ())}
 
     def check(self, c: Tensor) -> None:
         """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers.
 
         Raises:
-            ShapeError: with the shape found, or the first trajectory that is not finite.
+            ShapeError: with the wrong shape, or the first trajectory that is not finite.
         """
         self._check_shape(c)
         finite = torch.isfinite(c).flatten(1).all(1)

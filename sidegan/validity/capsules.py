@@ -3,7 +3,9 @@
 import torch
 from torch import Tensor
 
-from sidegan.motion.newton_euler import joint_placement, unrotate
+from sidegan.motion.compiled.chain import Chain
+from sidegan.motion.compiled.formulas import Matrix, Vector, add, product, to_parent
+from sidegan.motion.newton_euler import placement
 from sidegan.robot import Arm
 
 _PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
@@ -21,18 +23,19 @@ def capsule_axes(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
 
 def place_points(arm: Arm, q: Tensor, points: Tensor, links: list[int]) -> Tensor:
     """World positions [m], (3, K, N), of points (K, 3) fixed to links (-1: the base)."""
-    n = q.shape[1]
-    turn, origin = torch.eye(3).to(q)[..., None].expand(3, 3, n), q.new_zeros(3, n)
     if not links:
-        return q.new_zeros(3, 0, n)
-    placed = [points[k][:, None].expand(3, n) for k in range(len(links))]
+        return q.new_zeros(3, 0, q.shape[1])
+    chain, zero = Chain.of(arm), torch.zeros_like(q[0])
+    one = zero + 1
+    turn: Matrix = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
+    origin: Vector = (zero, zero, zero)
+    frames = [(turn, origin)]
     for i in range(arm.joints):
-        local, shift, _ = joint_placement(arm, i, q[i])
-        origin = origin + unrotate(turn, shift)
-        turn = torch.stack([unrotate(turn, local[:, k]) for k in range(3)], 1)
-        for k in (k for k, link in enumerate(links) if link == i):
-            placed[k] = origin + unrotate(turn, points[k][:, None])
-    return torch.stack(placed, 1)
+        local, shift = placement(chain, i, q[i])
+        origin, turn = add(origin, to_parent(turn, shift)), product(turn, local)
+        frames.append((turn, origin))
+    placed = [add(frames[link + 1][1], to_parent(frames[link + 1][0], x)) for link, x in zip(links, points)]
+    return torch.stack([torch.stack(x) for x in placed], 1)
 
 
 def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:

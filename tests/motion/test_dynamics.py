@@ -11,6 +11,7 @@ from torch import Tensor
 
 from sidegan.errors import RobotError, ShapeError
 from sidegan.motion import newton_euler, plain
+from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, pinocchio_model
@@ -195,9 +196,9 @@ def test_gram_does_not_depend_on_its_chunks(arm: Arm, states: int, monkeypatch: 
 
     regressor = newton_euler.regressor
 
-    def watched(arm: Arm, states: list[Tensor]) -> Tensor:
+    def watched(chain: Chain, states: list[Tensor]) -> Tensor:
         sizes.append(states[0].shape[1])
-        return regressor(arm, states)
+        return regressor(chain, states)
 
     _ = body.base
     monkeypatch.setattr(plain, "_VALUES_AT_ONCE", states * 10 * 7**2)

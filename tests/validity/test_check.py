@@ -115,11 +115,11 @@ def test_valid_means_that_dense_sampling_finds_nothing(any_arm: Arm) -> None:
     generator = torch.Generator().manual_seed(3)
     c = c * torch.empty(len(c), 1, 1, 1, dtype=c.dtype).uniform_(0.98, 1.02, generator=generator)
     validity = check(constraints, trajectory, c)
-    found = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
+    dense = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
     assert 0.1 < validity.valid.double().mean() < 0.9
-    assert (found[validity.valid] >= 0).all()
+    assert (dense[validity.valid] >= 0).all()
     # Nor is it timid: what it refuses is bad, or all but.
-    assert (found[~validity.valid] < 1e-3).all()
+    assert (dense[~validity.valid] < 1e-3).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -136,8 +136,8 @@ def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
     c = scaled_to(coarse, random_coefficients(trajectory, 40, seed), target=1e-3)
     c = torch.cat([c, 0.97 * c])
     validity = check(constraints, trajectory, c)
-    found = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
-    assert (found[validity.valid] >= 0).all() and (found[~validity.valid] < 2e-3).all()
+    dense = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
+    assert (dense[validity.valid] >= 0).all() and (dense[~validity.valid] < 2e-3).all()
 
 
 @pytest.mark.parametrize(("constraint", "harmonic", "phase"), [("position", 0, 1), ("velocity", 2, 0)])

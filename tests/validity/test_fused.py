@@ -51,7 +51,8 @@ def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> 
     for search in (plain, fused):
         search.run()
     (valid, *expected), (verdict, *result) = plain.result(), fused.result()
-    assert torch.equal(valid, verdict)
+    clear = torch.stack(list(expected[0].values())).abs().amin(0) > 1e-9  # elsewhere rounding decides
+    assert valid[clear].tolist() == verdict[clear].tolist()
     for name, margin in expected[0].items():
         torch.testing.assert_close(result[0][name], margin, rtol=1e-9, atol=1e-9)
         motion = trajectory.roll_out(c, result[2][name])

@@ -5,115 +5,80 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import Chain, Shapes
-from sidegan.motion.compiled.formulas import carried_bounds, cell_bounds, link_bounds, wrench_bounds
+from sidegan.motion.compiled.chain import Array, Chain, Shapes
+from sidegan.motion.compiled.formulas import (
+    add,
+    carried,
+    carried_bounds,
+    cell_bounds,
+    dot,
+    link_bounds,
+    moved,
+    wrench_bounds,
+    wrench_of,
+)
 from sidegan.motion.compiled.jit import inline, inline_in_any_order, kernel
 from sidegan.motion.compiled.links import (
     Frames,
-    carried,
     frames,
     joint,
     locate,
-    moved,
+    matrix,
     placement,
-    wrench_of,
+    row,
+    set_matrix,
+    set_row,
+    ten,
 )
-from sidegan.motion.compiled.vectors import add, dot, matrix, row, set_matrix, set_row, ten
-
-_cell_bounds, _link_bounds = inline(cell_bounds), inline(link_bounds)
-_wrench_bounds, _carried_bounds = inline(wrench_bounds), inline(carried_bounds)
 
 
 class Model(NamedTuple):
-    """An arm in its workspace as arrays, float64 where nothing else is said.
+    """An arm in its workspace as arrays, float64 where nothing else is said."""
 
-    Attributes:
-        chain: joints.
-        shapes: capsules, and what they are kept apart from.
-        parameters: inertial parameters, (10 J,).
-        home: position that trajectories start from, (J,) [rad or m].
-        lower: position limits, (J,).
-        upper: position limits, (J,).
-        speed: velocity limits, (J,).
-        torque: torque limits, (J,); infinite where nothing is limited.
-        pair_reach: how far the motion of a joint moves two capsules against each other, (P, J).
-        pair_most: the largest of all pairs, (1, J).
-        region_reach: how far the motion of a joint moves a capsule, (K, J).
-        region_most: the largest of all, (1, J).
-        travel: upper bound of the distance between a joint's frame and its parent's, (J,) [m].
-        mass: absolute, (J,) [kg].
-        first: norm of the first moment of mass, (J,).
-        spin: spectral norm of the inertia matrix, (J,).
-    """
-
-    chain: Chain
-    shapes: Shapes
-    parameters: np.ndarray
-    home: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    speed: np.ndarray
-    torque: np.ndarray
-    pair_reach: np.ndarray
-    pair_most: np.ndarray
-    region_reach: np.ndarray
-    region_most: np.ndarray
-    travel: np.ndarray
-    mass: np.ndarray
-    first: np.ndarray
-    spin: np.ndarray
+    chain: Chain  # joints
+    shapes: Shapes  # capsules, and what they are kept apart from
+    parameters: Array  # inertial parameters, (10 J,)
+    home: Array  # position that trajectories start from, (J,) [rad or m]
+    lower: Array  # position limits, (J,)
+    upper: Array  # position limits, (J,)
+    speed: Array  # velocity limits, (J,)
+    torque: Array  # torque limits, (J,); infinite where nothing is limited
+    pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
+    pair_most: Array  # the largest of all pairs, (1, J)
+    region_reach: Array  # how far the motion of a joint moves a capsule, (K, J)
+    region_most: Array  # the largest of all, (1, J)
+    travel: Array  # upper bound of the distance between a joint's frame and its parent's, (J,) [m]
+    mass: Array  # absolute, (J,) [kg]
+    first: Array  # norm of the first moment of mass, (J,)
+    spin: Array  # spectral norm of the inertia matrix, (J,)
 
 
 class Motions(NamedTuple):
-    """Trajectories on a grid of cells.
+    """Trajectories on a grid of cells."""
 
-    Attributes:
-        c: coefficients, (B, J, K).
-        jerk: bound of the absolute jerk, (B, J).
-        basis: derivatives 0 to 2 of the basis at the centres of cells, (T, 3, K).
-        times: the same centres [s], (T,).
-        half: half width of the cells [s].
-    """
-
-    c: np.ndarray
-    jerk: np.ndarray
-    basis: np.ndarray
-    times: np.ndarray
-    half: float
+    c: Array  # coefficients, (B, J, K)
+    jerk: Array  # bound of the absolute jerk, (B, J)
+    basis: Array  # derivatives 0 to 2 of the basis at the centres of cells, (T, 3, K)
+    times: Array  # the same centres [s], (T,)
+    half: float  # half width of the cells [s]
 
 
 class Work(NamedTuple):
-    """What one step leaves for the next; each thread needs its own.
+    """What one step leaves for the next; each thread needs its own."""
 
-    Attributes:
-        state: position, velocity, acceleration, (3, J).
-        motion: bounds of position change, velocity change, speed and acceleration in a cell, (4, J).
-        most: the largest such bounds of a trajectory, (4, J).
-        turn: rotation of a joint's frame in its parent's, (J, 9).
-        shift: its origin there, (J, 3).
-        world: frames in the world.
-        force: on a link, (J, 3).
-        moment: on a link, (J, 3).
-        torque: (J,).
-        sums: bounds of a link's force, its rate, moment and its rate, (4, J).
-        rate: bound of the torques' rates in a cell, (J,).
-        cap: the same for all cells of a trajectory, (J,).
-        ends: end points of the capsules' axes, and the middles between them, (3, C, 3).
-    """
-
-    state: np.ndarray
-    motion: np.ndarray
-    most: np.ndarray
-    turn: np.ndarray
-    shift: np.ndarray
-    world: Frames
-    force: np.ndarray
-    moment: np.ndarray
-    torque: np.ndarray
-    sums: np.ndarray
-    rate: np.ndarray
-    cap: np.ndarray
-    ends: np.ndarray
+    state: Array  # position, velocity, acceleration, (3, J)
+    motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
+    most: Array  # the largest such bounds of a trajectory, (4, J)
+    turn: Array  # rotation of a joint's frame in its parent's, (J, 9)
+    shift: Array  # its origin there, (J, 3)
+    world: Frames  # frames in the world
+    force: Array  # on a link, (J, 3)
+    moment: Array  # on a link, (J, 3)
+    torque: Array  # (J,)
+    sums: Array  # bounds of a link's force, its rate, moment and its rate, (4, J)
+    rate: Array  # bound of the torques' rates in a cell, (J,)
+    cap: Array  # the same for all cells of a trajectory, (J,)
+    ends: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
 
 
 def work_space(model: Model) -> Work:
@@ -127,7 +92,7 @@ def work_space(model: Model) -> Work:
 
 
 @inline_in_any_order
-def roll_out(home: np.ndarray, motions: Motions, n: int, at: int, state: np.ndarray) -> None:
+def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
     """State (3, J) of trajectory n at a row of the basis."""
     c, basis = motions.c, motions.basis
     for j in range(c.shape[1]):
@@ -140,10 +105,10 @@ def roll_out(home: np.ndarray, motions: Motions, n: int, at: int, state: np.ndar
 
 
 @inline
-def bound_motion(state: np.ndarray, motions: Motions, n: int, motion: np.ndarray) -> None:
+def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
     """Bounds of the motion in the cell around a state."""
     for j in range(state.shape[1]):
-        bounds = _cell_bounds(state[1, j], state[2, j], motions.jerk[n, j], motions.half)
+        bounds = cell_bounds(state[1, j], state[2, j], motions.jerk[n, j], motions.half)
         motion[0, j], motion[1, j], motion[2, j], motion[3, j] = bounds
 
 
@@ -165,7 +130,8 @@ def torques(model: Model, work: Work) -> None:
     motion = still, still, (-g[0], -g[1], -g[2])
     for i in range(joints):
         r, shift = matrix(work.turn, i), row(work.shift, i)
-        motion = moved(joint(model.chain, i), r, shift, work.state[1, i], work.state[2, i], motion)
+        j, rates = joint(model.chain, i), (work.state[1, i], work.state[2, i])
+        motion = moved(j.axis, j.slides, r, shift, rates, motion)
         force, moment = wrench_of(ten(model.parameters, 10 * i), motion)
         set_row(work.force, i, force)
         set_row(work.moment, i, moment)
@@ -177,25 +143,23 @@ def torques(model: Model, work: Work) -> None:
 
 
 @kernel
-def bound_torque_rates(
-    model: Model, motion: np.ndarray, jerk: np.ndarray, sums: np.ndarray, rate: np.ndarray
-) -> None:
+def bound_torque_rates(model: Model, motion: Array, jerk: Array, sums: Array, rate: Array) -> None:
     """Upper bound of the absolute rate of every joint torque in a cell, (J,), from that of the jerk, (J,)."""
     g, slides, travel = model.chain.gravity, model.chain.prismatic, model.travel
     link = 0.0, 0.0, 0.0, 0.0, math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2), 0.0
     for i in range(len(rate)):
-        link = _link_bounds(slides[i], motion[2, i], motion[3, i], jerk[i], travel[i], link)
-        wrench = _wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
+        link = link_bounds(slides[i], motion[2, i], motion[3, i], jerk[i], travel[i], link)
+        wrench = wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
         sums[0, i], sums[1, i], sums[2, i], sums[3, i] = wrench
     f = df = n = dn = 0.0
     for i in range(len(rate) - 1, -1, -1):
         wrench = f + sums[0, i], df + sums[1, i], n + sums[2, i], dn + sums[3, i]
         rate[i] = wrench[1] if slides[i] else wrench[3]
-        f, df, n, dn = _carried_bounds(slides[i], motion[2, i], travel[i], wrench)
+        f, df, n, dn = carried_bounds(slides[i], motion[2, i], travel[i], wrench)
 
 
 @inline
-def cap_torque_rates(model: Model, work: Work, motions: Motions, n: int, rows: np.ndarray) -> None:
+def cap_torque_rates(model: Model, work: Work, motions: Motions, n: int, rows: Array) -> None:
     """Bounds of the torques' rates that hold in all the given cells of a trajectory.
 
     The bound grows with every speed and acceleration, so one for the largest of each will do.

@@ -8,32 +8,23 @@ from torch import Tensor
 
 from sidegan.robot import Arm
 
+Array = np.ndarray
+
 PLANE, BOX = range(2)  # kinds of regions
 _ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they need be
 
 
 class Chain(NamedTuple):
-    """Placements of J joints; a joint's rotation in its parent is fixed + sine · sin(q) + cosine · cos(q).
+    """Placements of J joints; a joint's rotation in its parent is fixed + sine · sin(q) + cosine · cos(q)."""
 
-    Attributes:
-        prismatic: whether a joint slides, (J,) bool.
-        fixed: (J, 9), row by row.
-        sine: (J, 9).
-        cosine: (J, 9).
-        origin: of the joint's frame in its parent's at q = 0 [m], (J, 3).
-        slide: how that origin moves with q, (J, 3); zero where the joint turns.
-        axis: in the joint's own frame, (J, 3).
-        gravity: [m/s²], (3,).
-    """
-
-    prismatic: np.ndarray
-    fixed: np.ndarray
-    sine: np.ndarray
-    cosine: np.ndarray
-    origin: np.ndarray
-    slide: np.ndarray
-    axis: np.ndarray
-    gravity: np.ndarray
+    prismatic: Array  # whether a joint slides, (J,) bool
+    fixed: Array  # (J, 9), row by row
+    sine: Array  # (J, 9)
+    cosine: Array  # (J, 9)
+    origin: Array  # of the joint's frame in its parent's at q = 0 [m], (J, 3)
+    slide: Array  # how that origin moves with q, (J, 3); zero where the joint turns
+    axis: Array  # in the joint's own frame, (J, 3)
+    gravity: Array  # [m/s²], (3,)
 
     @classmethod
     def of(cls, arm: Arm) -> "Chain":
@@ -54,27 +45,16 @@ class Chain(NamedTuple):
 
 
 class Shapes(NamedTuple):
-    """C capsules, and what they are kept apart from.
+    """C capsules, and what they are kept apart from."""
 
-    Attributes:
-        frame: in which a capsule lies: 0 for the base, else joint + 1, (C,) int.
-        ends: of its axis, in that frame [m], (2, C, 3).
-        radius: [m], (C,).
-        size: a little more than the radius of the ball around it [m], (C,).
-        pairs: capsules that are kept apart, (P, 2) int.
-        guarded: region and capsule, (K, 2) int.
-        regions: normal and offset of a plane, centre and half size of a box [m], (R, 4 or 6).
-        kinds: of the regions, (R,) int.
-    """
-
-    frame: np.ndarray
-    ends: np.ndarray
-    radius: np.ndarray
-    size: np.ndarray
-    pairs: np.ndarray
-    guarded: np.ndarray
-    regions: np.ndarray
-    kinds: np.ndarray
+    frame: Array  # in which a capsule lies: 0 for the base, else joint + 1, (C,) int
+    ends: Array  # of its axis, in that frame [m], (2, C, 3)
+    radius: Array  # [m], (C,)
+    size: Array  # a little more than the radius of the ball around it [m], (C,)
+    pairs: Array  # capsules that are kept apart, (P, 2) int
+    guarded: Array  # region and capsule, (K, 2) int
+    regions: Array  # normal and offset of a plane, centre and half size of a box [m], (R, 4 or 6)
+    kinds: Array  # of the regions, (R,) int
 
     @classmethod
     def of(
@@ -93,6 +73,6 @@ class Shapes(NamedTuple):
         return cls(*map(array, (link + 1, ends, radius, size, pairs, guarded, regions, kinds)))
 
 
-def array(x: Tensor) -> np.ndarray:
+def array(x: Tensor) -> Array:
     """A tensor's numbers, contiguous, without gradient."""
     return x.detach().contiguous().numpy()

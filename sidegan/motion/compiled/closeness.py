@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import Chain, Shapes
+from sidegan.motion.compiled.chain import Array, Chain, Shapes
+from sidegan.motion.compiled.formulas import Vector, cross, dot, less, times, to_parent
 from sidegan.motion.compiled.jit import kernel
 from sidegan.motion.compiled.links import (
     TOUCHING,
@@ -13,19 +14,21 @@ from sidegan.motion.compiled.links import (
     frames,
     joint,
     locate,
+    matrix,
     nearest,
     place_capsules,
     placement,
+    row,
+    set_row,
 )
-from sidegan.motion.compiled.vectors import Vector, cross, dot, less, matrix, row, set_row, times, to_parent
 
 
 class Room(NamedTuple):
     """Room for the kernel at work: frames, the joints' axes (J, 3), the capsules' ends (3, C, 3)."""
 
     world: Frames
-    axes: np.ndarray
-    ends: np.ndarray
+    axes: Array
+    ends: Array
 
 
 def room(shapes: Shapes, joints: int) -> Room:
@@ -34,7 +37,7 @@ def room(shapes: Shapes, joints: int) -> Room:
 
 
 @kernel
-def _push(chain: Chain, work: Room, frame: int, point: Vector, force: Vector, slope: np.ndarray) -> None:
+def _push(chain: Chain, work: Room, frame: int, point: Vector, force: Vector, slope: Array) -> None:
     """Add the slope in the positions, (J,), of what has the slope ``force`` in a point of a link."""
     for j in range(frame):
         axis = row(work.axes, j)
@@ -45,7 +48,7 @@ def _push(chain: Chain, work: Room, frame: int, point: Vector, force: Vector, sl
 
 
 @kernel
-def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: np.ndarray, work: Room) -> float:
+def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
     """What one state's pairs cost; adds the slope."""
     total, a, b, middle = 0.0, work.ends[0], work.ends[1], work.ends[2]
     for p in range(len(shapes.pairs)):
@@ -67,7 +70,7 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: np.ndarray, work: 
 
 
 @kernel
-def _planes(chain: Chain, shapes: Shapes, reach: float, slope: np.ndarray, work: Room) -> float:
+def _planes(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
     """What one state's planes cost; adds the slope."""
     total, a, b = 0.0, work.ends[0], work.ends[1]
     for p in range(len(shapes.guarded)):
@@ -84,24 +87,11 @@ def _planes(chain: Chain, shapes: Shapes, reach: float, slope: np.ndarray, work:
 
 @kernel
 def closeness(
-    chain: Chain,
-    shapes: Shapes,
-    states: np.ndarray,
-    reach: float,
-    value: np.ndarray,
-    slope: np.ndarray,
-    work: Room,
+    chain: Chain, shapes: Shapes, states: Array, reach: float, value: Array, slope: Array, work: Room
 ) -> None:
     """Add the squares of how far distances fall below ``reach`` [m], summed over time, and their slopes.
 
-    Args:
-        chain: the arm.
-        shapes: its capsules; all regions are planes.
-        states: sine and cosine of the position, position, and more, (≥ 3, B, J, T).
-        reach: smallest distance that costs nothing [m].
-        value: added to [m²], (B,).
-        slope: added to [m²/rad], (B, J, T).
-        work: room to work in.
+    All regions are planes. Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
     """
     for b in range(states.shape[1]):
         for t in range(states.shape[3]):

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from sidegan.motion.compiled.chain import Array
 from sidegan.motion.compiled.jit import kernel, kernel_in_any_order
 
 _POINTS = 8  # shifts per eigenvalue and pass: each narrows its bracket to a ninth
@@ -23,7 +24,7 @@ _RESIDUE = 1e-13
 
 
 @kernel_in_any_order
-def _dot(x: np.ndarray, y: np.ndarray) -> float:
+def _dot(x: Array, y: Array) -> float:
     total = 0.0
     for i in range(len(x)):
         total += x[i] * y[i]
@@ -31,13 +32,13 @@ def _dot(x: np.ndarray, y: np.ndarray) -> float:
 
 
 @kernel
-def _add(x: np.ndarray, s: float, y: np.ndarray) -> None:
+def _add(x: Array, s: float, y: Array) -> None:
     for i in range(len(x)):
         x[i] += s * y[i]
 
 
 @kernel
-def _reflect(a: np.ndarray, k: int, e: np.ndarray, tau: np.ndarray, w: np.ndarray) -> None:
+def _reflect(a: Array, k: int, e: Array, tau: Array, w: Array) -> None:
     """Clear row and column k beyond the second diagonal; the reflection I − τ v vᵀ stays in row k."""
     v, p = a[k, k + 1 :], w[k + 1 :]
     rest = _dot(v[1:], v[1:])
@@ -63,7 +64,7 @@ def _reflect(a: np.ndarray, k: int, e: np.ndarray, tau: np.ndarray, w: np.ndarra
 
 
 @kernel
-def _count(d: np.ndarray, e: np.ndarray, shifts: np.ndarray, pivots: np.ndarray, below: np.ndarray) -> None:
+def _count(d: Array, e: Array, shifts: Array, pivots: Array, below: Array) -> None:
     """Number of eigenvalues below each shift."""
     for m in range(len(shifts)):
         pivots[m], below[m] = 1.0, 0.0
@@ -77,7 +78,7 @@ def _count(d: np.ndarray, e: np.ndarray, shifts: np.ndarray, pivots: np.ndarray,
 
 
 @kernel
-def _close_in(d: np.ndarray, e: np.ndarray, low: int, values: np.ndarray, work: np.ndarray) -> None:
+def _close_in(d: Array, e: Array, low: int, values: Array, work: Array) -> None:
     """Write the ``low`` smallest eigenvalues and the largest ones, as many as there are values."""
     shifts, pivots, below, left, right = work[0], work[1], work[2], work[3], work[4]
     size, count = len(d), len(values)
@@ -110,9 +111,7 @@ def _solid(pivot: float) -> float:
 
 
 @kernel
-def _vector(
-    d: np.ndarray, e: np.ndarray, value: float, z: np.ndarray, down: np.ndarray, up: np.ndarray
-) -> None:
+def _vector(d: Array, e: Array, value: float, z: Array, down: Array, up: Array) -> None:
     """Write the tridiagonal matrix's unit eigenvector of an eigenvalue."""
     size, best = len(d), 0
     down[0], up[size - 1] = _solid(d[0] - value), _solid(d[size - 1] - value)
@@ -136,7 +135,7 @@ def _vector(
 
 
 @kernel
-def _sound(d: np.ndarray, e: np.ndarray, values: np.ndarray, z: np.ndarray) -> bool:
+def _sound(d: Array, e: Array, values: Array, z: Array) -> bool:
     """Whether these are eigenpairs of the tridiagonal matrix, and the vectors at right angles."""
     size = len(d)
     for k in range(len(values)):
@@ -152,20 +151,14 @@ def _sound(d: np.ndarray, e: np.ndarray, values: np.ndarray, z: np.ndarray) -> b
     return True
 
 
-def room(size: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+def room(size: int, count: int) -> tuple[Array, Array]:
     """Room for the kernel at work; not to be shared among threads."""
     return np.zeros((5, size)), np.zeros((5, count * _POINTS))
 
 
 @kernel
 def extremes(
-    a: np.ndarray,
-    low: int,
-    values: np.ndarray,
-    vectors: np.ndarray,
-    sound: np.ndarray,
-    rows: np.ndarray,
-    shifts: np.ndarray,
+    a: Array, low: int, values: Array, vectors: Array, sound: Array, rows: Array, shifts: Array
 ) -> None:
     """Write the ``low`` smallest eigenvalues and as many of the largest as there is place for, ascending.
 

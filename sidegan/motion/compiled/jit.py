@@ -8,11 +8,14 @@ import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from inspect import isfunction
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.extending import register_jitable
 
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 _ANY_ORDER: Any = {"contract", "reassoc"}
@@ -50,6 +53,13 @@ def _jit(**options: Any) -> Decorator:
         return dispatcher
 
     return decorate
+
+
+def share(module: ModuleType) -> None:
+    """Let kernels call the functions of a module, inlined; elsewhere they stay plain functions."""
+    for function in vars(module).values():
+        if isfunction(function):
+            register_jitable(forceinline=True, **_OPTIONS)(function)
 
 
 kernel = _jit()

@@ -3,6 +3,9 @@
 Every loop over lanes is a loop over states whose arrays lie state by state in memory, so the compiler
 turns it into vector instructions. What a block of states needs stays in the processor's cache. Such loops
 end at min(width, LANES): knowing that, the compiler drops the test for negative indices.
+
+The states of B trajectories are (5, B, J, T): sine and cosine of the position, position, velocity,
+acceleration.
 """
 
 import math
@@ -10,10 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import Chain
+from sidegan.motion.compiled.chain import Array, Chain
+from sidegan.motion.compiled.formulas import (
+    Matrix,
+    Motion,
+    Ten,
+    Vector,
+    Wrench,
+    add,
+    carried,
+    dot,
+    moved,
+    wrench_of,
+)
 from sidegan.motion.compiled.jit import inline, kernel
-from sidegan.motion.compiled.links import Joint, Motion, Wrench, carried, joint, moved, placement, wrench_of
-from sidegan.motion.compiled.vectors import Matrix, Ten, Vector, add, dot, ten
+from sidegan.motion.compiled.links import Joint, joint, placement, ten
 
 LANES = 64  # most states at a time: shorter loops do not pay for their start
 _VECTOR = 8  # numbers in a vector of the widest processors
@@ -25,21 +39,21 @@ SIN, COS, Q, DQ, DDQ, _STATE = 0, 1, 2, 3, 4, 5
 # Rows of a link's adjoints: of w, alpha and a; then of the state: q, dq, ddq.
 SW, SALPHA, SA, SQ, SDQ, SDDQ, _ADJOINT = 0, 3, 6, 9, 10, 11, 12
 
-Lanes = np.ndarray  # rows of LANES numbers, one after the other, (rows · LANES,)
+Lanes = Array  # rows of LANES numbers, one after the other, (rows · LANES,)
 Block = tuple[int, int, int]  # states of a trajectory: its number, the first state, how many
 
 
 class Room(NamedTuple):
     """Room for one kernel at work: rows of lanes for each joint or link."""
 
-    state: np.ndarray
-    links: np.ndarray
-    screws: np.ndarray
-    ten: np.ndarray
-    wrenches: np.ndarray
-    torque: np.ndarray
-    twist: np.ndarray
-    adjoints: np.ndarray
+    state: Array
+    links: Array
+    screws: Array
+    ten: Array
+    wrenches: Array
+    torque: Array
+    twist: Array
+    adjoints: Array
 
 
 def room(joints: int) -> Room:
@@ -49,7 +63,7 @@ def room(joints: int) -> Room:
     return Room(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
 
 
-def aligned(*shape: int) -> np.ndarray:
+def aligned(*shape: int) -> Array:
     """Zeros that begin with a line of the cache: a vector across two lines takes twice as long."""
     size = math.prod(shape)
     room = np.zeros(size + _VECTOR)
@@ -111,7 +125,7 @@ def step_of(count: int) -> int:
 
 
 @kernel
-def fill(states: np.ndarray, block: Block, width: int, state: np.ndarray) -> None:
+def fill(states: Array, block: Block, width: int, state: Array) -> None:
     """Copy a block of states into lanes; the last one fills up what is left."""
     b, first, count = block
     for j in range(states.shape[2]):
@@ -123,7 +137,7 @@ def fill(states: np.ndarray, block: Block, width: int, state: np.ndarray) -> Non
 
 
 @kernel
-def rest(gravity: np.ndarray, base: Lanes) -> None:
+def rest(gravity: Array, base: Lanes) -> None:
     """The base: at rest, and accelerated against gravity."""
     for n in range(LANES):
         store(base, W, n, (0.0, 0.0, 0.0))
@@ -137,8 +151,8 @@ def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None
     for n in range(min(width, LANES)):
         s, c, q = state[SIN * LANES + n], state[COS * LANES + n], state[Q * LANES + n]
         r, shift = placement(j, s, c, q)
-        dq, ddq = state[DQ * LANES + n], state[DDQ * LANES + n]
-        w, alpha, a = moved(j, r, shift, dq, ddq, load_motion(parent, n))
+        rates = state[DQ * LANES + n], state[DDQ * LANES + n]
+        w, alpha, a = moved(j.axis, j.slides, r, shift, rates, load_motion(parent, n))
         store(link, TURN, n, r[0])
         store(link, TURN + 3, n, r[1])
         store(link, TURN + 6, n, r[2])
@@ -179,7 +193,7 @@ def clear(x: Lanes) -> None:
 
 
 @kernel
-def enter(chain: Chain, states: np.ndarray, block: Block, width: int, work: Room) -> None:
+def enter(chain: Chain, states: Array, block: Block, width: int, work: Room) -> None:
     """Motion of all links in a block of states, and adjoints of zero."""
     fill(states, block, width, work.state)
     for i in range(len(chain.prismatic)):
@@ -189,7 +203,7 @@ def enter(chain: Chain, states: np.ndarray, block: Block, width: int, work: Room
 
 
 @kernel
-def forces(chain: Chain, v: np.ndarray, work: Room, width: int) -> None:
+def forces(chain: Chain, v: Array, work: Room, width: int) -> None:
     """Carried wrenches and torques of one parameter set, (10 J,)."""
     joints, links, wrenches = len(chain.prismatic), work.links, work.wrenches
     for i in range(joints):
@@ -201,7 +215,7 @@ def forces(chain: Chain, v: np.ndarray, work: Room, width: int) -> None:
 
 
 @kernel
-def torques(chain: Chain, states: np.ndarray, sets: np.ndarray, torque: np.ndarray, work: Room) -> None:
+def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Room) -> None:
     """Write the torques (B, K, J, T) of states (5, B, J, T) with parameter sets (B, K, 10 J)."""
     joints, count = states.shape[2], states.shape[3]
     rest(chain.gravity, work.links[0])

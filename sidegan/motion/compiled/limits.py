@@ -6,32 +6,24 @@ from typing import NamedTuple
 import numpy as np
 from torch import Tensor
 
+from sidegan.motion.compiled.chain import Array
+
 
 class Limits(NamedTuple):
     """Limits of J joints.
 
     A position, a velocity or a torque costs weight times the square of how far it exceeds the limit less
     the reserve, as a share of the limit.
-
-    Attributes:
-        weight: of all costs.
-        reserve: share of position and velocity limits that is kept free.
-        torque_reserve: the same of torque limits.
-        middle: of the positions [rad or m], (J,).
-        room: to both sides of it [rad or m], (J,).
-        speed: largest [rad/s or m/s], (J,).
-        torque: largest [N·m or N], (J,); infinite where it does not matter.
-        parameters: that torques follow from, (10 J,).
     """
 
-    weight: float
-    reserve: float
-    torque_reserve: float
-    middle: np.ndarray
-    room: np.ndarray
-    speed: np.ndarray
-    torque: np.ndarray
-    parameters: np.ndarray
+    weight: float  # of all costs
+    reserve: float  # share of position and velocity limits that is kept free
+    torque_reserve: float  # the same of torque limits
+    middle: Array  # of the positions [rad or m], (J,)
+    room: Array  # to both sides of it [rad or m], (J,)
+    speed: Array  # largest [rad/s or m/s], (J,)
+    torque: Array  # largest [N·m or N], (J,); infinite where it does not matter
+    parameters: Array  # that torques follow from, (10 J,)
 
     @classmethod
     def none(cls, joints: int) -> "Limits":

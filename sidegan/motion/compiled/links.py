@@ -7,33 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import Chain, Shapes
-from sidegan.motion.compiled.jit import inline
-from sidegan.motion.compiled.vectors import (
-    Matrix,
-    Ten,
-    Vector,
-    add,
-    cross,
-    dot,
-    inertia_times,
-    less,
-    matrix,
-    mix,
-    row,
-    set_matrix,
-    set_row,
-    times,
-    to_child,
-    to_parent,
-)
+from sidegan.motion.compiled import formulas
+from sidegan.motion.compiled.chain import Array, Chain, Shapes
+from sidegan.motion.compiled.formulas import Matrix, Ten, Vector, add, dot, less, product, times, to_parent
+from sidegan.motion.compiled.jit import inline, share
 
 TOUCHING = 1e-12  # [m] below it a distance has no direction
 _PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
 _TINY = 2.2250738585072014e-308  # keeps a division finite
 
-Motion = tuple[Vector, Vector, Vector]  # angular velocity and acceleration, acceleration of the origin
-Wrench = tuple[Vector, Vector]  # force and moment
+share(formulas)
 
 
 class Joint(NamedTuple):
@@ -51,8 +34,8 @@ class Joint(NamedTuple):
 class Frames(NamedTuple):
     """Frames of the base and the J joints in the world: rotations (J + 1, 9) and origins (J + 1, 3)."""
 
-    turn: np.ndarray
-    place: np.ndarray
+    turn: Array
+    place: Array
 
 
 def frames(joints: int) -> Frames:
@@ -60,6 +43,47 @@ def frames(joints: int) -> Frames:
     turn = np.zeros((joints + 1, 9))
     turn[0] = np.eye(3).flatten()
     return Frames(turn, np.zeros((joints + 1, 3)))
+
+
+@inline
+def row(x: Array, i: int) -> Vector:
+    """Row i of an array (N, 3)."""
+    return x[i, 0], x[i, 1], x[i, 2]
+
+
+@inline
+def set_row(x: Array, i: int, v: Vector) -> None:
+    """Write row i of an array (N, 3)."""
+    x[i, 0], x[i, 1], x[i, 2] = v
+
+
+@inline
+def matrix(x: Array, i: int) -> Matrix:
+    """Row i of an array (N, 9) as a matrix."""
+    r = x[i]
+    return (r[0], r[1], r[2]), (r[3], r[4], r[5]), (r[6], r[7], r[8])
+
+
+@inline
+def set_matrix(x: Array, i: int, m: Matrix) -> None:
+    """Write row i of an array (N, 9)."""
+    x[i, 0], x[i, 1], x[i, 2] = m[0]
+    x[i, 3], x[i, 4], x[i, 5] = m[1]
+    x[i, 6], x[i, 7], x[i, 8] = m[2]
+
+
+@inline
+def ten(x: Array, i: int) -> Ten:
+    """Ten numbers from index i on."""
+    return (
+        x[i], x[i + 1], x[i + 2], x[i + 3], x[i + 4], x[i + 5], x[i + 6], x[i + 7], x[i + 8], x[i + 9],
+    )  # fmt: skip
+
+
+@inline
+def _mix(a: Vector, b: Vector, s: float, c: float, d: Vector) -> Vector:
+    """The sum a + s b + c d."""
+    return add(add(a, times(s, b)), times(c, d))
 
 
 @inline
@@ -74,57 +98,22 @@ def joint(chain: Chain, i: int) -> Joint:
 @inline
 def placement(j: Joint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
     """Rotation and origin of a joint's frame in its parent's, at sine and cosine of the position q."""
-    r0 = mix(j.fixed[0], j.sine[0], s, c, j.cosine[0])
-    r1 = mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
-    r2 = mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])
+    r0 = _mix(j.fixed[0], j.sine[0], s, c, j.cosine[0])
+    r1 = _mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
+    r2 = _mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])
     return (r0, r1, r2), add(j.origin, times(q, j.slide))
-
-
-@inline
-def moved(j: Joint, r: Matrix, shift: Vector, dq: float, ddq: float, parent: Motion) -> Motion:
-    """Motion of a link's frame, in that frame, from its parent's."""
-    w, alpha, a = parent
-    a = to_child(r, add(a, add(cross(alpha, shift), cross(w, cross(w, shift)))))
-    w, alpha = to_child(r, w), to_child(r, alpha)
-    turns = 1.0 - j.slides
-    rate, kick = times(dq, j.axis), times(ddq, j.axis)
-    turning = cross(w, rate)
-    a = add(a, times(j.slides, add(kick, times(2.0, turning))))
-    alpha = add(alpha, times(turns, add(kick, turning)))
-    return add(w, times(turns, rate)), alpha, a
-
-
-@inline
-def wrench_of(v: Ten, motion: Motion) -> Wrench:
-    """Force and moment about a link's origin that its motion takes."""
-    w, alpha, a = motion
-    h = v[1], v[2], v[3]
-    turning = less(times(dot(w, h), w), times(dot(w, w), h))
-    force = add(times(v[0], a), add(cross(alpha, h), turning))
-    about = add(inertia_times(v, alpha), cross(w, inertia_times(v, w)))
-    return force, add(cross(h, a), about)
-
-
-@inline
-def carried(r: Matrix, shift: Vector, wrench: Wrench) -> Wrench:
-    """A link's wrench in its parent's frame and about its parent's origin."""
-    f = to_parent(r, wrench[0])
-    return f, add(to_parent(r, wrench[1]), cross(shift, f))
 
 
 @inline
 def locate(world: Frames, i: int, r: Matrix, shift: Vector) -> None:
     """Write the frame of joint i in the world, from its placement in its parent's."""
     base = matrix(world.turn, i)
-    x = to_parent(base, (r[0][0], r[1][0], r[2][0]))
-    y = to_parent(base, (r[0][1], r[1][1], r[2][1]))
-    z = to_parent(base, (r[0][2], r[1][2], r[2][2]))
-    set_matrix(world.turn, i + 1, ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])))
+    set_matrix(world.turn, i + 1, product(base, r))
     set_row(world.place, i + 1, add(row(world.place, i), to_parent(base, shift)))
 
 
 @inline
-def place_capsules(shapes: Shapes, world: Frames, ends: np.ndarray) -> None:
+def place_capsules(shapes: Shapes, world: Frames, ends: Array) -> None:
     """Write the end points of the capsules' axes in the world, and the middles between them, (3, C, 3)."""
     for k in range(len(shapes.frame)):
         i = shapes.frame[k]

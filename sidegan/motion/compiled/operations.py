@@ -133,9 +133,9 @@ class _Torques(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, body: "RigidBody") -> Tensor:
         ctx.save_for_backward(q, dq, ddq, sets)
-        ctx.body = body
+        ctx.body, parameters = body, array(sets)
         batch, count, joints = q.shape
-        torque, parameters = np.empty((batch, sets.shape[1], joints, count)), array(sets)
+        torque = np.empty((batch, sets.shape[1], joints, count))
 
         def work(k: slice) -> None:
             motion = _states(q[k], dq[k], ddq[k])
@@ -149,8 +149,8 @@ class _Torques(torch.autograd.Function):
         *states, sets = ctx.saved_tensors
         if torch.is_grad_enabled():
             return (*_again(lambda *x: plain.torques(ctx.body, x, sets), states, cotangent), None, None)
-        given = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
-        slope = _slopes(ctx.body.chain, states, given, Limits.none(states[0].shape[2]), None)[1]
+        fields = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
+        slope = _slopes(ctx.body.chain, states, fields, Limits.none(states[0].shape[2]), None)[1]
         return (*slope, None, None)
 
 

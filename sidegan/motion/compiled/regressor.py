@@ -2,9 +2,8 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
-from sidegan.motion.compiled.chain import Chain
+from sidegan.motion.compiled.chain import Array, Chain
+from sidegan.motion.compiled.formulas import add, columns_of, cross, times, to_child
 from sidegan.motion.compiled.jit import inline_in_any_order, kernel, kernel_in_any_order
 from sidegan.motion.compiled.lanes import (
     LANES,
@@ -22,7 +21,6 @@ from sidegan.motion.compiled.lanes import (
     store,
 )
 from sidegan.motion.compiled.links import Joint, joint
-from sidegan.motion.compiled.vectors import add, cross, dot, less, times, to_child
 
 SPAN = 2 * LANES  # most states whose regressor is kept at a time: it stays near the processor
 
@@ -30,15 +28,10 @@ Four = tuple[float, float, float, float]
 
 
 class Columns(NamedTuple):
-    """The p base columns, links in order.
+    """The p base columns, links in order."""
 
-    Attributes:
-        kinds: which of its link's ten parameters each is, (p,).
-        first: first column of each link, and p at the end, (J + 1,).
-    """
-
-    kinds: np.ndarray
-    first: np.ndarray
+    kinds: Array  # which of its link's ten parameters each is, (p,)
+    first: Array  # first column of each link, and p at the end, (J + 1,)
 
 
 @kernel
@@ -62,23 +55,15 @@ def _new_screw(j: Joint, screw: Lanes, width: int) -> None:
 def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
     """The link's ten columns seen by one joint."""
     for n in range(min(width, LANES)):
-        w, alpha, a = load_motion(link, n)
-        turn, linear = load(screw, 0, n), load(screw, 3, n)
-        spin = less(times(dot(w, linear), w), times(dot(w, w), linear))
-        first = add(add(cross(linear, alpha), spin), cross(a, turn))
-        u = cross(turn, w)
-        ten[n] = dot(linear, a)
-        store(ten, 1, n, first)
-        ten[4 * LANES + n] = turn[0] * alpha[0] + u[0] * w[0]
-        ten[5 * LANES + n] = turn[0] * alpha[1] + turn[1] * alpha[0] + u[0] * w[1] + u[1] * w[0]
-        ten[6 * LANES + n] = turn[1] * alpha[1] + u[1] * w[1]
-        ten[7 * LANES + n] = turn[0] * alpha[2] + turn[2] * alpha[0] + u[0] * w[2] + u[2] * w[0]
-        ten[8 * LANES + n] = turn[1] * alpha[2] + turn[2] * alpha[1] + u[1] * w[2] + u[2] * w[1]
-        ten[9 * LANES + n] = turn[2] * alpha[2] + u[2] * w[2]
+        x = columns_of(load_motion(link, n), load(screw, 0, n), load(screw, 3, n))
+        ten[n] = x[0]
+        store(ten, 1, n, (x[1], x[2], x[3]))
+        store(ten, 4, n, (x[4], x[5], x[6]))
+        store(ten, 7, n, (x[7], x[8], x[9]))
 
 
 @kernel
-def _rows(chain: Chain, states: np.ndarray, block: Block, columns: Columns, work: Room, y: np.ndarray) -> int:
+def _rows(chain: Chain, states: Array, block: Block, columns: Columns, work: Room, y: Array) -> int:
     """Write the base regressor of a block of states; how many lanes each joint takes.
 
     A column's row of y holds joint 0's lanes, then joint 1's, … up to the joint of its own link: the
@@ -115,9 +100,7 @@ def _four(s: Four, x: float, y: Four) -> Four:
 
 
 @kernel_in_any_order
-def _tile(
-    y: np.ndarray, p: tuple[int, int], q: tuple[int, int], low: int, high: int, out: np.ndarray
-) -> None:
+def _tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int, out: Array) -> None:
     """Add the products of up to four rows (first, end) with four others, from ``low`` to ``high``."""
     (i, ps), (j, qs) = p, q
     a0, a1, a2, a3 = y[i], y[min(i + 1, ps - 1)], y[min(i + 2, ps - 1)], y[min(i + 3, ps - 1)]
@@ -134,7 +117,7 @@ def _tile(
 
 
 @kernel
-def _mirror(x: np.ndarray, factor: float) -> None:
+def _mirror(x: Array, factor: float) -> None:
     """Multiply what is above the diagonal, and write it below too."""
     for p in range(len(x)):
         for q in range(p, len(x)):
@@ -143,18 +126,10 @@ def _mirror(x: np.ndarray, factor: float) -> None:
 
 
 @kernel
-def grams(
-    chain: Chain, states: np.ndarray, columns: Columns, gram: np.ndarray, work: Room, y: np.ndarray
-) -> None:
-    """Write the Gram matrices YᵀY / T of the base regressor of B trajectories.
+def grams(chain: Chain, states: Array, columns: Columns, gram: Array, work: Room, y: Array) -> None:
+    """Write the Gram matrices YᵀY / T of the base regressor of B trajectories, (B, p, p); zeros before.
 
-    Args:
-        chain: the arm.
-        states: sine and cosine of the position, position, velocity, acceleration, (5, B, J, T).
-        columns: the base columns.
-        gram: written, (B, p, p); zeros before.
-        work: room to work in.
-        y: room for the regressor, (p, J · SPAN).
+    There is room in y for the regressor, (p, J · SPAN).
     """
     count, size, first = states.shape[3], len(columns.kinds), columns.first
     rest(chain.gravity, work.links[0])
@@ -170,24 +145,11 @@ def grams(
 
 @kernel
 def sums(
-    chain: Chain,
-    states: np.ndarray,
-    torque: np.ndarray,
-    columns: Columns,
-    products: np.ndarray,
-    work: Room,
-    y: np.ndarray,
+    chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Room, y: Array
 ) -> None:
-    """Write each joint's sums of the products of base columns and torque over B trajectories.
+    """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1); zeros before.
 
-    Args:
-        chain: the arm.
-        states: sine and cosine of the position, position, velocity, acceleration, (5, B, J, T).
-        torque: (B, J, T).
-        columns: the base columns.
-        products: written, (J, p + 1, p + 1), torque last; zeros before.
-        work: room to work in.
-        y: room for the regressor and the torque, (p + 1, J · SPAN).
+    The torque, (B, J, T), comes last. There is room in y for the regressor and the torque, (p + 1, J · SPAN).
     """
     joints, count, size = states.shape[2], states.shape[3], len(columns.kinds)
     rest(chain.gravity, work.links[0])

@@ -7,9 +7,18 @@ an arm that moves with joint speeds s. So the adjoint of a twist is the force th
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from sidegan.motion.compiled.chain import Chain
+from sidegan.motion.compiled.chain import Array, Chain
+from sidegan.motion.compiled.formulas import (
+    Ten,
+    add,
+    cross,
+    dot,
+    inertia_times,
+    less,
+    times,
+    to_child,
+    to_parent,
+)
 from sidegan.motion.compiled.jit import inline, kernel, kernel_in_any_order
 from sidegan.motion.compiled.lanes import (
     DDQ,
@@ -40,19 +49,7 @@ from sidegan.motion.compiled.lanes import (
     store,
 )
 from sidegan.motion.compiled.limits import Limits
-from sidegan.motion.compiled.links import Joint, joint
-from sidegan.motion.compiled.vectors import (
-    Ten,
-    add,
-    cross,
-    dot,
-    inertia_times,
-    less,
-    ten,
-    times,
-    to_child,
-    to_parent,
-)
+from sidegan.motion.compiled.links import Joint, joint, ten
 
 
 class Sets(NamedTuple):
@@ -65,9 +62,9 @@ class Sets(NamedTuple):
         cotangents: of the torques, (B, K, J, T); none: (0, 0, 0, 0).
     """
 
-    parameters: np.ndarray
-    weights: np.ndarray
-    cotangents: np.ndarray
+    parameters: Array
+    weights: Array
+    cotangents: Array
 
 
 @kernel
@@ -142,7 +139,7 @@ def _unmove(
 
 
 @kernel
-def _push(chain: Chain, v: np.ndarray, work: Room, width: int) -> None:
+def _push(chain: Chain, v: Array, work: Room, width: int) -> None:
     """Add the slopes of sᵀ τ to the adjoints, where s stands in place of the torques τ."""
     clear(work.twist)
     for i in range(len(chain.prismatic)):
@@ -152,7 +149,7 @@ def _push(chain: Chain, v: np.ndarray, work: Room, width: int) -> None:
 
 
 @kernel
-def _pull(chain: Chain, work: Room, slope: np.ndarray, block: Block, width: int) -> None:
+def _pull(chain: Chain, work: Room, slope: Array, block: Block, width: int) -> None:
     """Carry the adjoints down to the base; write the slopes of a block in q, dq and ddq."""
     links, adjoints = work.links, work.adjoints
     b, start, lanes = block
@@ -189,7 +186,7 @@ def _keep(limits: Limits, work: Room, lanes: int) -> float:
 
 
 @kernel
-def _cotangents(sets: Sets, k: int, block: Block, width: int, torque: np.ndarray) -> None:
+def _cotangents(sets: Sets, k: int, block: Block, width: int, torque: Array) -> None:
     """Put cotangents in place of the torques of set k."""
     b, start, lanes = block
     for j in range(len(torque)):
@@ -203,24 +200,11 @@ def _cotangents(sets: Sets, k: int, block: Block, width: int, torque: np.ndarray
 
 @kernel
 def slopes(
-    chain: Chain,
-    limits: Limits,
-    states: np.ndarray,
-    sets: Sets,
-    value: np.ndarray,
-    slope: np.ndarray,
-    work: Room,
+    chain: Chain, limits: Limits, states: Array, sets: Sets, value: Array, slope: Array, work: Room
 ) -> None:
-    """Write the slopes of a function of the torques of parameter sets, and of what limits cost.
+    """Write the slopes in q, dq and ddq, (3, B, J, T), of the function of ``sets`` and of what limits cost.
 
-    Args:
-        chain: the arm.
-        limits: what is to be kept; costs nothing where its weight is zero.
-        states: sine and cosine of the position, position, velocity, acceleration, (5, B, J, T).
-        sets: parameter sets, and the function.
-        value: what the limits cost is added to it, (B,).
-        slope: written, in q, dq and ddq, (3, B, J, T).
-        work: room to work in.
+    What the limits cost is added to value, (B,); that is nothing where their weight is zero.
     """
     count = states.shape[3]
     rest(chain.gravity, work.links[0])

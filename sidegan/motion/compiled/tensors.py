@@ -24,12 +24,7 @@ def sums(chain: Chain, columns: Tensor, states: Sequence[Tensor], torque: Tensor
 
 
 def penalised_slopes(
-    chain: Chain,
-    states: Sequence[Tensor],
-    sets: Tensor,
-    weights: Tensor,
-    limits: Limits,
-    near: Near | None,
+    chain: Chain, states: Sequence[Tensor], sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
 ) -> tuple[Tensor, list[Tensor]]:
     """Now ``RigidBody.penalised_slopes``."""
     from sidegan.motion.compiled import operations

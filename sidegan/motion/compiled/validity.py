@@ -21,10 +21,10 @@ from sidegan.motion.compiled.cells import (
     roll_out,
     torques,
 )
-from sidegan.motion.compiled.chain import PLANE
+from sidegan.motion.compiled.chain import PLANE, Array
+from sidegan.motion.compiled.formulas import Vector, add, dot, less, times
 from sidegan.motion.compiled.jit import inline, kernel
-from sidegan.motion.compiled.links import TOUCHING, nearest, place_capsules
-from sidegan.motion.compiled.vectors import Vector, add, dot, less, row, times
+from sidegan.motion.compiled.links import TOUCHING, nearest, place_capsules, row
 
 POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT = range(5)  # columns of the margins
 
@@ -32,33 +32,20 @@ _HALVINGS = 36  # of a capsule's axis at a box: leaves 1e-11 of its length
 
 
 class Smallest(NamedTuple):
-    """Smallest margins so far, one row per trajectory and one column per constraint, (B, 5) each.
+    """Smallest margins so far, one row per trajectory and one column per constraint, (B, 5) each."""
 
-    Attributes:
-        margin: the margins.
-        element: joint, pair or guarded capsule that each belongs to, int.
-        time: when it occurs [s].
-    """
-
-    margin: np.ndarray
-    element: np.ndarray
-    time: np.ndarray
+    margin: Array  # the margins
+    element: Array  # joint, pair or guarded capsule that each belongs to, int
+    time: Array  # when it occurs [s]
 
 
 class Cells(NamedTuple):
-    """Cells to visit.
+    """Cells to visit."""
 
-    Attributes:
-        which: trajectory of each, (N,) int; equal ones follow each other.
-        rows: centre of each, a row of the basis, (N,) int.
-        last: whether what is undecided counts with its guaranteed margin.
-        undecided: written, (N,) bool.
-    """
-
-    which: np.ndarray
-    rows: np.ndarray
-    last: bool
-    undecided: np.ndarray
+    which: Array  # trajectory of each, (N,) int; equal ones follow each other
+    rows: Array  # centre of each, a row of the basis, (N,) int
+    last: bool  # whether what is undecided counts with its guaranteed margin
+    undecided: Array  # written, (N,) bool
 
 
 class Here(NamedTuple):
@@ -79,7 +66,7 @@ def _distance(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> float:
 
 
 @inline
-def _to_plane(numbers: np.ndarray, r: int, a: Vector, b: Vector) -> float:
+def _to_plane(numbers: Array, r: int, a: Vector, b: Vector) -> float:
     """Signed distance [m] of a segment to a half space."""
     normal = row(numbers, r)
     return min(dot(normal, a), dot(normal, b)) - numbers[r, 3]
@@ -123,7 +110,7 @@ def _to_box(centre: Vector, half: Vector, a: Vector, b: Vector) -> float:
 
 
 @inline
-def _reached(reach: np.ndarray, i: int, motion: np.ndarray) -> float:
+def _reached(reach: Array, i: int, motion: Array) -> float:
     """How far the position changes in a cell move something [m], by its reach[i]."""
     total = 0.0
     for j in range(motion.shape[1]):
@@ -225,15 +212,7 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
 
 @kernel
 def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Smallest) -> None:
-    """Update the smallest margins of trajectories, and write which cells are undecided.
-
-    Args:
-        model: the arm in its workspace.
-        work: of this thread alone.
-        motions: the trajectories.
-        cells: to visit.
-        smallest: smallest margins so far, updated in place.
-    """
+    """Update the smallest margins of trajectories, and write which cells are undecided."""
     which, rows = cells.which, cells.rows
     limited = False
     for j in range(len(model.home)):

@@ -11,13 +11,14 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion import compiled as kernels
 from sidegan.motion import plain
 from sidegan.motion.backend import usable
+from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
-from sidegan.motion.newton_euler import joint_placement
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
 
@@ -205,12 +206,16 @@ def test_numba_is_not_imported_before_it_is_needed():
 
 
 def test_chain_places_joints_as_the_arm_does(arm):
-    q = random_states(arm, 1)[0][0]
-    chain = RigidBody(replace(arm)).chain
-    for i in range(7):
-        turn, shift, _ = joint_placement(arm, i, q[i : i + 1])
-        mixed = chain.fixed[i] + chain.sine[i] * np.sin(q[i].item()) + chain.cosine[i] * np.cos(q[i].item())
-        np.testing.assert_allclose(mixed, turn.flatten(), atol=1e-15)
-        np.testing.assert_allclose(
-            chain.origin[i] + chain.slide[i] * q[i].item(), shift.flatten(), atol=1e-15
-        )
+    """A joint turns about its axis, or slides along it, in the frame that it has at zero."""
+    for other in (arm, random_chain(6, 4)[0]):
+        q = random_states(other, 1)[0][0]
+        chain = Chain.of(other)
+        for i, angle in enumerate(q.tolist()):
+            turn = 0.0 if other.prismatic[i] else angle
+            own = Rotation.from_rotvec(turn * other.axis[i].numpy()).as_matrix()
+            mixed = chain.fixed[i] + chain.sine[i] * np.sin(angle) + chain.cosine[i] * np.cos(angle)
+            expected = other.rotation[i].numpy() @ own
+            np.testing.assert_allclose(mixed, expected.flatten(), atol=1e-14)
+            slide = other.rotation[i] @ other.axis[i] * (angle - turn)
+            place = chain.origin[i] + chain.slide[i] * angle
+            np.testing.assert_allclose(place, other.translation[i] + slide, atol=1e-14)
