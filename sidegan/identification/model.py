@@ -138,8 +138,8 @@ class TorqueModel:
             ShapeError: when a shape does not fit the arm.
         """
         if q.ndim != 2 or (sign is not None and sign.shape != q.shape):
-            found = tuple(q.shape) if sign is None else f"{tuple(q.shape)} and sign {tuple(sign.shape)}"
-            raise ShapeError(f"position is {found}, expected (S, {self.joints})")
+            given = tuple(q.shape) if sign is None else f"{tuple(q.shape)} and sign {tuple(sign.shape)}"
+            raise ShapeError(f"position is {given}, expected (S, {self.joints})")
         y = q.new_zeros(self.joints, self.count, len(q))
         full = self.body.regressor(q, dq, ddq).permute(1, 2, 0)
         torch.index_select(full, 1, self.body.base.columns.to(q.device), out=y[:, : self.rigid])

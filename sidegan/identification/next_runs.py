@@ -44,12 +44,12 @@ def grams_of(
     """
     trajectory.check(c)
     times, weights = trajectory.grid(samples), certainty(estimate)
-    found = []
+    grams = []
     for part in c.split(max(1, _STATES_AT_ONCE // samples)):
         states = [x.flatten(0, 1) for x in trajectory.roll_out(part, times)[1:]]
         y = (model.regressor(*states) * weights[:, None]).reshape(len(part), -1, model.count)
-        found.append(y.mT @ y / samples)
-    return torch.cat(found)
+        grams.append(y.mT @ y / samples)
+    return torch.cat(grams)
 
 
 def certainty(estimate: Estimate) -> Tensor:
@@ -83,17 +83,18 @@ def most_informative(
         raise ConfigError(f"samples and count are {samples} and {count}, expected at least 1")
     scale = estimate.deviation.clamp_min(torch.finfo(torch.float64).tiny)
     outer = scale[:, None] * scale
-    known = torch.linalg.pinv(estimate.covariance / outer, hermitian=True)
+    information = torch.linalg.pinv(estimate.covariance / outer, hermitian=True)
     targets = torch.diag(effects * scale)[:, effects > 0]
-    now, indices, left = _variance(known[None], targets)[0], [], []
+    now, indices, shares = _variance(information[None], targets)[0], [], []
     for _ in range(count):
         parts = grams.split(_GRAMS_AT_ONCE)
-        variances = torch.cat([_variance(known + samples * part * outer, targets) for part in parts])
+        left = [_variance(information + samples * part * outer, targets) for part in parts]
+        variances = torch.cat(left)
         best = int(variances.argmin())
-        known = known + samples * grams[best] * outer
+        information = information + samples * grams[best] * outer
         indices.append(best)
-        left.append(float(variances[best] / now))
-    return NextRuns(torch.tensor(indices), torch.tensor(left, dtype=torch.float64))
+        shares.append(float(variances[best] / now))
+    return NextRuns(torch.tensor(indices), torch.tensor(shares, dtype=torch.float64))
 
 
 def _variance(information: Tensor, targets: Tensor) -> Tensor:

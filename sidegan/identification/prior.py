@@ -73,8 +73,8 @@ class Ridge(Ols):
         model = arm_model(data, "ridge pulls towards an arm's description")
         prior = information(model, self.relative)
         weights, errors = likelihood(data, self.prior)
-        told, moment = data.sums.weighted(weights)
-        step, inverse = solve(told + prior, moment - told @ model.nominal, 1 / self.prior)
+        samples, moment = data.sums.weighted(weights)
+        step, inverse = solve(samples + prior, moment - samples @ model.nominal, 1 / self.prior)
         both = prior + flat(model.count, 1 / self.prior)
         return Fit(model.nominal + step, inverse, weights, both, errors=errors)
 

@@ -191,8 +191,8 @@ def _advice(trust: Trust, j: int) -> str:
 
 def _joint_of(name: str) -> int:
     """Joint or link, from 0, that a parameter's name ends with."""
-    found = re.search(r"\d+$", name)
-    return int(found.group()) - 1 if found else -1
+    number = re.search(r"\d+$", name)
+    return int(number.group()) - 1 if number else -1
 
 
 def _list(names: list[str]) -> str:

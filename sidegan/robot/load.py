@@ -79,6 +79,6 @@ def _find(name_or_path: str | Path) -> Path:
     except (OSError, RuntimeError) as error:  # a forbidden folder, an unknown ~user
         raise RobotError(f"cannot look for {name_or_path}: {error}") from error
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
-        known = ", ".join(built_in_robots())
-        raise RobotError(f"there is no robot named {name_or_path!r}, expected {known} or a URDF file's path")
+        names = ", ".join(built_in_robots())
+        raise RobotError(f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path")
     raise RobotError(f"there is no URDF file {path}")

@@ -36,10 +36,10 @@ def attribute(element: ET.Element, key: str, where: str) -> str:
 
 def child(element: ET.Element, tag: str, where: str) -> ET.Element:
     """A child that has to be there."""
-    found = element.find(tag)
-    if found is None:
+    inner = element.find(tag)
+    if inner is None:
         raise RobotError(f"{where}: <{element.tag}> has no <{tag}>")
-    return found
+    return inner
 
 
 def number(element: ET.Element, key: str, where: str, default: str | None = None) -> float:
