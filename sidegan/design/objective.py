@@ -33,7 +33,7 @@ def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> 
     else:
         values, vectors = eigenpairs(problem.body, grams, ends=True)
     value, slopes = smooth_condition(values)
-    violation, gradient = pull_back(problem, c, directions(problem.body, vectors, slopes), penalty)
+    violation, gradient = pull_back(problem, c, directions_of(problem.body, vectors, slopes), penalty)
     return value + violation, gradient
 
 
@@ -73,7 +73,7 @@ def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tens
     return values, (subspace @ vectors).mT
 
 
-def directions(body: RigidBody, vectors: Tensor, weights: Tensor) -> Directions:
+def directions_of(body: RigidBody, vectors: Tensor, weights: Tensor) -> Directions:
     """Parameter vectors, (B, K, 10 J), of base vectors (B, L, p), and weights, (B, K), where any is not 0."""
     used = (weights != 0).any(0)  # most functions depend on a few eigenvalues
     full = weights.new_zeros(len(weights), int(used.sum()), 10 * body.joints)

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.information import weighted_gram
-from sidegan.design.objective import directions, eigenpairs, pull_back
+from sidegan.design.objective import directions_of, eigenpairs, pull_back
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
@@ -49,7 +49,7 @@ class SetInformation:
     def slopes(self, c: Tensor, vectors: Tensor, weights: Tensor) -> Tensor:
         """Gradient in c, (B, J, H, 2), of Σ weight · |Y v|² / T over the vectors, (S, K, p), of each set."""
         problem = self.problem
-        v, w = (x.repeat_interleave(self.together, 0) for x in directions(problem.body, vectors, weights))
+        v, w = (x.repeat_interleave(self.together, 0) for x in directions_of(problem.body, vectors, weights))
         if not w.shape[1]:
             return torch.zeros_like(c)
         if self.noise is None:
