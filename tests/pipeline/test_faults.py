@@ -24,7 +24,7 @@ from sidegan.base.engines import Dask
 from sidegan.base.progress import Bar
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
-from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.store import Store
 from sidegan.pipeline.tracking import Tracker
 from sidegan.seeds import Gradient, gradient
 from tests import small_job
