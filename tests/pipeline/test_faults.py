@@ -18,7 +18,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from sidegan.pipeline.artifacts import Store
 
 from sidegan.base import parallel
 from sidegan.base.engines import Dask
@@ -26,6 +25,7 @@ from sidegan.base.progress import Bar
 from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
+from sidegan.pipeline.store import Store
 from sidegan.pipeline.tracking import Tracker
 from sidegan.seeds import Gradient
 from tests import small_job
@@ -288,7 +288,8 @@ def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undi
     made = small_job.run(tmp_path)
     spent = time.monotonic() - began
     assert small_job.same(made, undisturbed)
-    assert 0.0 <= json.loads((made / "stamp.json").read_text())["seconds"] <= spent + 0.1
+    costs = json.loads((tmp_path / "costs" / "seeds" / f"{made.name}.json").read_text())
+    assert 0.0 <= costs["seconds"] <= spent + 0.1
     left = float(progress.describe().rpartition(", ")[2].removesuffix(" s left"))
     assert left == pytest.approx(time.monotonic() - began, abs=0.5)
     assert "seeds: made" in caplog.text
