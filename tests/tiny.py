@@ -4,6 +4,8 @@ import re
 from functools import cache
 
 from hydra import compose, initialize_config_dir
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
 from sidegan.pipeline.run import CONF
@@ -32,16 +34,76 @@ TINY = (
 )
 
 
+# What keeps an experiment small besides; artifacts that several tests use are made with these settings alone.
+SMALL = {
+    "reproduction": (
+        "trainings=[0,1]",
+        "discussion.sizes=[20]",
+        "discussion.draws=30",
+        "sensitivity.priors=[1]",
+        "sensitivity.counts=[2]",
+        "~sensitivity.noises.additive",
+        "kinds.paper.steps=3",
+        "kinds.paper.ants=10",
+        "kinds.paper.evaluations=40",
+        "~ablation.changes.eigen_paper_data",
+        "~ablation.changes.eigen_conv",
+        "~ablation.changes.eigen_range",
+        "~ablation.changes.eigen_undiverse",
+        "~ablation.changes.eigen_adversarial",
+        "~ablation.changes.vanilla_paper",
+        "~ablation.changes.eigen_paper",
+        "~ablation.changes.diagonal_paper",
+    ),
+    "beyond": (
+        "trainings=[0,1]",
+        "gan=[vanilla,eigen,exact,exact_adversarial]",
+        "~beyond.objectives.changes.exact_determinant",
+        "~beyond.objectives.changes.exact_variance",
+        "~beyond.objectives.changes.exact_diagonal",
+        "beyond.steps=[3]",
+        "beyond.finish=3",
+        "beyond.sizes=[10]",
+        "beyond.repeats=2",
+        "beyond.epoch=2",
+        "~beyond.targets.another_arm",
+        "~beyond.targets.higher_desk",
+    ),
+    "conditional": (
+        "conditional.ranges.obstacle=null",
+        "conditional.ranges.walls=null",
+        "conditional.ranges.home=0.2",
+        "conditional.training.batch=8",
+        "conditional.training.samples=16",
+        "conditional.study.compared=[effort]",
+        "conditional.study.count=2",
+        "conditional.study.pool=8",
+        "conditional.study.chosen=6",
+        "conditional.count=5",
+    ),
+}
+
+
 @cache
-def composed(*overrides):
-    """The composed configuration of a command."""
+def _groups(*overrides):
     with initialize_config_dir(str(CONF), version_base="1.3"):
         return compose("config", overrides=list(overrides))
+
+
+def composed(*overrides):
+    """The composed configuration of a command; groups, which take long, are composed once."""
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    values = [one for one in parsed if not (CONF / one.key_or_group).is_dir()]
+    groups = [one.input_line for one in parsed if one not in values]
+    cfg = _groups(*groups).copy()
+    ConfigLoaderImpl._apply_overrides_to_config(values, cfg)
+    return cfg
 
 
 @cache
 def tiny(*overrides, experiment="exp1"):
     """The tiny configuration of an experiment with changes."""
     chosen = f"+experiment={experiment}"
-    own = [one for one in TINY if re.match(r"\w+", one)[0] in composed(chosen)]
+    keys, small = _groups(chosen).keys(), [*TINY, *SMALL.get(experiment, ())]
+    own = [one for one in small if re.match(r"~?(\w+)", one)[1] in keys]
     return validate(composed(chosen, *own, *overrides))

@@ -4,41 +4,34 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import REPORT, SEEDS, Task
-from sidegan.pipeline.stages.common import load
 
 from experiments import beyond, beyond_goals, beyond_tables, beyond_words
 from experiments.artifacts_beyond import BeyondArtifacts
 from experiments.beyond_frames import arrival, first_times, progress, summary
-from sidegan.base.storage import read_json
 from sidegan.errors import ArtifactError, ConfigError
-from sidegan.library import Library
 from sidegan.library.measure import effort
-from sidegan.pipeline import plan_beyond
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import STAGES, best, transfer
+from sidegan.pipeline.stages import stage, transfer
+from sidegan.pipeline.stages.best import GREEDY, OPTIMAL, all_pools, best_sets
+from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.objectives import with_objectives
+from sidegan.pipeline.stages.optimised import OPTIMISED
+from sidegan.pipeline.stages.polish import POLISHED, polished
+from sidegan.pipeline.stages.pools import SEEDS
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import FACTS, Task
 from sidegan.pipeline.tracking import Tracker
-from tests.experiments.runs import configured
 from tests.tiny import tiny
 
-SMALL = (
-    "trainings=[0,1]",
-    "gan=[vanilla,eigen,exact,exact_adversarial]",
-    "gan@objectives=[exact_brief,exact_set]",
-    "beyond.steps=[3]",
-    "beyond.finish=3",
-    "beyond.sizes=[10]",
-    "beyond.repeats=2",
-    "beyond.epoch=2",
-    "~beyond.targets.another_arm",
-    "~beyond.targets.higher_desk",
-)
 PAGE = "beyond"
-config = configured(PAGE, SMALL)
 
 
-def test_the_page_has_its_tables_figures_and_metrics(root, page):
+def config(root, *overrides):
+    return tiny(f"outputs={root}", *overrides, experiment=PAGE)
+
+
+def test_the_page_has_its_tables_figures_and_metrics(run, page):
     text, tables = page
     for title in (
         "Goals",
@@ -60,29 +53,38 @@ def test_the_page_has_its_tables_figures_and_metrics(root, page):
         "objectives",
         "few",
     } <= tables
-    metrics = json.loads((root / "docs" / "beyond" / "metrics.json").read_text())
+    metrics = json.loads((run / "docs" / "beyond" / "metrics.json").read_text())
     assert 0 < metrics["exact.success"] <= 1 and metrics["seeds.stack"] >= 1
 
 
-def test_a_second_run_makes_nothing_anew(root):
-    stamps = {path: path.stat().st_mtime_ns for path in root.glob("*/*/stamp.json")}
-    names = [name for name in config(root).stages if name != "table"]
-    run_stages(config(root, f"stages=[{','.join(names)}]"), root / "runs" / "second", "second", STAGES)
-    assert {path: path.stat().st_mtime_ns for path in root.glob("*/*/stamp.json")} == stamps
+def test_a_second_run_makes_nothing_anew(artifacts, outputs, tmp_path):
+    def stamps():
+        return {
+            folder: folder.stat().st_ino
+            for name in names
+            for folder in map(artifacts.task.store.require, stage(name).artifacts(artifacts.task))
+        }
+
+    names = [name for name in artifacts.cfg.stages if name != "table"]
+    before = stamps()
+    run_stages(config(outputs, f"stages=[{','.join(names)}]"), tmp_path, "second")
+    assert stamps() == before and len(before) > 40
 
 
-def test_what_was_not_run_is_said(root, tmp_path):
+def test_what_was_not_run_is_said(run, outputs, tmp_path):
     """With another schedule the single trainings are not there."""
-    other = Task(config(root, "beyond.epoch=3", "beyond.steps=[4]", "scale.brief_epochs=3"), Store(root))
+    other = Task(
+        config(outputs, "beyond.epoch=3", "beyond.steps=[4]", "scale.brief_epochs=3"), Store(outputs)
+    )
     beyond.present(beyond.collect(other), tmp_path, Tracker(tmp_path, tmp_path, "", "", enabled=False))
     text = (tmp_path / "beyond.md").read_text(encoding="utf-8")
-    for stage in ("polish", "objectives", "transfer"):
-        assert f"Not run for this page: stage `{stage}` makes it." in text
-        assert not (tmp_path / "beyond" / "tables" / f"{stage}.csv").exists()
+    for name in ("polish", "objectives", "transfer"):
+        assert f"Not run for this page: stage `{name}` makes it." in text
+        assert not (tmp_path / "beyond" / "tables" / f"{name}.csv").exists()
 
 
-def test_the_page_needs_the_variant_that_it_is_about(root):
-    task = Task(config(root, "gan=[vanilla]"), Store(root))
+def test_the_page_needs_the_variant_that_it_is_about(tmp_path):
+    task = Task(config(tmp_path, "gan=[vanilla]"), Store(tmp_path))
     with pytest.raises(ConfigError, match=r"beyond\.source is 'exact', expected one of gan: vanilla"):
         beyond.collect(task)
 
@@ -95,22 +97,23 @@ def test_a_page_without_its_sets_names_what_is_missing(tmp_path):
 
 def test_sets_are_of_one_pool_alone_and_of_their_size(artifacts):
     task = artifacts.task
-    assert set(artifacts.best.name) == {name for name, _ in plan_beyond.pools(task)}
-    for name, training in plan_beyond.pools(task):
-        pool = load(task, plan_beyond.pool(task, name, training))
-        assert set(pool.source) == {"gradient" if name == SEEDS else name}
-    chosen = best.picks(pool, best.information(task, pool.coefficients), 6)
-    assert set(chosen) == set(artifacts.best.pick) and all(len(set(x.tolist())) == 6 for x in chosen.values())
+    assert set(artifacts.best.name) == {pool.name for pool in all_pools(task)}
+    for pool in all_pools(task):
+        made = pool.load(task)
+        own = {"seeds": "gradient", OPTIMISED: OPTIMISED, POLISHED: POLISHED}
+        assert set(made.source) == {own.get(pool.name, pool.name)}
+        facts = task.frame(best_sets(task, pool), FACTS)
+        assert set(facts["pick"]) == {GREEDY, OPTIMAL}
 
 
 def test_the_determinants_pick_has_the_larger_determinant(artifacts):
     table = artifacts.best.pivot(index=["name", "training"], columns="pick", values="log_det")
-    assert (table[plan_beyond.OPTIMAL] >= table[plan_beyond.GREEDY] - 1e-9).all()
+    assert (table[OPTIMAL] >= table[GREEDY] - 1e-9).all()
 
 
 def test_effort_of_a_motion_that_is_known(artifacts):
     task = artifacts.task
-    c = load(task, task.seeds).coefficients[:3]
+    c = task.load(seed_set(task)).coefficients[:3]
     energy, speed = effort(task.body, task.trajectory, c)
     double, faster = effort(task.body, task.trajectory, 1.5 * c)
     torch.testing.assert_close(faster, 1.5 * speed)
@@ -128,7 +131,9 @@ def test_time_from_nothing_counts_what_a_variant_needs(artifacts):
     assert frame.seeds["eigen"] > 0 and frame.surrogates["eigen"] > 0
     assert frame.cpu["exact"] > 0 and np.isnan(frame.cpu["eigen"])
     assert frame.total[SEEDS] == pytest.approx(frame.drawing[SEEDS])
-    for (name, _), part in progress(artifacts).groupby(["variant", "training"]):
+    runs = progress(artifacts).groupby(["variant", "training"])
+    assert len(runs) == 2 * len(artifacts.cfg.gan)
+    for (name, _), part in runs:
         assert (part.seconds.diff().dropna() > 0).all()
         assert part.seconds.iloc[0] > frame.seeds[name] + frame.surrogates[name]
 
@@ -216,12 +221,12 @@ def test_the_panda_sized_arm_rests_at_its_home_and_can_be_excited():
 
 def test_a_transfer_starts_where_the_source_ended(artifacts):
     frame = artifacts.transfers
-    assert set(frame.way) == set(plan_beyond.WAYS)
-    begun = frame[frame.way == plan_beyond.TRANSFER].iloc[0]
+    assert set(frame.way) == set(transfer.WAYS)
+    begun = frame[frame.way == transfer.TRANSFER].iloc[0]
     assert begun.steps == 0 and 0 <= begun.success <= 1
-    assert (frame[frame.way != plan_beyond.TRANSFER].steps > 0).all()
+    assert (frame[frame.way != transfer.TRANSFER].steps > 0).all()
     table = beyond_tables.transfers(frame)
-    assert list(table["way"]) == list(plan_beyond.WAYS) and list(table.index) == ["a tool"] * 3
+    assert list(table["way"]) == list(transfer.WAYS) and list(table.index) == ["a tool"] * 3
 
 
 def test_objectives_and_few_seeds_are_single_trainings(artifacts):
@@ -231,15 +236,13 @@ def test_objectives_and_few_seeds_are_single_trainings(artifacts):
 
 
 def test_libraries_of_objectives_are_valid(artifacts):
-    task = plan_beyond.with_objectives(artifacts.task)
-    folder = task.store.require(task.library("exact_set", 0))
-    assert Library.load(folder / "library.parquet", task.arm).valid.all()
+    task = with_objectives(artifacts.task)
+    assert task.load(library(task, "exact_set", 0)).valid.all()
 
 
 def test_polishing_costs_what_it_takes_and_excites_more(artifacts):
     task = artifacts.task
     for training in task.cfg.trainings:
-        report = read_json(task.store.require(plan_beyond.polished(task, training)) / REPORT)
-        assert report["count"] == task.cfg.seeds.count and report["each"] > 0
-        plain = read_json(task.store.require(task.library("exact", training)) / REPORT)
-        assert report["condition"] < plain["condition"]
+        report = task.report(polished(task, training))
+        assert report["count"] == task.cfg.seeds.count and artifacts.polished_each(training) > 0
+        assert report["condition"] < task.report(library(task, "exact", training))["condition"]

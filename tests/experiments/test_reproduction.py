@@ -3,34 +3,24 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from sidegan.pipeline.plan import with_subset
 
 from experiments import comparisons, exp2, training
 from experiments.claims import HOLDS, NOT, PART, Claim, claims, counted
 from experiments.paper import PAPER
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import STAGES
-from tests.experiments.runs import configured
+from sidegan.pipeline.stages.subsets import on_subset
+from tests.tiny import tiny
 
-SMALL = (
-    "trainings=[0,1]",
-    "discussion.sizes=[20]",
-    "discussion.draws=30",
-    "sensitivity.priors=[1]",
-    "sensitivity.counts=[2]",
-    "~sensitivity.noises.additive",
-    "kinds.paper.steps=3",
-    "kinds.paper.ants=10",
-    "kinds.paper.evaluations=40",
-    "gan@ablation=[eigen_cold]",
-)
 PAGE = "reproduction"
-config = configured(PAGE, SMALL)
 
 
-def test_the_report_is_a_page_a_document_tables_figures_and_metrics(root, page):
-    docs, (text, tables) = root / "docs", page
+def config(root, *overrides):
+    return tiny(f"outputs={root}", *overrides, experiment=PAGE)
+
+
+def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page):
+    docs, (text, tables) = run / "docs", page
     web = (docs / "reproduction.html").read_text(encoding="utf-8")
     for title in (
         "Table I",
@@ -91,7 +81,7 @@ def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
     assert sizes.to_dict() == {(20, n): 1 for n in ("eigen", "diagonal")} | {
         (40, n): 2 for n in ("vanilla", "eigen", "diagonal")
     }
-    whole = with_subset(artifacts.task, 40)
+    whole = on_subset(artifacts.task, 40)
     assert whole.cfg.subset is None
 
 
@@ -162,7 +152,7 @@ def test_epochs_to_reliability():
 
 def test_a_report_without_its_artifacts_names_what_is_missing(tmp_path):
     with pytest.raises(ArtifactError, match="run stage seeds first"):
-        run_stages(config(tmp_path, "stages=[table]"), tmp_path / "run", "alone", STAGES)
+        run_stages(config(tmp_path, "stages=[table]"), tmp_path / "run", "alone")
 
 
 @pytest.mark.parametrize(
@@ -184,7 +174,7 @@ def test_impossible_combinations_are_refused_before_any_work(override, message, 
         config(tmp_path, override)
 
 
-def test_a_density_estimate_of_too_few_seeds_is_refused(root):
-    few = config(root, "stages=[density]", "subset=10")
+def test_a_density_estimate_of_too_few_seeds_is_refused(run, outputs, tmp_path):
+    few = config(outputs, "stages=[density]", "subset=10")
     with pytest.raises(ConfigError, match="more seeds than coefficients: 10 and 12"):
-        run_stages(few, root / "runs" / "few", "few", STAGES)
+        run_stages(few, tmp_path, "few")

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hydra import compose, initialize_config_dir
 
 from sidegan.pipeline import dvc
-from sidegan.pipeline.run import CONF
 from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.task import Task
+from tests.tiny import composed
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
@@ -38,8 +37,7 @@ def test_the_file_is_current(made):
 def test_a_stage_is_a_command_that_is_accepted(name):
     words = shlex.split(PIPELINE[name]["cmd"])
     assert words[:3] == ["python", "-m", "sidegan.run"]
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = validate(compose("config", overrides=words[3:]))
+    cfg = validate(composed(*words[3:]))
     assert cfg.named and cfg.scale.name == "paper" and set(cfg.stages) <= set(STAGES)
 
 

@@ -7,20 +7,21 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.config import validate
-from sidegan.pipeline.plan import Task
 
 from sidegan.errors import ConfigError, InfeasibleError, RecordingError, RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-from sidegan.pipeline.run import CONF, main, run_stages
-from sidegan.pipeline.stages import STAGES
+from sidegan.pipeline.run import main, run_stages
+from sidegan.pipeline.settings import validate
+from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import excitation_sets
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
 from sidegan.robot import load_robot
 from tests.recording.conftest import real
 from tests.recording.files import frame
 from tests.recording.made import moved
+from tests.tiny import composed, tiny
 
 FILES = {
     "check.json",
@@ -36,14 +37,13 @@ VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
 
 def configured(outputs, *overrides):
     common = ("+experiment=identify", "tracking=off", f"outputs={outputs}")
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return validate(compose("config", overrides=[*common, *overrides]))
+    return validate(composed(*common, *overrides))
 
 
 def identified(outputs, *overrides, run="run"):
     """Verdict and folder of one run."""
     folder = outputs / "runs" / run
-    run_stages(configured(outputs, *overrides), folder, run, STAGES)
+    run_stages(configured(outputs, *overrides), folder, run)
     return json.loads((folder / "verdict.json").read_text()), folder
 
 
@@ -113,7 +113,7 @@ def test_the_urdf_is_that_of_the_consistent_links(once, planar):
 def test_a_check_fits_nothing(files, tmp_path, capsys):
     folder = tmp_path / "runs" / "check"
     config = configured(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "stages=[check]")
-    run_stages(config, folder, "check", STAGES)
+    run_stages(config, folder, "check")
     (checked,) = json.loads((folder / "check.json").read_text())
     assert checked["samples"] == 6000 and checked["condition"] > 1
     assert {path.name for path in folder.iterdir()} == {"check.json"}
@@ -137,8 +137,7 @@ def test_the_same_again_is_reused_and_other_recordings_are_not(once, files, tmp_
 
 
 def test_one_recording_is_tested_on_itself_and_a_library_gives_what_to_run_next(files, tmp_path, planar):
-    from sidegan.pipeline.stages.common import measured
-
+    from sidegan.library.measure import measured
     from sidegan.motion.trajectory import Trajectory
     from sidegan.validity import Constraints
 
@@ -200,11 +199,12 @@ def test_settings_that_make_no_sense_are_refused(files, tmp_path):
 
 
 def test_no_other_artifact_depends_on_these_settings(tmp_path):
-    one = Task(configured(tmp_path, "robot=planar2", "workspace=free"), Store(tmp_path))
-    changes = ("recordings=[x.csv]", "recording.cutoff=3", "model.offset=false", "robot.gains=[1,1]")
-    other = Task(configured(tmp_path, "robot=planar2", "workspace=free", *changes), Store(tmp_path))
-    assert one.seeds.digest == other.seeds.digest
-    assert one.identification("seeds", 0).digest == other.identification("seeds", 0).digest
+    one = Task(tiny(f"outputs={tmp_path}"), Store(tmp_path))
+    other = Task(tiny(f"outputs={tmp_path}", "robot.gains=[1,1]"), Store(tmp_path))
+    assert seed_set(one).digest == seed_set(other).digest
+    for ours, theirs in zip(excitation_sets(one), excitation_sets(other), strict=True):
+        assert identification(one, ours).digest == identification(other, theirs).digest
+    assert not one.cfg.has("recording") and not one.cfg.has("model") and not one.cfg.has("identify")
 
 
 def test_the_command_works_as_it_is_told(files, tmp_path, monkeypatch):

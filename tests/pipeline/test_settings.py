@@ -3,18 +3,16 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hydra import compose, initialize_config_dir
 
 from sidegan.errors import ConfigError
-from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
 from sidegan.pipeline.graph import flatten
 from sidegan.pipeline.run import CONF
 from sidegan.pipeline.settings import Config, altered, validate
+from tests import tiny
 
 
 def composed(*overrides, experiment="reproduction"):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return compose("config", overrides=[f"+experiment={experiment}", *overrides])
+    return tiny.composed(f"+experiment={experiment}", *overrides)
 
 
 def configured(*overrides, experiment="reproduction"):
