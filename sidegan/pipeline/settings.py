@@ -216,6 +216,10 @@ class Absent:
     __len__ = __iter__ = __getitem__ = __contains__ = _refuse
 
 
+def _group(name: str) -> Any:
+    return field(default=Absent(name))
+
+
 @dataclass(frozen=True)
 class Config:
     """The settings of a run: the first ones always, the others where its experiment composes them."""
@@ -229,41 +233,41 @@ class Config:
     device: str
     tracking: Tracking
     parallel: Parallel
-    robot: Robot = field(default=Absent("robot"))
-    scale: Scale = field(default=Absent("scale"))
-    workspace: Workspace = field(default=Absent("workspace"))
-    trajectory: TrajectoryFamily = field(default=Absent("trajectory"))
-    seeds: Seeds = field(default=Absent("seeds"))
+    robot: Robot = _group("robot")
+    scale: Scale = _group("scale")
+    workspace: Workspace = _group("workspace")
+    trajectory: TrajectoryFamily = _group("trajectory")
+    seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
-    surrogates: SurrogateSettings = field(default=Absent("surrogates"))
-    gan: dict[str, Variant] = field(default=Absent("gan"))
+    surrogates: SurrogateSettings = _group("surrogates")
+    gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = field(
         default=Absent("trainings")
     )  # of each variant; seeds and surrogates are shared
-    library: Expansion = field(default=Absent("library"))
-    selection: Selection = field(default=Absent("selection"))
+    library: Expansion = _group("library")
+    selection: Selection = _group("selection")
     excite: list[str] = field(
         default=Absent("excite")
     )  # pools that stage excite picks from: seeds, random, variants
-    long: Long = field(default=Absent("long"))
-    identification: StudySettings = field(default=Absent("identification"))
-    plant: PlantSettings = field(default=Absent("plant"))
-    replication: ReplicationSettings = field(default=Absent("replication"))
+    long: Long = _group("long")
+    identification: StudySettings = _group("identification")
+    plant: PlantSettings = _group("plant")
+    replication: ReplicationSettings = _group("replication")
     kinds: dict[str, Seeds] = field(
         default=Absent("kinds")
     )  # other seed sets that the seeds are compared with
-    sensitivity: Sensitivity = field(default=Absent("sensitivity"))
-    discussion: Discussion = field(default=Absent("discussion"))
+    sensitivity: Sensitivity = _group("sensitivity")
+    discussion: Discussion = _group("discussion")
     ablation: dict[str, Variant] = field(
         default=Absent("ablation")
     )  # that show what each part of the recipe does
-    beyond: Beyond = field(default=Absent("beyond"))
-    conditional: ConditionalSettings = field(default=Absent("conditional"))
-    recordings: list[str] = field(default=Absent("recordings"))  # files to identify from
-    validation: list[str] = field(default=Absent("validation"))  # files that are held out
-    recording: RecordingSettings = field(default=Absent("recording"))
-    model: Terms = field(default=Absent("model"))
-    identify: EstimationSettings = field(default=Absent("identify"))
+    beyond: Beyond = _group("beyond")
+    conditional: ConditionalSettings = _group("conditional")
+    recordings: list[str] = _group("recordings")  # files to identify from
+    validation: list[str] = _group("validation")  # files that are held out
+    recording: RecordingSettings = _group("recording")
+    model: Terms = _group("model")
+    identify: EstimationSettings = _group("identify")
 
     def has(self, *groups: str) -> bool:
         """Whether all of these settings are composed."""
