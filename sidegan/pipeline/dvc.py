@@ -84,9 +84,8 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
 
     stages: dict[str, Any] = {
         "settings": {
-            "desc": "what every stage is made with",
             "cmd": "python -m sidegan.pipeline.dvc settings",
-            "deps": ["conf", "sidegan/robot/models"],
+            "deps": ["conf", "sidegan/robot/models", "sidegan/pipeline/stages/arms"],
             "outs": [SETTINGS],
         }
     }
@@ -94,16 +93,15 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
         alone = f" 'stages=[{name}]'" if name in STAGES else " publish=docs"
         parents = [p for one in artifacts for p in one.parents if owner[p.digest] != name]
         stages[name] = {
-            "desc": STAGES.get(name, "exact physics in the loop beside everything else"),
             "cmd": _RUN.format("reproduction" if name in STAGES else name) + alone,
-            "params": [{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}],
-            "deps": list(dict.fromkeys(map(path, parents))),
+            "params": _Line([{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}]),
+            **({"deps": list(dict.fromkeys(map(path, parents)))} if parents else {}),
             "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
         }
     everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
     report = {"deps": ["experiments", *dict.fromkeys(everything)]}
     command = _RUN.format("reproduction") + " 'stages=[table]' publish=docs"
-    stages["report"] = {"desc": "tables, figures and a verdict for each claim", "cmd": command, **report}
+    stages["report"] = {"cmd": command, **report}
     stages["report"] |= _published("reproduction", ".md", ".html")
     page = _published("beyond", ".md")
     stages["beyond"]["outs"] += page.pop("outs")
@@ -119,11 +117,27 @@ def _published(name: str, *pages: str) -> dict[str, Any]:
     return {"outs": [{one: kept} for one in files], "metrics": [{f"docs/{name}/metrics.json": kept}]}
 
 
+class _Line(list[Any]):
+    """A list that is written on one line."""
+
+
+class _Dumper(yaml.SafeDumper):
+    """YAML without aliases, which nobody can read."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out."""
+        return True
+
+
+_Dumper.add_representer(
+    _Line, lambda dumper, data: dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True)
+)
+
+
 def text(content: Any, head: str = "") -> str:
     """YAML of plain values."""
-    return head + yaml.safe_dump(
-        content, sort_keys=False, width=110, allow_unicode=True, default_flow_style=None
-    )
+    options: dict[str, Any] = {"sort_keys": False, "width": 160, "allow_unicode": True}
+    return head + yaml.dump(content, Dumper=_Dumper, default_flow_style=None, **options)
 
 
 def main(arguments: list[str] | None = None) -> int:
