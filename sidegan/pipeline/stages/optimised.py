@@ -5,10 +5,10 @@ from dataclasses import replace
 from sidegan.base.storage import write_json
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.graph import Artifact, Build
-from sidegan.pipeline.settings import Seeds
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
 from sidegan.seeds import Tasks, make_seeds
+from sidegan.seeds.settings import Seeds
 
 OPTIMISED = "optimised"
 
