@@ -56,6 +56,9 @@ class Origin(NamedTuple):
     began: float | None = None
 
 
+_NEW = Origin()
+
+
 class Tracker:
     """One MLflow run; as a context manager it ends with the status that the block's end deserves.
 
@@ -77,7 +80,7 @@ class Tracker:
         name: str,
         uri: str | None = None,
         enabled: bool = True,
-        origin: Origin = Origin(),
+        origin: Origin = _NEW,
     ) -> None:
         self.root, self.folder, self.enabled = root, folder, enabled
         self.run_id, self._began = origin.run_id, origin.began
