@@ -28,9 +28,10 @@ from sidegan.pipeline.task import Task
 SETTINGS = "outputs/settings.yaml"
 _RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
 _VERSIONS = "sidegan/pipeline/versions.yaml"
-HEAD = (
-    "# Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper's own scale: `dvc repro`.\n"
-)
+HEAD = """\
+# Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`.
+# A stage that is killed goes on where it was.
+"""
 
 
 def task(experiment: str, outputs: Path) -> Task:
@@ -56,11 +57,10 @@ def parts(outputs: Path) -> dict[str, list[Artifact]]:
 
 
 def settings(made: Mapping[str, Iterable[Artifact]]) -> dict[str, dict[str, Any]]:
-    """What every stage is made with: settings, makers' versions and digests of what is read, by artifact."""
+    """What every stage is made with: settings and the digests of what is read, by artifact."""
     return {
         name: {
             f"{one.maker}/{one.label}": {
-                "version": one.stamp["version"],
                 "settings": one.stamp["settings"],
                 "read": {key: digest for key, digest in one.inputs.items() if isinstance(digest, str)},
             }
@@ -84,27 +84,24 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
 
     stages: dict[str, Any] = {
         "settings": {
-            "desc": "what every stage is made with",
             "cmd": "python -m sidegan.pipeline.dvc settings",
-            "deps": ["conf", _VERSIONS, "sidegan/robot/models"],
+            "deps": ["conf", "sidegan/robot/models", "sidegan/pipeline/stages/arms"],
             "outs": [SETTINGS],
         }
     }
     for name, artifacts in made.items():
         alone = f" 'stages=[{name}]'" if name in STAGES else " publish=docs"
         parents = [p for one in artifacts for p in one.parents if owner[p.digest] != name]
-        deps = list(dict.fromkeys(map(path, _last(parents))))
         stages[name] = {
-            "desc": STAGES.get(name, "exact physics in the loop beside everything else"),
             "cmd": _RUN.format("reproduction" if name in STAGES else name) + alone,
-            "params": _Line([{SETTINGS: [name]}]),
-            **({"deps": deps} if deps else {}),
+            "params": _Line([{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}]),
+            **({"deps": list(dict.fromkeys(map(path, parents)))} if parents else {}),
             "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
         }
-    everything = [one for name, artifacts in made.items() if name != "beyond" for one in artifacts]
-    report = {"deps": ["experiments", *dict.fromkeys(map(path, _last(everything)))]}
+    everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
+    report = {"deps": ["experiments", *dict.fromkeys(everything)]}
     command = _RUN.format("reproduction") + " 'stages=[table]' publish=docs"
-    stages["report"] = {"desc": "tables, figures and a verdict for each claim", "cmd": command, **report}
+    stages["report"] = {"cmd": command, **report}
     stages["report"] |= _published("reproduction", ".md", ".html")
     page = _published("beyond", ".md")
     stages["beyond"]["outs"] += page.pop("outs")
@@ -113,45 +110,33 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
     return {"stages": stages}
 
 
-def _last(artifacts: Iterable[Artifact]) -> list[Artifact]:
-    """Those that no other one is made from: a stamp changes with the stamps of all that lies before."""
-    unique = {one.digest: one for one in artifacts}
-    before: set[str] = set()
-    waiting = [parent for one in unique.values() for parent in one.parents]
-    while waiting:
-        one = waiting.pop()
-        if one.digest not in before:
-            before.add(one.digest)
-            waiting += one.parents
-    return [one for digest, one in unique.items() if digest not in before]
-
-
 def _published(name: str, *pages: str) -> dict[str, Any]:
     """What a published page consists of; it is kept in git."""
+    kept = {"cache": False, "persist": True}
     files = [*(f"docs/{name}{page}" for page in pages), f"docs/{name}/tables", f"docs/{name}/figures"]
-    return {"outs": [_kept(one) for one in files], "metrics": [_kept(f"docs/{name}/metrics.json")]}
-
-
-def _kept(path: str) -> dict[str, Any]:
-    return {path: {"cache": False, "persist": True}}
+    return {"outs": [{one: kept} for one in files], "metrics": [{f"docs/{name}/metrics.json": kept}]}
 
 
 class _Line(list[Any]):
-    """A list that is written in one line."""
+    """A list that is written on one line."""
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes plain values and lines."""
+    """YAML without aliases, which nobody can read."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write everything out."""
+        return True
 
 
 _Dumper.add_representer(
-    _Line, lambda dumper, line: dumper.represent_sequence("tag:yaml.org,2002:seq", line, flow_style=True)
+    _Line, lambda dumper, data: dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True)
 )
 
 
 def text(content: Any, head: str = "") -> str:
     """YAML of plain values."""
-    options: dict[str, Any] = {"sort_keys": False, "width": 110, "allow_unicode": True}
+    options: dict[str, Any] = {"sort_keys": False, "width": 160, "allow_unicode": True}
     return head + yaml.dump(content, Dumper=_Dumper, default_flow_style=None, **options)
 
 

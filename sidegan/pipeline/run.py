@@ -28,7 +28,7 @@ from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.callbacks import PARENT, STATUS, end_sweep
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.tracking import Tracker
+from sidegan.pipeline.tracking import Origin, Tracker
 
 if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
@@ -70,7 +70,7 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
         name,
         tracking.uri,
         tracking.enabled,
-        os.environ.get(PARENT),
+        Origin(os.environ.get(PARENT)),
     )
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(config.plain())

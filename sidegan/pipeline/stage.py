@@ -10,7 +10,7 @@ from typing import Any
 from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.pipeline.graph import Artifact, Metrics, waves
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task, is_number
+from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,8 @@ class Stage:
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
     artifacts = list(stage.artifacts(task))
-    if artifacts and task.cfg.has("workspace", "trajectory"):
+    missing = any(task.store.find(one) is None for one in artifacts)
+    if missing and task.cfg.has("workspace", "trajectory"):
         _ = task.constraints  # an arm that cannot rest at home is refused before anything is written
     for wave in waves(artifacts):
         _produce(name, task, wave)
@@ -58,14 +59,14 @@ def _make(store: Store, artifact: Artifact, report: Report) -> None:
 
 
 def _record(title: str, metrics: Metrics, tracker: Tracker) -> None:
-    numbers = {key: float(x) for key, x in metrics.items() if is_number(x)}
-    series = {key: x for key, x in metrics.items() if not is_number(x)}
+    numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
+    series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
     if numbers:
         log.info("%s: %s", title, words(numbers))
         tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()})
     for key, values in series.items():
-        steps = [i for i, x in enumerate(values) if x is not None]
-        tracker.log_history({f"{title}/{key}": [values[i] for i in steps]}, steps)
+        known = {i: x for i, x in enumerate(values) if x is not None}
+        tracker.log_history({f"{title}/{key}": list(known.values())}, list(known))
     if series and not numbers:
         last = {key: values[-1] for key, values in series.items() if values}
         log.info("%s after %d epochs: %s", title, max(map(len, series.values())), words(last))

@@ -63,11 +63,11 @@ def take_over(store: Store, artifacts: Iterable[Artifact]) -> tuple[list[Artifac
     old: dict[str, str] = {}  # digest of an artifact's former stamp, by its digest today
     for wave in waves(artifacts):
         for artifact in wave:
-            if store.find(artifact) is not None:
-                continue
             for folder in _candidates(store, artifact):
                 try:
                     stamp = read_json(folder / STAMP)
+                    if "maker" in stamp:
+                        continue
                     _check(artifact, stamp, folder, old)
                     _convert(store, artifact, stamp, folder)
                 except (ArtifactError, KeyError) as error:

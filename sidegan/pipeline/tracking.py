@@ -16,7 +16,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeVar
 
 from filelock import FileLock
 
@@ -42,6 +42,23 @@ _ENVIRONMENT = {
 }
 
 
+class Origin(NamedTuple):
+    """Where a run comes from.
+
+    Attributes:
+        parent: run that it is a part of.
+        run_id: run to go on with, instead of starting one.
+        began: when the run that is started began [s since 1970]; None is now.
+    """
+
+    parent: str | None = None
+    run_id: str | None = None
+    began: float | None = None
+
+
+_NEW = Origin()
+
+
 class Tracker:
     """One MLflow run; as a context manager it ends with the status that the block's end deserves.
 
@@ -52,9 +69,7 @@ class Tracker:
         name: of the run, for people.
         uri: tracking server or database; None is sqlite in ``root``.
         enabled: False: nothing is recorded and MLflow is not imported.
-        parent: run that this one is a part of.
-        run_id: go on with this run instead of starting one.
-        began: when the run that is started began [s since 1970]; None is now.
+        origin: what it is a part of, or goes on with.
     """
 
     def __init__(
@@ -65,16 +80,13 @@ class Tracker:
         name: str,
         uri: str | None = None,
         enabled: bool = True,
-        parent: str | None = None,
-        run_id: str | None = None,
-        began: float | None = None,
+        origin: Origin = _NEW,
     ) -> None:
         self.root, self.folder, self.enabled = root, folder, enabled
-        self.run_id = run_id
-        self._began = began
+        self.run_id, self._began = origin.run_id, origin.began
         self._client: MlflowClient | None = None
         self._reached = enabled
-        tags = {} if parent is None else {"mlflow.parentRunId": parent}
+        tags = {} if origin.parent is None else {"mlflow.parentRunId": origin.parent}
         record = {"experiment": experiment, "name": name, "tags": tags}
         self._send("run", record, lambda: self._start(uri, experiment, name, tags))
 

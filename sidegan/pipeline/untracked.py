@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from sidegan.pipeline.tracking import UNTRACKED, Tracker
+from sidegan.pipeline.tracking import UNTRACKED, Origin, Tracker
 
 log = logging.getLogger(__name__)
 
@@ -68,12 +68,11 @@ def _lines(path: Path) -> list[dict[str, Any]]:
 def _tracker(first: dict[str, Any], folder: Path, root: Path, uri: str | None) -> Tracker:
     """The run that was started, or the one that could not even be started."""
     if first["kind"] != "run":
-        return Tracker(root, folder, "", "", uri, run_id=first["run"])
+        return Tracker(root, folder, "", "", uri, origin=Origin(run_id=first["run"]))
     content = first["content"]
     parent = content["tags"].get("mlflow.parentRunId")
-    return Tracker(
-        root, folder, content["experiment"], content["name"], uri, parent=parent, began=first["time"]
-    )
+    origin = Origin(parent, began=first["time"])
+    return Tracker(root, folder, content["experiment"], content["name"], uri, origin=origin)
 
 
 def _send_artifact(tracker: Tracker, content: dict[str, Any], time: float) -> None:

@@ -91,7 +91,7 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
         raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {joints}")
     trajectory.check(c)
     c = c.double()
-    kind = _search_for(c)
+    kind = _search_for(constraints, c)
     results = []
     for part in c.split(max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
         search = kind(constraints, trajectory, part)
@@ -104,9 +104,10 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
     return Validity(torch.cat(valid), margins, elements, times, constraints.labels)
 
 
-def _search_for(c: Tensor) -> type[Search]:
+def _search_for(constraints: Constraints, c: Tensor) -> type[Search]:
+    """The compiled search, where it knows every constraint; else the plain one."""
     if not usable(c):
         return Search
-    from sidegan.validity.fused import FusedSearch
+    from sidegan.validity.fused import NAMES, FusedSearch
 
-    return FusedSearch
+    return FusedSearch if set(constraints.labels) <= set(NAMES) else Search

@@ -17,7 +17,7 @@ from sidegan.validity.constraints import Constraints
 from sidegan.validity.regions import Plane, Region
 from sidegan.validity.search import Result, Search
 
-_NAMES = ("position", "velocity", "torque", "collision", "keep_out")  # the kernel's columns
+NAMES = ("position", "velocity", "torque", "collision", "keep_out")  # the kernel's columns
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
 _models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
@@ -31,9 +31,9 @@ class FusedSearch(Search):
         if constraints not in _models:
             _models[constraints] = _model(constraints)
         self.model = _models[constraints]._replace(home=np.array(trajectory.home))
-        shape = len(c), len(_NAMES)
+        shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
-        self.columns = {name: _NAMES.index(name) for name in constraints.labels}
+        self.columns = {name: NAMES.index(name) for name in constraints.labels}
 
     def visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
         """Update the margins from cells (N, 2) of (trajectory, index); those undecided come back."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from sidegan.pipeline.tracking import UNTRACKED, Tracker
+from sidegan.pipeline.tracking import UNTRACKED, Origin, Tracker
 
 NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
 
@@ -89,7 +89,7 @@ def test_a_run_ends_as_its_block_does(root, start, error, status):
 
 
 def test_a_run_may_be_part_of_another(root, start):
-    with start(name="sweep") as parent, start(parent=parent.run_id) as child:
+    with start(name="sweep") as parent, start(origin=Origin(parent.run_id)) as child:
         pass
     tags = client_of(root).get_run(child.run_id).data.tags
     assert tags["mlflow.parentRunId"] == parent.run_id
@@ -134,7 +134,7 @@ def test_a_run_folder_that_cannot_be_written_stops_nothing_either(root, tmp_path
 
 def test_without_tracking_mlflow_is_not_even_imported(tmp_path):
     code = (
-        "import sys; from pathlib import Path; from sidegan.pipeline.tracking import Tracker\n"
+        "import sys; from pathlib import Path; from sidegan.pipeline.tracking import Origin, Tracker\n"
         f"here = Path({str(tmp_path)!r})\n"
         "with Tracker(here, here, 'experiment', 'name', enabled=False) as tracker:\n"
         "    tracker.log_params({'a': 1}); tracker.log_metrics({'b': 2})\n"

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -89,7 +90,7 @@ class Conditions:
     def generator(self, single: Single | None = None) -> Artifact:
         """The generator of all conditions, or of one alone."""
         settings = self.task.cfg.conditional
-        trained = {"ranges": asdict(settings.ranges), "training": asdict(settings.training)}
+        trained: dict[str, Any] = {"ranges": asdict(settings.ranges), "training": asdict(settings.training)}
         if single is not None:
             trained |= {
                 "only": list(single),

@@ -5,10 +5,10 @@ from dataclasses import replace
 from sidegan.base.storage import write_json
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.graph import Artifact, Build
-from sidegan.pipeline.settings import Seeds
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
 from sidegan.seeds import Tasks, make_seeds
+from sidegan.seeds.settings import Seeds
 
 OPTIMISED = "optimised"
 
@@ -19,9 +19,15 @@ def optimised(task: Task) -> Artifact:
 
 
 def _settings(task: Task) -> Seeds:
-    steps, reserve = task.cfg.scale.seed_steps, task.cfg.beyond.reserve
-    changes = {"ants": None, "evaluations": None, "fitness": "eigenvalue"}
-    return replace(task.cfg.seeds, method="gradient", steps=steps, reserve=reserve, **changes)
+    return replace(
+        task.cfg.seeds,
+        method="gradient",
+        fitness="eigenvalue",
+        steps=task.cfg.scale.seed_steps,
+        reserve=task.cfg.beyond.reserve,
+        ants=None,
+        evaluations=None,
+    )
 
 
 def _make(task: Task, build: Build) -> None:
@@ -32,9 +38,9 @@ def _make(task: Task, build: Build) -> None:
     library = measured(task.constraints, task.trajectory, batch.coefficients, OPTIMISED)
     library.save(build.folder / LIBRARY)
     build.costs |= {"cpu_seconds": batch.cpu_seconds, "each": batch.cpu_seconds / len(library)}
-    share = {"attempts": batch.attempts, "failed": batch.failed}
-    share["valid_share"] = 1 - batch.failed / batch.attempts
-    write_json(build.folder / REPORT, {**summary(library), **share})
+    attempts = {"attempts": batch.attempts, "failed": batch.failed}
+    share = {"valid_share": 1 - batch.failed / batch.attempts}
+    write_json(build.folder / REPORT, {**summary(library), **attempts, **share})
 
 
 STAGE = Stage(lambda task: [optimised(task)])

@@ -67,7 +67,8 @@ def polished(task: Task, training: int) -> Artifact:
 
 def _metrics(folder: Path) -> dict[str, float]:
     rows = pd.read_parquet(folder / RESULTS)
-    return {f"{row.start}/{row.steps} steps": row.condition for row in rows.itertuples()}
+    names = [f"{start}/{steps} steps" for start, steps in zip(rows.start, rows.steps)]
+    return dict(zip(names, rows.condition.tolist()))
 
 
 def _library(task: Task, build: Build, training: int) -> None:

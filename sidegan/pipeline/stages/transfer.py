@@ -12,7 +12,7 @@ from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.metrics import measure
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.graph import Artifact, Build
-from sidegan.pipeline.settings import Target
+from sidegan.pipeline.schema import Target
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.polish import source
 from sidegan.pipeline.stages.training import keep_history
