@@ -47,7 +47,7 @@ def first(times: pd.DataFrame) -> pd.DataFrame:
     """Where the time to the first set goes, over trainings."""
     frame = times.replace(0.0, np.nan)  # what was not needed
     table = by_pool(frame.assign(each=1000 * frame.each), "first")
-    always = [COLUMNS["first"][key] for key in ("drawing", "total", "each")]
+    always = [COLUMNS["first"][key] for key in ("drawing", "total")]
     return table.assign(**{name: table[name].replace("—", NOT_MEASURED) for name in always})
 
 

@@ -50,11 +50,9 @@ def durations(artifacts: Artifacts) -> pd.DataFrame:
     """Each time of the paper's text beside ours [s], by key: what, ours, paper; NaN where not measured."""
     seeds, speed, task = artifacts.seeds, artifacts.speed, artifacts.task
     walls = [artifacts.seconds(trained(task, name, k)) for name, k in generators(task)]
+    long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
     rows = {
-        "long": (
-            "the single long trajectory, CPU",
-            max(x["cpu_seconds"] for x, _ in artifacts.longs.values()),
-        ),
+        "long": ("the single long trajectory, CPU", long),
         "seed": ("one seed, CPU", seeds["cpu_seconds"] / seeds["count"]),
         "colony": ("one seed by gaco + compass search, CPU", np.nan),
         "seeds": ("the seed set, wall", artifacts.seconds(seed_set(task))),

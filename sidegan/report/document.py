@@ -26,7 +26,7 @@ def write_page(
     """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
 
     Args:
-        path: the template, which calls ``table(name, caption)`` and ``figure(name, caption)`` where one belongs.
+        path: the template, which calls ``table(name, caption)`` and ``figure(name, caption)``.
         target: the Markdown file to write.
         tables: of cells that are formatted already, by the name of their file.
         figures: by the name of their file.
