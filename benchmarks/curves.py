@@ -24,6 +24,7 @@ from sidegan.design.problem import Problem
 from sidegan.identification import RIGID, TorqueModel
 from sidegan.identification.gather import gather
 from sidegan.library import Library
+from sidegan.library.measure import measured
 from sidegan.library.stream import Diagonals, save_parts, take
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
@@ -153,7 +154,9 @@ def _library(setting: Setting, count: int) -> tuple[Counter[str], float]:
         for first in range(0, count, _PART):
             with _clock(spent, "generation"):
                 c = generator.sample(min(_PART, count - first), noise)
-            yield library_of(setting, c, spent)
+            with _clock(spent, "measured"):
+                part = measured(setting.constraints, setting.trajectory, c, "untrained")
+            yield part
 
     with TemporaryDirectory() as folder:
         path = Path(folder) / "library.parquet"
@@ -164,29 +167,6 @@ def _library(setting: Setting, count: int) -> tuple[Counter[str], float]:
         with _clock(spent, "read"):
             take(path, picked)
         return spent, path.stat().st_size / 1e6
-
-
-def library_of(setting: Setting, c: Tensor, spent: Counter[str] | None = None) -> Library:
-    """A library of coefficients (N, J, H, 2) with all that was measured about them; adds the time it took."""
-    spent = Counter() if spent is None else spent
-    with _clock(spent, "filter"):
-        verdict = check(setting.constraints, setting.trajectory, c)
-    with _clock(spent, "excitation"):
-        excitation = excite(setting.body, setting.trajectory, c)
-    return Library(
-        coefficients=c,
-        valid=verdict.valid,
-        margins=verdict.margins,
-        fitness=excitation.eigenvalue_fitness,
-        diagonal_fitness=excitation.diagonal_fitness,
-        spectrum=excitation.spectrum,
-        diagonal=excitation.diagonal,
-        source=["untrained"] * len(c),
-        robot=setting.arm.name,
-        digest=setting.arm.digest,
-        period=setting.trajectory.period,
-        home=tuple(setting.trajectory.home or ()),
-    )
 
 
 def _costs(problem: Problem) -> Point:

@@ -3,7 +3,6 @@
 import numpy as np
 import torch
 
-from benchmarks.machine import bandwidth, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, medians
 from sidegan.design.greedy import greedy
@@ -32,9 +31,7 @@ def rls(setting: Setting) -> Result:
         lambda: _recursion(y, tau),
     )
     whole = _TRAJECTORIES * _SAMPLES
-    joints, parameters = y.shape[1:]
-    products = 2 * joints * parameters**2 * whole
-    return Result(run, whole / (count * samples), theirs.wall * whole / len(few), products / peak(2))
+    return Result(run, whole / (count * samples), theirs.wall * whole / len(few))
 
 
 def selection(setting: Setting) -> Result:
@@ -46,7 +43,7 @@ def selection(setting: Setting) -> Result:
     run, theirs = medians(
         min(setting.repeats, 3), lambda: greedy(diagonals, picks), lambda: _pick(diagonals.numpy(), few)
     )
-    return Result(run, 1.0, theirs.wall * picks / few, picks * diagonals.nbytes / bandwidth(1))
+    return Result(run, 1.0, theirs.wall * picks / few)
 
 
 def noiseless(setting: Setting, count: int, samples: int) -> list[Measurements]:

@@ -8,7 +8,6 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from benchmarks.machine import bandwidth
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, Timing, threads, timed
 from sidegan.design.criteria import DETERMINANT, criteria_of, variance
@@ -31,7 +30,6 @@ def design(setting: Setting) -> Result:
         picked.pop("D-optimal"),
         1.0,
         _plain(information),
-        _PICKS * information.packed.nbytes / bandwidth(1),
         also={method: timing.wall for method, timing in picked.items()},
     )
 

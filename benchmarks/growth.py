@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with ProcessPoolExecutor(1, _CONTEXT, _prepare, max_tasks_per_child=each) as pool:
             for at, repeat in turns(CURVES[name], options.small, options.repeats):
                 _measure(pool, name, at, repeat, path)
-        draw(CURVES[name], pd.read_csv(path), path.with_suffix(".png"))
+        draw(CURVES[name], pd.read_csv(path), path.with_suffix(""))
     write_page(CURVES, options.folder)
     return 0
 

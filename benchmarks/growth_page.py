@@ -4,18 +4,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
+from matplotlib.ticker import NullLocator, StrMethodFormatter
 from scipy.stats import linregress
 
 from benchmarks.soak import outcome
-from sidegan.base.storage import replacing, write_bytes
+from sidegan.base.storage import write_bytes
+from sidegan.report.canvas import Line, band, blank, save, tidy
+from sidegan.report.document import template
+from sidegan.report.export import markdown
+from sidegan.report.style import PALETTE
 
 _FITTED = 4  # largest points that an exponent is fitted to
-_PANEL, _RESOLUTION = (5.5, 3.7), 130  # [inch], [1/inch]
+_WIDTH, _HEIGHT = 5.5, 3.7  # of a panel [inch]
 
 
 def exponent(curve: Mapping[str, Any], rows: pd.DataFrame, column: str) -> tuple[float, float]:
@@ -30,26 +32,23 @@ def draw(curve: Mapping[str, Any], rows: pd.DataFrame, path: Path) -> None:
     panels = [(curve["shown"], curve["unit"])]
     if curve.get("memory"):
         panels.append(({"peak_mb": "memory"}, "peak memory of the process [MB]"))
-    figure = Figure((_PANEL[0] * len(panels), _PANEL[1]), layout="constrained")
+    figure = blank(_WIDTH * len(panels), _HEIGHT)
     groups = rows.groupby("at")
     for axes, (shown, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels):
-        for column, name in shown.items():
-            low, middle, high = groups[column].min(), groups[column].median(), groups[column].max()
-            (line,) = axes.plot(middle.index, middle, "o-", markersize=4, label=name)
-            axes.fill_between(middle.index, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+        for (column, name), shade in zip(shown.items(), PALETTE):
+            values = groups[column].agg(["median", "min", "max"])
+            band(axes, Line(values.index.to_numpy(), *values.to_numpy().T), name, shade, "o")
         axes.set(xlabel=curve["varied"], ylabel=label, xscale="log")
-        axes.set_xticks(middle.index, [f"{at:,}" for at in middle.index])
+        axes.set_xticks(values.index, [f"{at:,}" for at in values.index])
         axes.xaxis.set_minor_locator(NullLocator())
-        axes.grid(alpha=0.25)
         if "peak_mb" in shown:
             axes.set_ylim(0, 1.2 * rows["peak_mb"].max())
         else:
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            axes.yaxis.set_minor_formatter(NullFormatter())
             axes.legend(fontsize=8, frameon=False)
-    with replacing(path) as draft:
-        figure.savefig(draft, format="png", dpi=_RESOLUTION, metadata={"Software": None})
+        tidy(axes)
+    save(figure, path)
 
 
 def write_page(curves: Mapping[str, Mapping[str, Any]], folder: Path) -> None:
@@ -58,13 +57,7 @@ def write_page(curves: Mapping[str, Mapping[str, Any]], folder: Path) -> None:
         name: _section(name, one, folder) for name, one in curves.items() if (folder / f"{name}.csv").exists()
     }
     soak = outcome(pd.read_csv(folder / "soak.csv")) if (folder / "soak.csv").exists() else ""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        keep_trailing_newline=True,
-    )
-    page = environment.get_template("growth.md.j2").render(curves=sections, soak=soak)
+    page = template(Path(__file__).with_name("growth.md.j2")).render(curves=sections, soak=soak)
     write_bytes(folder / "README.md", page.encode())
 
 
@@ -80,17 +73,12 @@ def _section(name: str, curve: Mapping[str, Any], folder: Path) -> dict[str, Any
     return {
         "share": False,
         **curve,
-        "table": _markdown(table.assign(repeats=groups.size().astype(str))),
+        "table": markdown(table.assign(repeats=groups.size().astype(str))),
         "exponents": ", ".join(f"{words} {powers[column]}" for column, words in curve["shown"].items()),
         "power": powers,
         "largest": rows["at"].max(),
         "last": groups.median().iloc[-1],
     }
-
-
-def _markdown(table: pd.DataFrame) -> str:
-    lines: list[list[str]] = [list(map(str, table)), ["---"] * table.shape[1], *table.to_numpy().tolist()]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def _number(value: float) -> str:

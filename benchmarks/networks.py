@@ -5,13 +5,9 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import torch
-
-from benchmarks.machine import bandwidth, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, Timing, medians, timed
 from sidegan.design.excitation import excite
-from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
 from sidegan.gan.training import Run, train_variant
 from sidegan.gan.variants import Variant
@@ -28,7 +24,7 @@ def generation(setting: Setting) -> Result:
     """Cost of a generated trajectory in batches of 1000 on one thread, of an untrained generator."""
     generator = setting.untrained()
     (run,) = medians(5 * setting.repeats, lambda: generator.sample(_BATCH))
-    return Result(run, 1e6 / _BATCH, _PAPER_MICROSECONDS, 1e6 * _least_seconds(generator, 1))
+    return Result(run, 1e6 / _BATCH, _PAPER_MICROSECONDS)
 
 
 def generate_validate(setting: Setting) -> Result:
@@ -36,7 +32,7 @@ def generate_validate(setting: Setting) -> Result:
     generator, count = setting.untrained(), setting.size(2000)
     proof = partial(check, setting.constraints, setting.trajectory)
     (run,) = medians(setting.repeats, lambda: proof(generator.sample(count)))
-    return Result(run, count, _PAPER_VALIDATED, 1 / _least_seconds(generator, 2))
+    return Result(run, count, _PAPER_VALIDATED)
 
 
 def training(setting: Setting) -> Result:
@@ -65,13 +61,6 @@ def variants() -> dict[str, Variant]:
 
     with initialize_config_dir(str(CONF), version_base="1.3"):
         return validate(compose("config", overrides=["+experiment=exp1", "scale=paper"])).gan
-
-
-def _least_seconds(generator: TrajectoryGenerator, count: int) -> float:
-    """Seconds per trajectory that the weights' products or their traffic take in a batch."""
-    weights = [x for x in generator.network.parameters() if x.ndim > 1]
-    products = 2 * sum(x.numel() for x in weights) / peak(count, torch.float32)
-    return max(products, sum(x.nbytes for x in weights) / bandwidth(count) / _BATCH)
 
 
 def train(setting: Setting, name: str, variant: Variant, count: int) -> None:

@@ -7,7 +7,6 @@ import pinocchio as pin
 import torch
 from torch import Tensor
 
-from benchmarks.machine import operations, peak
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, medians
 from sidegan.design.objective import value_and_gradient
@@ -19,7 +18,6 @@ from sidegan.validity import check
 _THREADS = 2
 _SAMPLES = 80  # states per trajectory
 _CELLS = 160  # configurations per trajectory that the opponent checks, 0.1 s apart
-_COUNTED = 10  # trajectories whose operations are counted
 
 
 def regressor(setting: Setting) -> Result:
@@ -38,8 +36,7 @@ def regressor(setting: Setting) -> Result:
             _ = y.T @ y / _SAMPLES
 
     run, theirs = medians(setting.repeats, lambda: grams(c), loop)
-    count = operations(lambda: grams(c[:_COUNTED])) / (_COUNTED * _SAMPLES)
-    return Result(run, len(c) * _SAMPLES, _THREADS * len(states) / theirs.wall, peak(_THREADS) / count)
+    return Result(run, len(c) * _SAMPLES, _THREADS * len(states) / theirs.wall)
 
 
 def gradient(setting: Setting) -> Result:
@@ -60,13 +57,10 @@ def gradient(setting: Setting) -> Result:
         violation = sum((margin.clamp_max(0) ** 2).sum() for margin in margins)
         ((spectrum[:, -1] / spectrum[:, 0]).log().sum() + violation).backward()
 
-    def ours(x: Tensor = c) -> None:
-        value_and_gradient(problem, x, Penalty(30.0))
-
-    run, theirs = medians(setting.repeats, ours, through_the_regressor)
-    count = operations(lambda: ours(c[:_COUNTED])) / (_COUNTED * problem.samples)
-    opponent = len(few) * problem.samples / theirs.wall
-    return Result(run, len(c) * problem.samples, opponent, peak(_THREADS) / count)
+    run, theirs = medians(
+        setting.repeats, lambda: value_and_gradient(problem, c, Penalty(30.0)), through_the_regressor
+    )
+    return Result(run, len(c) * problem.samples, len(few) * problem.samples / theirs.wall)
 
 
 def validity(setting: Setting) -> Result:
@@ -86,8 +80,7 @@ def validity(setting: Setting) -> Result:
             pin.computeDistances(model, data, geometry, shapes, q)
 
     run, theirs = medians(setting.repeats, lambda: proof(c), loop)
-    count = operations(lambda: proof(c[:_COUNTED])) / _COUNTED
-    return Result(run, len(c), _THREADS * len(states) / _CELLS / theirs.wall, peak(_THREADS) / count)
+    return Result(run, len(c), _THREADS * len(states) / _CELLS / theirs.wall)
 
 
 def _states(setting: Setting, c: Tensor, samples: int) -> list[tuple[np.ndarray, ...]]:

@@ -2,15 +2,17 @@
 
 import argparse
 import json
+import os
+import platform
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from benchmarks import data, design, networks, physics
-from benchmarks.machine import machine
 from benchmarks.seeds import seeds
 from benchmarks.setting import Setting
 from benchmarks.timing import ROWS, Result, row, threads
@@ -59,24 +61,36 @@ def show(rows: Sequence[dict[str, Any]], quick: bool) -> None:
     from rich.table import Table
 
     about = machine()
-    peak = about["peak_gflops_float64"]["2"]
-    title = f"{about['cpu']}, two threads {peak:.0f} Gflop/s, torch {about['torch']}, numba {about['numba']}"
+    title = f"{about['cpu']}, {about['cores']} cores, torch {about['torch']}, numba {about['numba']}"
     table = Table(title=title + (" (quick: not worth quoting)" if quick else ""), title_justify="left")
-    numbers = ("ours", "by_cpu", "opponent", "ratio", "limit", "share", "goal", "threads")
+    numbers = ("ours", "by_cpu", "opponent", "ratio", "goal", "threads")
     for column in ("name", *numbers, "reached", "unit", "opponent is"):
         table.add_column(column, justify="right" if column in numbers else "left")
     for one in rows:
         cells = (_number(one[column]) for column in numbers)
         table.add_row(one["name"], *cells, "yes" if one["reached"] else "no", one["unit"], one["against"])
         for who, value in one["also"].items():
-            table.add_row("", "", "", _number(value), *[""] * 7, who)
+            table.add_row("", "", "", _number(value), *[""] * 5, who)
     console = Console()
     (console if console.is_terminal else Console(width=200)).print(table)
 
 
-def _number(value: float | str | None) -> str:
-    if value is None or isinstance(value, str):
-        return value or ""
+def machine() -> dict[str, Any]:
+    """What the numbers were measured on."""
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return {
+        "cpu": models[0] if models else platform.machine(),
+        "cores": len(os.sched_getaffinity(0)),
+        "torch": torch.__version__,
+        "numba": version("numba"),
+        "python": platform.python_version(),
+    }
+
+
+def _number(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
     return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
 
 

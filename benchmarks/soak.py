@@ -17,13 +17,14 @@ import numpy as np
 import pandas as pd
 import psutil
 import torch
-from matplotlib.figure import Figure
 from scipy import stats
 
 from benchmarks import curves
 from benchmarks.networks import train, variants
 from benchmarks.setting import Setting
-from sidegan.base.storage import replacing, write_bytes
+from sidegan.base.storage import write_bytes
+from sidegan.report.canvas import blank, save, tidy
+from sidegan.report.style import PALETTE
 
 FOLDER = Path(__file__).parent.parent / "docs" / "growth"
 
@@ -31,7 +32,6 @@ _EVERY = 5.0  # [s] between samples
 _WARM_UP = 0.2  # share of the run in which caches may fill
 _MEANS = 16  # consecutive means that the slope is fitted to
 _ALLOWED = 5.0  # [MB/h] that nobody would notice in a day
-_MB = 2**20
 _SEEDS, _DRAWN, _RECORDINGS = 10, 1000, 4  # of one round
 
 
@@ -50,29 +50,22 @@ def soak(work: Callable[[], object], seconds: float, every: float = _EVERY) -> p
     Columns: seconds, resident_mb, and the numbers of rounds, objects, files and threads.
     """
     process, began = psutil.Process(), time.monotonic()
-    samples: list[dict[str, float]] = []
+    samples: list[tuple[float, ...]] = []
 
     def look(rounds: int) -> None:
         gc.collect()  # else garbage that waits for its collector would look like growth
-        samples.append(
-            {
-                "seconds": time.monotonic() - began,
-                "resident_mb": process.memory_info().rss / _MB,
-                "rounds": rounds,
-                "objects": len(gc.get_objects()),
-                "files": process.num_fds(),
-                "threads": process.num_threads(),
-            }
-        )
+        memory, objects = process.memory_info().rss / 2**20, len(gc.get_objects())
+        counts = (rounds, objects, process.num_fds(), process.num_threads())
+        samples.append((time.monotonic() - began, memory, *counts))
 
     rounds = 0
     while time.monotonic() - began < seconds or len(samples) < 2:
-        if not samples or time.monotonic() - began - samples[-1]["seconds"] >= every:
+        if not samples or time.monotonic() - began - samples[-1][0] >= every:
             look(rounds)
         work()
         rounds += 1
     look(rounds)
-    return pd.DataFrame(samples)
+    return pd.DataFrame(samples, columns=["seconds", "resident_mb", "rounds", "objects", "files", "threads"])
 
 
 def slope_of(samples: pd.DataFrame) -> tuple[float, float]:
@@ -109,20 +102,20 @@ def outcome(samples: pd.DataFrame) -> str:
 
 
 def draw(samples: pd.DataFrame, path: Path) -> None:
-    """A picture of the memory over time, with the line whose slope is told."""
+    """A picture of the memory over time, with the line of its slope."""
     slope, margin = slope_of(samples)
     minutes, late = samples.seconds / 60, _warm(samples)
     line = late.resident_mb.mean() + slope * (late.seconds - late.seconds.mean()) / 3600
-    figure = Figure((5.5, 3.7), layout="constrained")
+    figure = blank(5.5, 3.7)
     axes = figure.subplots()
     axes.axvspan(0, late.seconds.iloc[0] / 60, color="#7f7f7f", alpha=0.12, linewidth=0, label="warm-up")
-    axes.plot(minutes, samples.resident_mb, color="#1f77b4", linewidth=1, label="measured")
-    axes.plot(late.seconds / 60, line, color="#d95f02", label=f"{slope:+.1f} ± {margin:.1f} MB/h")
+    axes.plot(minutes, samples.resident_mb, color=PALETTE[0], linewidth=1, label="measured")
+    axes.plot(late.seconds / 60, line, color=PALETTE[1], label=f"{slope:+.1f} ± {margin:.1f} MB/h")
     axes.set(xlabel="time [min]", ylabel="resident memory [MB]", xlim=(0, minutes.max()))
     axes.set_ylim(0, 1.15 * samples.resident_mb.max())
     axes.legend(fontsize=8, frameon=False)
-    with replacing(path) as draft:
-        figure.savefig(draft, format="png", dpi=130, metadata={"Software": None})
+    tidy(axes)
+    save(figure, path)
 
 
 def _warm(samples: pd.DataFrame) -> pd.DataFrame:
@@ -139,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     torch.set_num_threads(1)
     samples = soak(one_round, 60 * options.minutes)
     write_bytes(options.folder / "soak.csv", samples.to_csv(index=False, float_format="%.1f").encode())
-    draw(samples, options.folder / "soak.png")
+    draw(samples, options.folder / "soak")
     print(outcome(samples))
     return int(grows(*slope_of(samples)))
 

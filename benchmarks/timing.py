@@ -28,28 +28,26 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True)
 class Result:
-    """What one benchmark measured; opponent and limit are in the row's unit.
+    """What one benchmark measured.
 
     Attributes:
         run: of sidegan.
         amount: things done in that run where more is better, else what a second of it costs.
-        opponent: what the opponent reaches.
-        limit: what the hardware would allow; None where nothing was counted.
+        opponent: what the opponent reaches, in the row's unit.
         also: further numbers in the same unit, or why there are none.
     """
 
     run: Timing
     amount: float
     opponent: float
-    limit: float | None = None
     also: dict[str, float | str] = field(default_factory=dict)
 
 
 def row(name: str, result: Result) -> dict[str, Any]:
     """A row of the table, as it is written to JSON.
 
-    ``ratio`` says how many times better ours is than the opponent, and ``share`` how near the limit,
-    whichever direction is better; ``by_cpu`` is ours in CPU time.
+    ``ratio`` says how many times better ours is than the opponent, whichever direction is better;
+    ``by_cpu`` is ours in CPU time.
     """
     about = dict(ROWS[name])
     more = about.pop("more")
@@ -63,8 +61,6 @@ def row(name: str, result: Result) -> dict[str, Any]:
         "ours": ours,
         "opponent": result.opponent,
         "ratio": times_better(result.opponent),
-        "limit": result.limit,
-        "share": result.limit and times_better(result.limit),
         "reached": times_better(about["goal"]) >= 1,
         "by_cpu": by_cpu,
         "also": result.also,

@@ -14,7 +14,6 @@ import pandas as pd
 from sidegan.base.storage import read_json
 from sidegan.gan import Variant
 from sidegan.library import Library
-from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.conditional import STUDY, Conditions
@@ -22,7 +21,7 @@ from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.kinds import kind
 from sidegan.pipeline.stages.library import library
-from sidegan.pipeline.stages.long import long_family, long_trajectory
+from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
 from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
 from sidegan.pipeline.stages.replication import replication
@@ -31,9 +30,8 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.sensitivity import sensitivity
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
-from sidegan.pipeline.stages.training import generator, surrogates
+from sidegan.pipeline.stages.training import generator
 from sidegan.pipeline.task import FACTS, LIBRARY, REPORT, Task
-from sidegan.robot import Arm
 
 __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
 
@@ -44,35 +42,32 @@ Report = dict[str, Any]
 class Artifacts:
     """What was made for one task, read when it is first needed.
 
+    Attributes:
+        task: the settings and where their artifacts are.
+        whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
+        whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
+        sensitivity: experiment 1 with other settings.
+        density: samples of kernel density estimates, a row for each bandwidth.
+        seeds: report of the seed set, with what it took.
+        speed: measured speed of the first training of the eigen variant, and the machine.
+
     Raises:
         ArtifactError: by every member, when what it reads was not made.
     """
 
     task: Task
 
+    whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
+    whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
+    sensitivity = cached_property(lambda self: self.task.frame(sensitivity(self.task)))
+    density = cached_property(lambda self: self.task.frame(density(self.task)))
+    seeds = cached_property(lambda self: self.report(seed_set(self.task)))
+    speed = cached_property(lambda self: self.costs(timing(self.task, "eigen")))
+
     @property
     def cfg(self) -> Config:
         """The run's configuration."""
         return self.task.cfg
-
-    @property
-    def arm(self) -> Arm:
-        """The configured arm."""
-        return self.task.arm
-
-    @property
-    def family(self) -> Trajectory:
-        """The family of the short trajectories."""
-        return self.task.trajectory
-
-    @property
-    def parameters_count(self) -> int:
-        """Number of base parameters."""
-        return self.task.body.parameters_count
-
-    def long_family(self, harmonics: int) -> Trajectory:
-        """The family of a single long trajectory."""
-        return long_family(self.task, harmonics)
 
     @cached_property
     def errors(self) -> pd.DataFrame:
@@ -121,40 +116,17 @@ class Artifacts:
         return pd.DataFrame(rows)
 
     @cached_property
-    def seeds(self) -> Report:
-        """Report of the seed set, with what it took."""
-        return self.task.report(seed_set(self.task)) | self.costs(seed_set(self.task))
-
-    @cached_property
-    def whole_errors(self) -> pd.DataFrame:
-        """NMSE of experiment 2 by set, training, repeat, weighted and joint."""
-        return self.task.frame(replication(self.task))
-
-    @cached_property
-    def whole_facts(self) -> pd.DataFrame:
-        """Covariance norm and samples of experiment 2 by set, training and repeat."""
-        return self.task.frame(replication(self.task), FACTS)
-
-    @cached_property
-    def sensitivity(self) -> pd.DataFrame:
-        """Experiment 1 with other settings."""
-        return self.task.frame(sensitivity(self.task))
-
-    @cached_property
-    def density(self) -> pd.DataFrame:
-        """Samples of kernel density estimates, a row for each bandwidth."""
-        return self.task.frame(density(self.task))
-
-    @cached_property
-    def longs(self) -> dict[int, tuple[Report, Library]]:
-        """Report and library of every single long trajectory, by its harmonics."""
-        return {h: self._made(long_trajectory(self.task, h)) for h in self.cfg.long.harmonics}
+    def longs(self) -> dict[str, tuple[Report, Library]]:
+        """Report and library of every single long trajectory."""
+        return {
+            f"long-{h}": self._with_library(long_trajectory(self.task, h)) for h in self.cfg.long.harmonics
+        }
 
     @cached_property
     def kinds(self) -> dict[str, tuple[Report, Library]]:
         """Report and library of the seeds and of the other kinds of seeds."""
         sets = {"gradient": seed_set(self.task)} | {name: kind(self.task, name) for name in self.cfg.kinds}
-        return {name: self._made(artifact) for name, artifact in sets.items()}
+        return {name: self._with_library(artifact) for name, artifact in sets.items()}
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""
@@ -165,28 +137,9 @@ class Artifacts:
         (pool,) = (one for one in pools(self.task) if (one.name, one.training or 0) == (name, training))
         return self.task.load(selection(self.task, pool))
 
-    @cached_property
-    def speed(self) -> Report:
-        """Measured speed of the first training of the eigen variant, and the machine."""
-        return self.costs(timing(self.task, "eigen"))
-
-    @cached_property
-    def seeds_seconds(self) -> float:
-        """Wall time of the seed set [s]."""
-        return self.seconds(seed_set(self.task))
-
-    @cached_property
-    def surrogates_seconds(self) -> float:
-        """Wall time of the surrogates [s]."""
-        return self.seconds(surrogates(self.task, "broad"))
-
-    def training_wall(self, name: str, training: int) -> float:
-        """Wall time of one training [s], whatever else ran beside it."""
-        return self.seconds(generator(self.task, name, training))
-
-    def epoch_seconds(self, name: str, training: int) -> list[float] | None:
-        """Time of every epoch of one training [s]; None where it was not measured."""
-        return self.costs(generator(self.task, name, training)).get("epochs")
+    def report(self, artifact: Artifact) -> Report:
+        """Report of an artifact, with what it took."""
+        return self.task.report(artifact) | self.costs(artifact)
 
     def costs(self, artifact: Artifact) -> Report:
         """What making an artifact took; not a number where that was not kept."""
@@ -211,11 +164,8 @@ class Artifacts:
         rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
         return rows
 
-    def _made(self, artifact: Artifact) -> tuple[Report, Library]:
-        return self.task.report(artifact) | self.costs(artifact), self.task.load(artifact)
-
-    def _exists(self, artifact: Artifact) -> bool:
-        return self.task.store.find(artifact) is not None
+    def _with_library(self, artifact: Artifact) -> tuple[Report, Library]:
+        return self.report(artifact), self.task.load(artifact)
 
 
 class Conditional(NamedTuple):

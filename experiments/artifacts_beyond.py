@@ -1,7 +1,9 @@
 """What the page on exact physics shows, read from the artifacts of a run as frames; beside ``artifacts``."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,40 +16,28 @@ from sidegan.pipeline.stages.objectives import with_objectives
 from sidegan.pipeline.stages.optimised import OPTIMISED, optimised
 from sidegan.pipeline.stages.polish import POLISHED, polish_curve, polished, source
 from sidegan.pipeline.stages.pools import SEEDS, Pool, own_pools
+from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.training import generator, generators, negatives, surrogates
 from sidegan.pipeline.stages.transfer import SCRATCH, TRANSFER, transfers
 from sidegan.pipeline.task import FACTS, Task
 
-__all__ = [
-    "GREEDY",
-    "OPTIMAL",
-    "OPTIMISED",
-    "POLISHED",
-    "SCRATCH",
-    "TRANSFER",
-    "BeyondArtifacts",
-]
+__all__ = ["GREEDY", "OPTIMAL", "OPTIMISED", "POLISHED", "SCRATCH", "TRANSFER", "BeyondArtifacts"]
+
+_PARTS = ["seeds", "surrogates", "training_seconds", "drawing"]  # of the time to a first set
 
 
 @dataclass(frozen=True)
 class BeyondArtifacts(Artifacts):
     """What was made for the page on exact physics; frames of parts that were not run are empty."""
 
-    @cached_property
-    def source(self) -> str:
-        """The variant that is polished and transferred.
-
-        Raises:
-            ConfigError: when it is not trained.
-        """
-        _ = source(self.task)
-        return self.cfg.beyond.source
+    def __post_init__(self) -> None:
+        source(self.task)  # raises ConfigError when the variant that all is compared with is not trained
 
     @property
-    def pool_names(self) -> list[str]:
-        """Names of the pools that are compared."""
-        return list(dict.fromkeys(pool.name for pool in all_pools(self.task)))
+    def source(self) -> str:
+        """The variant that is polished and transferred."""
+        return self.cfg.beyond.source
 
     @cached_property
     def pools(self) -> pd.DataFrame:
@@ -56,10 +46,8 @@ class BeyondArtifacts(Artifacts):
         Columns name, training, success (valid share without filtering), and of equally many valid ones
         condition, distance, distance_diagonal, nearest, rank; best, the smallest condition number of all.
         """
-        rows = []
-        for pool in all_pools(self.task):
-            report = self.task.report(best_sets(self.task, pool))
-            rows.append({**report, "success": self._valid_share(pool)})
+        pools = all_pools(self.task)
+        rows = [self.task.report(best_sets(self.task, p)) | {"success": self._valid_share(p)} for p in pools]
         return pd.DataFrame(rows)
 
     def _valid_share(self, pool: Pool) -> float:
@@ -67,43 +55,67 @@ class BeyondArtifacts(Artifacts):
             history = self.histories[self.histories.variant == pool.name]
             return float(np.nan_to_num(history[history.training == pool.training].success.iloc[-1]))
         report = self.task.report(pool.parts[0])
-        return float(
-            report["valid_share"] if pool.name != SEEDS else 1 - report["failed"] / report["attempts"]
-        )
+        share = report["valid_share"] if pool.name != SEEDS else 1 - report["failed"] / report["attempts"]
+        return float(share)
 
     @cached_property
     def best(self) -> pd.DataFrame:
         """Facts and mean nMSE of the best sets of every pool, a row per pool, training and pick."""
-        return self._judged(self.task, all_pools(self.task))
-
-    def needs(self, name: str) -> tuple[bool, bool]:
-        """Whether a variant needs seeds, and surrogates."""
-        variant = self.cfg.gan[name]
-        return variant.seeded, variant.surrogates
+        return self._judged(all_pools(self.task))
 
     @cached_property
-    def surrogates_seconds(self) -> float:
-        """Wall time of the surrogates [s], and of the GAN whose output they learn from."""
-        return self.seconds(negatives(self.task)) + self.seconds(surrogates(self.task, "broad"))
+    def first_times(self) -> pd.DataFrame:
+        """Seconds to the first set of every way: seeds, surrogates, training_seconds, drawing, and total.
 
-    @cached_property
-    def first_sets(self) -> pd.DataFrame:
-        """Times of the first set of every way [s]: seconds, and where measured each and training_seconds."""
-        rows = []
+        Further columns: each, CPU time of one more valid trajectory; cpu, that of a training, where it was
+        measured, which is then what counts; and wall, what was recorded of the training. Times that were not
+        kept are not a number.
+        """
+        count, rows = self.cfg.selection.count, []
         for name, k in ways(self.task):
             self.task.store.require(first_set(self.task, name, k))
             costs = self.costs(first_set(self.task, name, k))
-            rows.append({"name": name, "training": k or 0, **costs, "seconds": costs["cpu_seconds"]})
-        return pd.DataFrame(rows).reindex(columns=["name", "training", "seconds", "each", "training_seconds"])
+            row = {"name": name, "training": k or 0, "drawing": costs["cpu_seconds"], "each": costs["each"]}
+            if name == SEEDS:
+                row["each"] = self.seeds["cpu_seconds"] / self.seeds["count"]
+            if name in self.cfg.gan:
+                row |= self._training_times(name, k or 0, costs["training_seconds"])
+            rows.append(row)
+            if name == self.source:
+                each = self.costs(polished(self.task, k or 0))["each"]
+                rows.append(row | {"name": POLISHED, "each": each, "drawing": each * count})
+        each = self.costs(optimised(self.task))["each"]
+        rows.append({"name": OPTIMISED, "training": 0, "drawing": each * count, "each": each})
+        frame = pd.DataFrame(rows).reindex(columns=["name", "training", "each", "cpu", "wall", *_PARTS])
+        needed = ~frame.name.isin([*self.cfg.gan, POLISHED])
+        frame.loc[needed, _PARTS[:-1]] = frame.loc[needed, _PARTS[:-1]].fillna(0.0)
+        return frame.assign(total=frame[_PARTS].sum(axis=1, skipna=False))
 
-    def polished_each(self, training: int) -> float:
-        """Time of polishing one trajectory [s]."""
-        return float(self.costs(polished(self.task, training))["each"])
+    def _training_times(self, name: str, training: int, cpu: float) -> dict[str, float]:
+        """Times before and of a training [s]: CPU time where it was measured, wall time elsewhere."""
+        task, variant = self.task, self.cfg.gan[name]
+        taught = (negatives(task), surrogates(task, "broad"))  # with the GAN whose output they learn from
+        wall = self.seconds(generator(task, name, training))
+        return {
+            "cpu": cpu,
+            "seeds": self.seconds(seed_set(task)) if variant.seeded else 0.0,
+            "surrogates": sum(map(self.seconds, taught)) if variant.surrogates else 0.0,
+            "wall": wall,
+            "training_seconds": wall if np.isnan(cpu) else cpu,
+        }
 
     @cached_property
-    def optimised_each(self) -> float:
-        """Time of optimising one trajectory with little reserve [s]."""
-        return float(self.costs(optimised(self.task))["each"])
+    def progress(self) -> pd.DataFrame:
+        """Metrics of all trainings after every epoch, against the seconds since nothing was there."""
+        parts = []
+        for row in self.first_times.to_dict("records"):
+            of_variant = self.histories[self.histories.variant == row["name"]]
+            history = of_variant[of_variant.training == row["training"]]
+            if len(history):
+                each = self.costs(generator(self.task, row["name"], row["training"])).get("epochs")
+                spent = elapsed(len(history), row["training_seconds"], each)
+                parts.append(history.assign(seconds=row["seeds"] + row["surrogates"] + spent))
+        return pd.concat(parts, ignore_index=True)
 
     @cached_property
     def polish(self) -> pd.DataFrame:
@@ -120,11 +132,8 @@ class BeyondArtifacts(Artifacts):
         pools = own_pools(task)
         if not all(self._exists(best_sets(task, pool)) for pool in pools):
             return pd.DataFrame()
-        best = self._judged(task, pools)
-        last = (
-            self._histories(task, task.cfg.gan).groupby("variant").tail(1).rename(columns={"variant": "name"})
-        )
-        ends = last[["name", "success", "condition", "distance", "rank"]]
+        best, last = self._judged(pools, task), self._histories(task, task.cfg.gan).groupby("variant").tail(1)
+        ends = last.rename(columns={"variant": "name"})[["name", "success", "condition", "distance", "rank"]]
         return best[best.name.isin(task.cfg.gan)].merge(ends, on="name", suffixes=("", "_one"))
 
     @cached_property
@@ -142,7 +151,7 @@ class BeyondArtifacts(Artifacts):
                 if self._exists(generator(part, name, k)):
                     last = self._history(generator(part, name, k)).tail(1)
                     rows.append(last.assign(variant=name, seeds=size, training=k))
-        return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
+        return _stacked(rows)
 
     @cached_property
     def transfers(self) -> pd.DataFrame:
@@ -158,18 +167,24 @@ class BeyondArtifacts(Artifacts):
             steps = history.epoch * self.cfg.beyond.epoch
             curve = pd.concat([begun, history.assign(steps=steps, seconds=at)], ignore_index=True)
             parts.append(curve.assign(target=target, way=way))
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+        return _stacked(parts)
 
-    def _judged(self, task: Task, pools: list[Pool]) -> pd.DataFrame:
+    def _judged(self, pools: Iterable[Pool], task: Task | None = None) -> pd.DataFrame:
         frames = []
-        for pool in pools:
-            artifact = best_sets(task, pool)
+        for artifact in (best_sets(task or self.task, pool) for pool in pools):
             errors = self.task.frame(artifact).groupby(["pick", "weighted"]).nmse.mean().unstack("weighted")
             errors = errors.rename(columns={False: "nmse", True: "nmse_weighted"}).reset_index()
             frames.append(self.task.frame(artifact, FACTS).merge(errors, on="pick"))
         return pd.concat(frames, ignore_index=True)
 
+    def _exists(self, artifact: Any) -> bool:
+        return self.task.store.find(artifact) is not None
+
 
 def elapsed(epochs: int, spent: float, each: list[float] | None = None) -> np.ndarray:
     """Seconds since the start of a training after every epoch; evenly over ``spent`` where not measured."""
     return spent * np.arange(1, epochs + 1) / epochs if each is None else np.cumsum(each)
+
+
+def _stacked(frames: list[pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()

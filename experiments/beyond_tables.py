@@ -4,57 +4,12 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import RANDOM, SEEDS
-from experiments.artifacts_beyond import OPTIMISED, POLISHED
-from experiments.beyond_frames import arrival, final_condition
+from experiments.artifacts_beyond import GREEDY, OPTIMAL, OPTIMISED, POLISHED, SCRATCH, BeyondArtifacts
+from experiments.words import COLUMNS
 from sidegan.report import tables
+from sidegan.report.style import NOT_MEASURED
 
-_POOLS = {
-    "success": "valid share",
-    "condition": "median cond(YᵀY)",
-    "best": "best cond(YᵀY)",
-    "distance": "mean distance",
-    "rank": "effective rank",
-    "nearest": "nearest distance",
-    "distance_diagonal": "mean distance of diag(YᵀY)",
-}
-_BEST = {
-    "condition": "cond of the stack",
-    "log_det": "log det",
-    "covariance_norm": "‖diag P‖",
-    "nmse": "nMSE",
-    "nmse_weighted": "nMSE, weighted",
-    "energy": "energy [J]",
-    "speed": "peak velocity",
-}
-_FIRST = {
-    "seeds": "seeds [s]",
-    "surrogates": "surrogates [s]",
-    "wall": "training, wall [s]",
-    "cpu": "training, CPU [s]",
-    "drawing": "the set itself [s]",
-    "total": "together [s]",
-    "each": "one more [ms]",
-}
-_OBJECTIVES = {
-    "name": ("objective", ""),
-    "success": ("valid share", ".3f"),
-    "condition_one": ("median cond of one", ".4g"),
-    "distance": ("mean distance", ".3g"),
-    "rank": ("effective rank", ".3g"),
-    "pick": ("pick", ""),
-    "condition": ("cond of the stack", ".4g"),
-    "log_det": ("log det", ".4g"),
-    "covariance_norm": ("‖diag P‖", ".3g"),
-}
-_POLISH = {
-    "start": ("start", ""),
-    "steps": ("steps", ""),
-    "seconds": ("CPU per valid trajectory [ms]", ".3g"),
-    "success": ("valid share", ".3f"),
-    "condition": ("median cond(YᵀY)", ".4g"),
-    "distance": ("mean distance", ".3g"),
-    "rank": ("effective rank", ".3g"),
-}
+GOOD, NEAR = 0.97, 1.1  # valid share and factor of the final condition number that are "the same quality"
 _TITLES = {
     RANDOM: "random valid",
     SEEDS: "optimised seeds",
@@ -65,70 +20,75 @@ _FIRST_ROWS = (RANDOM, SEEDS, OPTIMISED)
 _TARGETS = {"another_arm": "another arm", "tool": "a tool", "higher_desk": "a higher desk"}
 
 
-def spread(values: pd.Series | None) -> str:
-    """Mean ± deviation, the value alone where all are alike; a dash where nothing is known."""
-    finite = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
-    if finite.nunique() == 1:
-        return f"{finite.iloc[0]:.3g}"
-    return tables.spread_or_dash(finite)
-
-
-def pools(frame: pd.DataFrame) -> pd.DataFrame:
-    """Validity, excitation and diversity of every pool, over trainings."""
-    return _table(frame, _POOLS)
-
-
-def best(frame: pd.DataFrame, pick: str) -> pd.DataFrame:
-    """What the best set of every pool is worth, over trainings."""
-    return _table(frame[frame.pick == pick], _BEST)
+def shown(artifacts: BeyondArtifacts) -> dict[str, pd.DataFrame]:
+    """Every table of the page whose part was run, by name."""
+    best = artifacts.best
+    parts = {
+        "pools": by_pool(artifacts.pools, "pools"),
+        "first": first(artifacts.first_times),
+        "best_D_optimal": by_pool(best[best.pick == OPTIMAL], "best"),
+        "best_greedy": by_pool(best[best.pick == GREEDY], "best"),
+    }
+    if len(polish := artifacts.polish):
+        parts["polish"] = _formatted(polish.assign(seconds=1000 * polish.seconds), "polish")
+    if len(objectives := artifacts.objectives):
+        named = objectives.assign(name=objectives.name.str.removeprefix("exact_"))
+        parts["objectives"] = _formatted(named, "objectives")
+    if len(artifacts.few):
+        keys = ["variant", "seeds"]
+        parts["few"] = tables.over_groups(artifacts.few.sort_values(keys), keys, COLUMNS["few"], spread)
+        parts["few"] = parts["few"].reset_index("seeds")
+    if len(artifacts.transfers):
+        parts["transfer"] = transfers(artifacts.transfers)
+    return parts
 
 
 def first(times: pd.DataFrame) -> pd.DataFrame:
     """Where the time to the first set goes, over trainings."""
     frame = times.replace(0.0, np.nan)  # what was not needed
-    return _table(frame.assign(each=1000 * frame.each), _FIRST)
-
-
-def objectives(frame: pd.DataFrame) -> pd.DataFrame:
-    """What each objective makes, a row per objective and pick."""
-    named = frame.assign(name=frame.name.str.removeprefix("exact_"))
-    return tables.formatted(named, _OBJECTIVES).set_index("objective")
-
-
-def few(frame: pd.DataFrame) -> pd.DataFrame:
-    """Validity, excitation and diversity against the number of seeds."""
-    labels = {key: _POOLS[key] for key in ("success", "condition", "distance", "rank")}
-    table = tables.over_groups(frame.sort_values(["variant", "seeds"]), ["variant", "seeds"], labels, spread)
-    return table.reset_index("seeds")
-
-
-def polish(frame: pd.DataFrame) -> pd.DataFrame:
-    """The polish curve and that of the optimiser."""
-    return tables.formatted(frame.assign(seconds=1000 * frame.seconds), _POLISH).set_index("start")
+    table = by_pool(frame.assign(each=1000 * frame.each), "first")
+    always = [COLUMNS["first"][key] for key in ("drawing", "total")]
+    return table.assign(**{name: table[name].replace("—", NOT_MEASURED) for name in always})
 
 
 def transfers(frame: pd.DataFrame) -> pd.DataFrame:
     """What each way reaches for each target, and how soon it has the quality of the training from scratch."""
     rows = []
-    for target, part in frame.groupby("target", sort=False):
-        final = final_condition(part)
-        for way, curve in part.groupby("way", sort=False):
-            steps, seconds = arrival(curve, final)
-            last, begun = curve.iloc[-1], curve.iloc[0]
-            rows.append(
-                {
-                    "target": called(str(target)),
-                    "way": way,
-                    "steps": f"{last.steps:g}",
-                    "valid before": f"{begun.success:.3f}" if begun.steps == 0 else "—",
-                    "cond before": f"{begun.condition:.4g}" if begun.steps == 0 else "—",
-                    "valid after": f"{last.success:.3f}",
-                    "cond after": f"{last.condition:.4g}",
-                    "steps to the same": "never" if np.isnan(steps) else f"{steps:g}",
-                    "seconds to the same": "never" if np.isnan(seconds) else f"{seconds:.3g}",
-                }
-            )
-    return pd.DataFrame(rows).set_index("target")
+    for (target, way), curve in frame.groupby(["target", "way"], sort=False):
+        steps, seconds = arrival(curve, final_condition(frame[frame.target == target]))
+        row = {**curve.iloc[-1], "target": called(str(target)), "way": way}
+        row |= {"steps_to": steps, "seconds_to": seconds}
+        if curve.steps.iloc[0] == 0:
+            row |= {f"{key}_before": curve[key].iloc[0] for key in ("success", "condition")}
+        rows.append(row)
+    table = _formatted(pd.DataFrame(rows), "transfer")
+    never = pd.DataFrame(rows).steps_to.isna().to_numpy()
+    for key in ("steps_to", "seconds_to"):
+        name = COLUMNS["transfer"][key][0]
+        table[name] = np.where(never, "never", table[name].replace("—", NOT_MEASURED))
+    return table
+
+
+def arrival(curve: pd.DataFrame, final: float) -> tuple[float, float]:
+    """Steps and seconds after which a training first has the quality; NaN when it never has.
+
+    Args:
+        curve: rows of one training.
+        final: median condition number at the end of the training from scratch.
+    """
+    good = curve[(curve.success >= GOOD) & (curve.condition <= NEAR * final)]
+    return (np.nan, np.nan) if good.empty else (float(good.steps.min()), float(good.seconds.min()))
+
+
+def final_condition(part: pd.DataFrame) -> float:
+    """Median condition number at the end of the training from scratch for one target."""
+    return float(part[part.way == SCRATCH].condition.iloc[-1])
+
+
+def spread(values: pd.Series | None) -> str:
+    """Mean ± deviation, the value alone where all are alike; a dash where nothing is known."""
+    finite = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
+    return f"{finite.iloc[0]:.3g}" if finite.nunique() == 1 else tables.spread_or_dash(finite)
 
 
 def called(target: str) -> str:
@@ -136,14 +96,20 @@ def called(target: str) -> str:
     return _TARGETS.get(target, target)
 
 
-def _table(frame: pd.DataFrame, labels: dict[str, str]) -> pd.DataFrame:
-    """A row per pool: what was not generated comes first."""
-    table = tables.over_groups(frame, "name", labels, spread)
+def title(name: str) -> str:
+    """Name of a pool for people."""
+    return _TITLES.get(name, name)
+
+
+def by_pool(frame: pd.DataFrame, name: str) -> pd.DataFrame:
+    """A row per pool, over trainings: what was not generated comes first."""
+    table = tables.over_groups(frame, "name", COLUMNS[name], spread)
     generated = [name for name in tables.ordered(table.index) if name not in _FIRST_ROWS]
     names = [name for name in (*_FIRST_ROWS, *generated) if name in table.index]
     return table.loc[names].rename(index=title).rename_axis("from")
 
 
-def title(name: str) -> str:
-    """Name of a pool for people."""
-    return _TITLES.get(name, name)
+def _formatted(frame: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Columns for people, the first of which names the rows."""
+    table = tables.formatted(frame, COLUMNS[name])
+    return table.set_index(table.columns[0])

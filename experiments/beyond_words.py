@@ -1,6 +1,7 @@
 """Numbers that the sentences of the page on exact physics name."""
 
-from operator import itemgetter
+from collections.abc import Mapping
+from operator import gt, itemgetter, lt
 from typing import Any
 
 import numpy as np
@@ -8,27 +9,24 @@ import pandas as pd
 
 from experiments.artifacts import RANDOM, SEEDS
 from experiments.artifacts_beyond import OPTIMAL, OPTIMISED, SCRATCH, TRANSFER, BeyondArtifacts
-from experiments.beyond_frames import GOOD, NEAR, Measures, arrival, final_condition, first_times, trained_cpu
-from experiments.beyond_tables import called, title
+from experiments.beyond_goals import trained_cpu
+from experiments.beyond_tables import arrival, called, final_condition, title
+from experiments.words import COLUMNS
+
+Measures = dict[str, float]
 
 _CROWDED = 1.2  # wall time over CPU time, from which on the page says so
-_LOWER = {
-    "condition": "median condition number",
-    "energy": "energy per trajectory",
-    "nmse": "unweighted nMSE",
-    "nmse_weighted": "weighted nMSE",
-    "stack": "condition number of the stacked set",
-    "covariance_norm": "covariance norm of the set",
-    "total": "time to the first set",
-    "each": "time per further trajectory",
-}
-_HIGHER = {
-    "success": "valid share",
-    "distance": "mean distance",
-    "rank": "effective rank",
-    "distance_diagonal": "diversity of diag(YᵀY)",
-}
+_LOWER, _HIGHER = COLUMNS["lower_is_better"], COLUMNS["higher_is_better"]
 _INFORMATIVE = ("condition", "stack", "covariance_norm", "nmse_weighted")
+
+
+def summary(artifacts: BeyondArtifacts) -> dict[str, Measures]:
+    """All measures of every pool: means over trainings, sets by the D-optimal pick."""
+    best = artifacts.best[artifacts.best.pick == OPTIMAL].rename(columns={"condition": "stack"})
+    times = artifacts.first_times[["name", "total", "each"]]
+    means = [frame.groupby("name").mean(numeric_only=True) for frame in (best, artifacts.pools, times)]
+    names = artifacts.pools.name.unique()
+    return {name: {str(k): float(x) for one in means for k, x in one.loc[name].items()} for name in names}
 
 
 def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
@@ -38,13 +36,10 @@ def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
     terms = {name: x.exact.terms.values() for name, x in variants.items() if x.exact is not None}
     source = cfg.gan[artifacts.source]
     numbers = {
-        "good": GOOD,
-        "near": NEAR - 1,
         "compared": min(cfg.scale.evaluation, cfg.seeds.count, cfg.library.count),
-        "crowding": _crowding(artifacts),
+        "crowding": _crowding(artifacts.first_times),
         "together": {name: max((term.together for term in x), default=1) for name, x in terms.items()},
         "source_steps": source.epochs * (source.steps or 1),
-        "targets": _targets(artifacts),
     }
     parts = {"polish": _polish, "objectives": _objectives, "few": _few}
     return numbers | {
@@ -52,20 +47,10 @@ def facts(artifacts: BeyondArtifacts) -> dict[str, Any]:
     }
 
 
-def _crowding(artifacts: BeyondArtifacts) -> float | None:
-    """Wall time over CPU time of trainings, where that is known and much."""
-    measured = first_times(artifacts).dropna(subset=["cpu"])
-    ratio = float((measured.wall / measured.cpu).mean()) if len(measured) else 1.0
+def _crowding(times: pd.DataFrame) -> float | None:
+    """Wall time over CPU time of trainings, where that is measured and much."""
+    ratio = float((times.wall / times.cpu).mean())
     return ratio if ratio >= _CROWDED else None
-
-
-def _targets(artifacts: BeyondArtifacts) -> list[str]:
-    """What is special about each target for transfer."""
-    words = []
-    for name, target in artifacts.cfg.beyond.targets.items():
-        words += [f"{called(name)}: {target.payload:g} kg"] if target.payload else []
-        words += [f"{called(name)}: {target.desk:g} m"] if target.desk is not None else []
-    return words
 
 
 def _polish(artifacts: BeyondArtifacts) -> dict[str, Any]:
@@ -103,29 +88,32 @@ def _few(artifacts: BeyondArtifacts) -> dict[str, list[int]]:
     return {str(n): sorted(part.seeds.unique()) for n, part in frame.groupby("variant", sort=False)}
 
 
-def choices(artifacts: BeyondArtifacts, summary: dict[str, Measures]) -> dict[str, Any]:
+def choices(artifacts: BeyondArtifacts, summary: Mapping[str, Measures]) -> dict[str, Any]:
     """Numbers that say for whom each way is the right choice.
 
     Returns:
-        source, quickest (the way to a first set, chance left aside), optimiser_is_quickest, slower (the
-        source than that); each (one more trajectory by the source and by the optimiser [s]), training of the
-        source [s], worth (trajectories from which on it pays, or None), conditions of both; informative (the
-        two best ways by each measure); elsewhere (of each target, steps to the same quality by transfer and
-        from scratch, last valid share); measures and wins (those in which another way is better).
+        source, quickest (the way to a first set, chance left aside; None where no time was measured),
+        optimiser_is_quickest, slower (the source than that); each (one more trajectory by the source and by
+        the optimiser [s]), training of the source [s], worth (trajectories from which on it pays, or None),
+        conditions of both; informative (the two best ways by each measure); elsewhere (of each target, steps
+        to the same quality by transfer and from scratch, last valid share); measures and wins (those in
+        which another way is better).
     """
     source = artifacts.source
-    quickest = min((name for name in summary if name != RANDOM), key=lambda name: summary[name]["total"])
+    totals = {n: x["total"] for n, x in summary.items() if n != RANDOM and not np.isnan(x["total"])}
+    quickest = min(totals, key=totals.__getitem__, default=None)
+    first = totals.get(quickest, np.nan)
     ours, optimised = summary[source], summary[OPTIMISED]
     training, gain = trained_cpu(artifacts, source).mean(), optimised["each"] - ours["each"]
     return {
         "source": source,
         "quickest": quickest,
-        "first": summary[quickest]["total"],
+        "first": first,
         "optimiser_is_quickest": quickest in (SEEDS, OPTIMISED),
-        "slower": ours["total"] / summary[quickest]["total"],
+        "slower": ours["total"] / first,
         "each": (ours["each"], optimised["each"]),
         "training": training,
-        "worth": training / gain if gain > 0 else None,
+        "worth": None if gain <= 0 else training / gain,
         "conditions": (ours["condition"], optimised["condition"]),
         "informative": {_LOWER[key]: _two_best(summary, key) for key in _INFORMATIVE},
         "elsewhere": _elsewhere(artifacts.transfers),
@@ -134,7 +122,7 @@ def choices(artifacts: BeyondArtifacts, summary: dict[str, Measures]) -> dict[st
     }
 
 
-def _two_best(summary: dict[str, Measures], key: str) -> list[tuple[str, float]]:
+def _two_best(summary: Mapping[str, Measures], key: str) -> list[tuple[str, float]]:
     values = {name: measures[key] for name, measures in summary.items()}
     return sorted(values.items(), key=itemgetter(1))[:2]
 
@@ -142,15 +130,13 @@ def _two_best(summary: dict[str, Measures], key: str) -> list[tuple[str, float]]
 def _elsewhere(frame: pd.DataFrame) -> list[tuple[str, float, float, float]]:
     rows = []
     for target, part in frame.groupby("target", sort=False) if len(frame) else []:
-        final = final_condition(part)
-        curves = {str(way): curve for way, curve in part.groupby("way", sort=False)}
-        steps = {way: arrival(curve, final)[0] for way, curve in curves.items()}
-        transfer, scratch = (steps.get(way, np.nan) for way in (TRANSFER, SCRATCH))
-        end = float(curves[TRANSFER].success.iloc[-1])
-        rows.append((called(str(target)), transfer, scratch, end))
+        transfer, scratch = (part[part.way == way] for way in (TRANSFER, SCRATCH))
+        steps = [arrival(curve, final_condition(part))[0] for curve in (transfer, scratch)]
+        rows.append((called(str(target)), *steps, float(transfer.success.iloc[-1])))
     return rows
 
 
 def _wins(theirs: Measures, ours: Measures) -> list[str]:
-    lower = [label for key, label in _LOWER.items() if theirs[key] < ours[key]]
-    return lower + [label for key, label in _HIGHER.items() if theirs[key] > ours[key]]
+    """Measures in which another way is better."""
+    signs = ((_LOWER, lt), (_HIGHER, gt))
+    return [label for labels, less in signs for k, label in labels.items() if less(theirs[k], ours[k])]

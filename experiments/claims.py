@@ -1,6 +1,6 @@
 """The paper's claims beside what was measured here, each with a verdict that follows from the numbers.
 
-The words of a claim are in ``paper.yaml``; the criterion of each is a function of its name below.
+The words of a claim are in ``paper.yaml``; the criterion of each is a method of its name below.
 """
 
 from collections import Counter
@@ -13,16 +13,17 @@ import pandas as pd
 
 from experiments import comparisons, exp2
 from experiments.artifacts import Artifacts
-from experiments.paper import PAPER
 from experiments.training import EARLY, RELIABLE
-from sidegan.report.style import seconds
+from experiments.words import PAPER
+from sidegan.report.style import NOT_MEASURED, number, seconds
 from sidegan.report.tables import spread
 
 HOLDS, PART, NOT = "holds", "holds in part", "does not hold"
+UNKNOWN = NOT_MEASURED
 SIDE_GANS = ("eigen", "diagonal")
 _GANS = ("vanilla", *SIDE_GANS)
-_SIGNS = {HOLDS: "🟢", PART: "🟡", NOT: "🔴"}
-_PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
+_SIGNS = {HOLDS: "🟢", PART: "🟡", NOT: "🔴", UNKNOWN: "⚪"}
+_PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold", UNKNOWN: UNKNOWN}
 _STRUGGLES = 0.4  # valid share that vanilla stays below
 _COMPARABLE, _MORE = 0.85, 0.1  # of the seeds' mean distance; of what "significantly more" is
 _FAILS, _NEARLY = 0.001, 0.1  # valid shares of density estimates that fail completely, or nearly
@@ -56,9 +57,9 @@ class Claim(NamedTuple):
 
 def claims(artifacts: Artifacts) -> list[Claim]:
     """Every claim, in the order of the paper."""
-    judged = []
+    judged, criteria = [], _Criteria(artifacts)
     for key, words in PAPER["claims"].items():
-        finding = _CRITERIA[key](artifacts)
+        finding: Finding = getattr(criteria, key)()
         text, why = (words[part].format(**finding.numbers) for part in ("claim", "why"))
         judged.append(Claim(key, text, words["where"], words["paper"], finding.ours, finding.verdict, why))
     return judged
@@ -86,151 +87,148 @@ def counted(judged: Iterable[Claim]) -> str:
     return ", ".join(f"{n} {_PLURAL[verdict] if n > 1 else verdict}" for verdict, n in parts.items())
 
 
-def _reliable(artifacts: Artifacts) -> Finding:
-    early = _at(artifacts.histories, SIDE_GANS, "success", EARLY)
-    ours = f"{_listed(early, _share, '; ')} valid after {EARLY} epochs"
-    verdict = _graded(x.mean() >= RELIABLE for x in early.values())
-    return Finding(verdict, ours, {"epochs": EARLY, "reliable": RELIABLE})
+@dataclass(frozen=True)
+class _Criteria:
+    """The criterion of each claim, by its name in ``paper.yaml``, and what they share."""
 
+    artifacts: Artifacts
 
-def _vanilla_fails(artifacts: Artifacts) -> Finding:
-    best = _by_training(artifacts.histories, "vanilla", "success").max().to_numpy()
-    return Finding(HOLDS if best.mean() < _STRUGGLES else NOT, f"at best {_share(best)} valid")
+    def reliable(self) -> Finding:
+        early = self._at(SIDE_GANS, "success", EARLY)
+        ours = f"{_listed(early, _share, '; ')} valid after {EARLY} epochs"
+        verdict = _graded(x.mean() >= RELIABLE for x in early.values())
+        return Finding(verdict, ours, {"epochs": EARLY, "reliable": RELIABLE})
 
+    def vanilla_fails(self) -> Finding:
+        best = _by_training(self.artifacts.histories, "vanilla", "success").max().to_numpy()
+        return Finding(HOLDS if best.mean() < _STRUGGLES else NOT, f"at best {_share(best)} valid")
 
-def _fitter(artifacts: Artifacts) -> Finding:
-    late = _late(artifacts, _GANS, "condition")
-    gains = {n: np.median(late["vanilla"]) / np.median(late[n]) for n in SIDE_GANS}
-    ours = f"median cond(YᵀY): {_listed(late, _plain, '; ')}; "
-    ours += ", ".join(f"{n} {gain:.2g} × better" for n, gain in gains.items())
-    return Finding(_graded(gain > 1 for gain in gains.values()), ours)
+    def fitter(self) -> Finding:
+        late = self._late(_GANS, "condition")
+        gains = {n: np.median(late["vanilla"]) / np.median(late[n]) for n in SIDE_GANS}
+        ours = f"median cond(YᵀY): {_listed(late, _plain, '; ')}; "
+        ours += ", ".join(f"{n} {gain:.2g} × better" for n, gain in gains.items())
+        return Finding(_graded(gain > 1 for gain in gains.values()), ours)
 
+    def diverse(self) -> Finding:
+        seeds, distance = self.artifacts.seeds, self._late(_GANS, "distance")
+        rank = self._late(SIDE_GANS, "rank")
+        enough = _COMPARABLE * seeds["distance"]
+        verdict = _graded(
+            distance[n].mean() > distance["vanilla"].mean() and distance[n].mean() > enough for n in SIDE_GANS
+        )
+        ours = f"mean distance: {_listed(distance)}, seeds {seeds['distance']:.3g}; "
+        ours += f"effective rank: {_listed(rank)}, seeds {seeds['rank']:.3g}"
+        return Finding(verdict, ours, {"comparable": _COMPARABLE})
 
-def _diverse(artifacts: Artifacts) -> Finding:
-    seeds, distance = artifacts.seeds, _late(artifacts, _GANS, "distance")
-    rank = _late(artifacts, SIDE_GANS, "rank")
-    enough = _COMPARABLE * seeds["distance"]
-    verdict = _graded(
-        distance[n].mean() > distance["vanilla"].mean() and distance[n].mean() > enough for n in SIDE_GANS
-    )
-    ours = f"mean distance: {_listed(distance)}, seeds {seeds['distance']:.3g}; "
-    ours += f"effective rank: {_listed(rank)}, seeds {seeds['rank']:.3g}"
-    return Finding(verdict, ours, {"comparable": _COMPARABLE})
+    def diverse_diagonals(self) -> Finding:
+        return self._against_seeds(self._late(SIDE_GANS, "distance_diagonal"), 1 + _MORE)
 
+    def diverse_union(self) -> Finding:
+        diagonals = self.artifacts.generators.set_index("name").union_distance_diagonal
+        return self._against_seeds({n: diagonals.loc[[n]].to_numpy(float) for n in SIDE_GANS}, 1.0)
 
-def _diverse_diagonals(artifacts: Artifacts) -> Finding:
-    return _against_seeds(artifacts, _late(artifacts, SIDE_GANS, "distance_diagonal"), 1 + _MORE)
+    def _against_seeds(self, diagonals: Values, factor: float) -> Finding:
+        """Whether distances of diagonals are so many times those of the seeds."""
+        seeds = self.artifacts.seeds["distance_diagonal"]
+        verdict = _graded(x.mean() > factor * seeds for x in diagonals.values())
+        return Finding(verdict, f"{_listed(diagonals)}, seeds {seeds:.3g}", {"more": _MORE})
 
+    def density_fails(self) -> Finding:
+        share = self.artifacts.density.sort_values("bandwidth").success.iloc[-1]
+        verdict = HOLDS if share < _FAILS else PART if share < _NEARLY else NOT
+        return Finding(verdict, f"{share:.2%} valid at Scott's bandwidth")
 
-def _diverse_union(artifacts: Artifacts) -> Finding:
-    diagonals = artifacts.generators.set_index("name").union_distance_diagonal
-    return _against_seeds(artifacts, {n: diagonals.loc[[n]].to_numpy(float) for n in SIDE_GANS}, 1.0)
+    def few_seeds_fail(self) -> Finding:
+        smallest = int(self.artifacts.subsets.seeds.min())
+        part = self.artifacts.subsets[self.artifacts.subsets.seeds == smallest]
+        last = {n: _by_training(part, n, "success").iloc[-1].to_numpy() for n in SIDE_GANS}
+        verdict = HOLDS if min(x.mean() for x in last.values()) < _FEW else NOT
+        return Finding(verdict, _listed(last, _share, "; "), {"seeds": smallest})
 
+    def short_beat_long(self) -> Finding:
+        mean, cfg = self._table1(), self.artifacts.cfg
+        seeds = mean.get_group("seeds")
+        longs = {f"long-{h}": mean.get_group(f"long-{h}") for h in sorted(cfg.long.harmonics, key=str)}
+        ratios = {n: x.mean() / seeds.mean() for n, x in longs.items()}
+        parts = [
+            f"long with {n.removeprefix('long-')} harmonics {spread(x)} ({ratios[n]:.3g} × the seeds' error)"
+            for n, x in longs.items()
+        ]
+        ours = f"{'; '.join(parts)}; {cfg.selection.count} seeds {spread(seeds)}"
+        numbers = {"fewest": min(cfg.long.harmonics), "starts": cfg.long.starts, "period": cfg.long.period}
+        numbers |= {"count": cfg.selection.count}
+        return Finding(_graded(ratio > 1 for ratio in ratios.values()), ours, numbers)
 
-def _against_seeds(artifacts: Artifacts, diagonals: Values, factor: float) -> Finding:
-    """Whether distances of diagonals are so many times those of the seeds."""
-    seeds = artifacts.seeds["distance_diagonal"]
-    verdict = _graded(x.mean() > factor * seeds for x in diagonals.values())
-    return Finding(verdict, f"{_listed(diagonals)}, seeds {seeds:.3g}", {"more": _MORE})
+    def generated_beat_seeds(self) -> Finding:
+        mean = self._table1()
+        seeds, grown = mean.get_group("seeds"), {n: mean.get_group(n) for n in SIDE_GANS}
+        gains = {n: seeds.mean() / x.mean() for n, x in grown.items()}
+        ours = "; ".join(f"{n} {spread(x)} ({gains[n]:.2g} ×)" for n, x in grown.items())
+        numbers = {"count": self.artifacts.cfg.selection.count}
+        return Finding(
+            _graded(gain > 1 for gain in gains.values()), f"{ours}; seeds {spread(seeds)}", numbers
+        )
 
+    def generated_improve(self) -> Finding:
+        gains = self._improvements()
+        first = min(self.artifacts.cfg.replication.replicas)
+        ours = "; ".join(f"{n} ×{replicas}: {gain:.0f} %" for (n, replicas), gain in gains.items())
+        return Finding(_graded(gains[n, first] > 0 for n in _GANS), ours)
 
-def _density_fails(artifacts: Artifacts) -> Finding:
-    share = artifacts.density.sort_values("bandwidth").success.iloc[-1]
-    verdict = HOLDS if share < _FAILS else PART if share < _NEARLY else NOT
-    return Finding(verdict, f"{share:.2%} valid at Scott's bandwidth")
+    def more_than_vanilla(self) -> Finding:
+        gains = self._improvements(min)
+        return Finding(_graded(gains[n] > gains["vanilla"] for n in SIDE_GANS), _percent(gains))
 
+    def not_replaced(self) -> Finding:
+        gains = self._improvements(max)
+        most = {"most": max(self.artifacts.cfg.replication.replicas)}
+        return Finding(_graded(gains[n] > 0 for n in _GANS), _percent(gains), most)
 
-def _few_seeds_fail(artifacts: Artifacts) -> Finding:
-    smallest = int(artifacts.subsets.seeds.min())
-    part = artifacts.subsets[artifacts.subsets.seeds == smallest]
-    last = {n: _by_training(part, n, "success").iloc[-1].to_numpy() for n in SIDE_GANS}
-    verdict = HOLDS if min(x.mean() for x in last.values()) < _FEW else NOT
-    return Finding(verdict, _listed(last, _share, "; "), {"seeds": smallest})
+    def smallest_norm(self) -> Finding:
+        norms = self.artifacts.whole_facts.groupby("set").covariance_norm.mean()
+        least = norms[[*_GANS]].idxmin() == "eigen"
+        once = norms[f"seeds ×{min(self.artifacts.cfg.replication.replicas)}"]
+        ours = "; ".join(f"{n} {x:.3g}" for n, x in norms.items())
+        return Finding(HOLDS if least and norms["eigen"] < once else NOT, ours)
 
+    def faster(self) -> Finding:
+        ours = comparisons.durations(self.artifacts).ours
+        ratio = ours["seed"] / ours["generation"]
+        words = f"{seconds(ours['generation'])} against {seconds(ours['seed'])} ({number(ratio, ',.0f')} ×)"
+        faster = {"seeds_faster": number(PAPER["seconds"]["seed"] / ours["seed"], ",.0f")}
+        return Finding(_measured(ratio, ratio > _ORDERS), words, faster)
 
-def _short_beat_long(artifacts: Artifacts) -> Finding:
-    mean, cfg = _table1(artifacts), artifacts.cfg
-    seeds = mean.get_group("seeds")
-    longs = {f"long-{h}": mean.get_group(f"long-{h}") for h in sorted(cfg.long.harmonics, key=str)}
-    ratios = {n: x.mean() / seeds.mean() for n, x in longs.items()}
-    parts = [
-        f"long with {n.removeprefix('long-')} harmonics {spread(x)} ({ratios[n]:.3g} × the seeds' error)"
-        for n, x in longs.items()
-    ]
-    ours = f"{'; '.join(parts)}; {cfg.selection.count} seeds {spread(seeds)}"
-    numbers = {"fewest": min(cfg.long.harmonics), "period": cfg.long.period, "count": cfg.selection.count}
-    return Finding(_graded(ratio > 1 for ratio in ratios.values()), ours, numbers)
+    def checked(self) -> Finding:
+        rate = 1 / comparisons.durations(self.artifacts).ours["checked"]
+        enough = rate >= 1 / PAPER["seconds"]["checked"]
+        return Finding(_measured(rate, enough), f"{number(rate, ',.0f')} /s")
 
+    def _at(self, names: Iterable[str], key: str, epoch: int) -> Values:
+        """A metric after an epoch, or the last one there is."""
+        curves = {n: _by_training(self.artifacts.histories, n, key) for n in names}
+        return {n: x.iloc[min(epoch, len(x)) - 1].to_numpy() for n, x in curves.items()}
 
-def _generated_beat_seeds(artifacts: Artifacts) -> Finding:
-    mean = _table1(artifacts)
-    seeds, grown = mean.get_group("seeds"), {n: mean.get_group(n) for n in SIDE_GANS}
-    gains = {n: seeds.mean() / x.mean() for n, x in grown.items()}
-    ours = "; ".join(f"{n} {spread(x)} ({gains[n]:.2g} ×)" for n, x in grown.items())
-    numbers = {"count": artifacts.cfg.selection.count}
-    return Finding(_graded(gain > 1 for gain in gains.values()), f"{ours}; seeds {spread(seeds)}", numbers)
+    def _late(self, names: Iterable[str], key: str) -> Values:
+        """Mean of a metric over the epochs after ``_LATE``, or of the last one there is."""
+        curves = {n: _by_training(self.artifacts.histories, n, key) for n in names}
+        return {n: x.iloc[min(_LATE, len(x) - 1) :].mean().to_numpy() for n, x in curves.items()}
 
+    def _table1(self) -> Any:
+        """Unweighted nMSE of experiment 1, mean over joints, grouped by set."""
+        raw = self.artifacts.errors[~self.artifacts.errors.weighted]
+        return raw.groupby(["set", "training", "repeat"]).nmse.mean().groupby("set")
 
-def _generated_improve(artifacts: Artifacts) -> Finding:
-    gains = _improvements(artifacts)
-    first = min(artifacts.cfg.replication.replicas)
-    ours = "; ".join(f"{n} ×{replicas}: {gain:.0f} %" for (n, replicas), gain in gains.items())
-    return Finding(_graded(gains[n, first] > 0 for n in _GANS), ours)
-
-
-def _more_than_vanilla(artifacts: Artifacts) -> Finding:
-    gains = _improvements(artifacts, min)
-    return Finding(_graded(gains[n] > gains["vanilla"] for n in SIDE_GANS), _percent(gains))
-
-
-def _not_replaced(artifacts: Artifacts) -> Finding:
-    gains = _improvements(artifacts, max)
-    most = {"most": max(artifacts.cfg.replication.replicas)}
-    return Finding(_graded(gains[n] > 0 for n in _GANS), _percent(gains), most)
-
-
-def _smallest_norm(artifacts: Artifacts) -> Finding:
-    norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
-    least = norms[[*_GANS]].idxmin() == "eigen"
-    once = norms[f"seeds ×{min(artifacts.cfg.replication.replicas)}"]
-    ours = "; ".join(f"{n} {x:.3g}" for n, x in norms.items())
-    return Finding(HOLDS if least and norms["eigen"] < once else NOT, ours)
-
-
-def _faster(artifacts: Artifacts) -> Finding:
-    ours = comparisons.durations(artifacts).ours
-    ratio = ours["seed"] / ours["generation"]
-    words = f"{seconds(ours['generation'])} against {seconds(ours['seed'])} ({ratio:,.0f} ×)"
-    faster = {"seeds_faster": PAPER["seconds"]["seed"] / ours["seed"]}
-    return Finding(HOLDS if ratio > _ORDERS else NOT, words, faster)
-
-
-def _checked(artifacts: Artifacts) -> Finding:
-    ours = comparisons.durations(artifacts).ours["checked"]
-    return Finding(HOLDS if ours <= PAPER["seconds"]["checked"] else NOT, f"{1 / ours:,.0f} /s")
-
-
-_CRITERIA: dict[str, Callable[[Artifacts], Finding]] = {
-    criterion.__name__.removeprefix("_"): criterion
-    for criterion in (
-        _reliable,
-        _vanilla_fails,
-        _fitter,
-        _diverse,
-        _diverse_diagonals,
-        _diverse_union,
-        _density_fails,
-        _few_seeds_fail,
-        _short_beat_long,
-        _generated_beat_seeds,
-        _generated_improve,
-        _more_than_vanilla,
-        _not_replaced,
-        _smallest_norm,
-        _faster,
-        _checked,
-    )
-}
+    def _improvements(self, which: Callable[[list[int]], int] | None = None) -> dict[Any, float]:
+        """Unweighted improvement [%] by variant and replicas; by variant alone where replicas are chosen."""
+        errors, replicas = self.artifacts.whole_errors, self.artifacts.cfg.replication.replicas
+        plain = errors[~errors.weighted]
+        gains = {
+            (n, r): float(exp2.improvement(plain, n, f"seeds ×{r}").improvement.mean())
+            for n in _GANS
+            for r in replicas
+        }
+        return gains if which is None else {n: gains[n, which(replicas)] for n in _GANS}
 
 
 def _by_training(histories: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
@@ -238,34 +236,8 @@ def _by_training(histories: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
     return histories[histories.variant == name].pivot(index="epoch", columns="training", values=key)
 
 
-def _at(histories: pd.DataFrame, names: Iterable[str], key: str, epoch: int) -> Values:
-    """A metric after an epoch, or the last one there is."""
-    curves = {n: _by_training(histories, n, key) for n in names}
-    return {n: x.iloc[min(epoch, len(x)) - 1].to_numpy() for n, x in curves.items()}
-
-
-def _late(artifacts: Artifacts, names: Iterable[str], key: str) -> Values:
-    """Mean of a metric over the epochs after ``_LATE``, or of the last one there is."""
-    curves = {n: _by_training(artifacts.histories, n, key) for n in names}
-    return {n: x.iloc[min(_LATE, len(x) - 1) :].mean().to_numpy() for n, x in curves.items()}
-
-
-def _table1(artifacts: Artifacts) -> Any:
-    """Unweighted nMSE of experiment 1, mean over joints, grouped by set."""
-    raw = artifacts.errors[~artifacts.errors.weighted]
-    return raw.groupby(["set", "training", "repeat"]).nmse.mean().groupby("set")
-
-
-def _improvements(artifacts: Artifacts, which: Callable[[list[int]], int] | None = None) -> dict[Any, float]:
-    """Unweighted improvement [%] by variant and replicas; by variant alone where replicas are chosen."""
-    errors, replicas = artifacts.whole_errors, artifacts.cfg.replication.replicas
-    plain = errors[~errors.weighted]
-    gains = {
-        (n, r): float(exp2.improvement(plain, n, f"seeds ×{r}").improvement.mean())
-        for n in _GANS
-        for r in replicas
-    }
-    return gains if which is None else {n: gains[n, which(replicas)] for n in _GANS}
+def _measured(value: float, holds: bool) -> str:
+    return UNKNOWN if np.isnan(value) else HOLDS if holds else NOT
 
 
 def _graded(each: Iterable[bool]) -> str:

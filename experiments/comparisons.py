@@ -7,38 +7,17 @@ import pandas as pd
 import torch
 
 from experiments.artifacts import Artifacts
-from experiments.paper import PAPER
 from experiments.training import EARLY
+from experiments.words import COLUMNS, PAPER
 from sidegan.design.excitation import effective_rank, mean_distance
 from sidegan.library import Library
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.training import generator as trained
+from sidegan.pipeline.stages.training import generators, surrogates
 from sidegan.report import tables
+from sidegan.report.style import NOT_MEASURED, number
 
-_LAST = {
-    "success": "valid share",
-    "condition": "median cond(YᵀY)",
-    "distance": "mean distance",
-    "rank": "effective rank",
-    "distance_diagonal": "mean distance of diag(YᵀY)",
-}
-_LONG = {
-    "condition": ("cond(YᵀY)", ".4g"),
-    "starts": ("starts", ".4g"),
-    "cpu_seconds": ("CPU [s]", ".4g"),
-    "allotted_seconds": ("CPU of the short ones [s]", ".4g"),
-}
-_COSTS = {
-    "what": ("what", ""),
-    "ours": ("ours [s]", ".3g"),
-    "paper": ("paper [s]", ".3g"),
-    "ratio": ("times faster", ",.0f"),
-}
-_DENSITY = {
-    "bandwidth": ("bandwidth [Scott's]", "g"),
-    "success": ("valid share", ".4f"),
-    "condition": ("median cond(YᵀY)", ".3g"),
-    "distance": ("mean distance", ".3g"),
-    "from_seed": ("distance to the nearest seed", ".3g"),
-}
+Kinds = dict[str, tuple[dict[str, Any], Library]]
 
 
 def ablation(histories: pd.DataFrame) -> pd.DataFrame:
@@ -47,7 +26,7 @@ def ablation(histories: pd.DataFrame) -> pd.DataFrame:
     last = histories[histories.epoch == length]
     early = histories[histories.epoch == length.clip(upper=EARLY)]
     first = tables.over_groups(early, "variant", {"success": f"valid after {EARLY} epochs"})
-    return first.join(tables.over_groups(last, "variant", _LAST))
+    return first.join(tables.over_groups(last, "variant", COLUMNS["ablation"]))
 
 
 def last_epochs(histories: pd.DataFrame) -> pd.DataFrame:
@@ -57,49 +36,54 @@ def last_epochs(histories: pd.DataFrame) -> pd.DataFrame:
 
 def densities(frame: pd.DataFrame) -> pd.DataFrame:
     """Kernel density estimates by bandwidth, for people."""
-    return tables.formatted(frame, _DENSITY).set_index("bandwidth [Scott's]")
+    return tables.formatted(frame, COLUMNS["density"]).set_index("bandwidth [Scott's]")
 
 
 def longs(artifacts: Artifacts) -> pd.DataFrame:
     """How the single long trajectories were reached, for people."""
-    reports = pd.DataFrame({f"{h} harmonics": report for h, (report, _) in artifacts.longs.items()}).T
-    return tables.formatted(reports, _LONG).rename_axis("single long trajectory")
+    reports = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in artifacts.longs.items()}
+    table = tables.formatted(pd.DataFrame(reports).T, COLUMNS["long"], NOT_MEASURED)
+    return table.rename_axis("single long trajectory")
 
 
 def durations(artifacts: Artifacts) -> pd.DataFrame:
-    """Each time of the paper's text beside ours [s], by key: what, ours, paper."""
-    seeds, speed, walls = artifacts.seeds, artifacts.speed, artifacts.training_wall
-    trainings = [walls(name, k) for name in artifacts.cfg.gan for k in artifacts.cfg.trainings]
+    """Each time of the paper's text beside ours [s], by key: what, ours, paper; NaN where not measured."""
+    seeds, speed, task = artifacts.seeds, artifacts.speed, artifacts.task
+    walls = [artifacts.seconds(trained(task, name, k)) for name, k in generators(task)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
     rows = {
         "long": ("the single long trajectory, CPU", long),
         "seed": ("one seed, CPU", seeds["cpu_seconds"] / seeds["count"]),
         "colony": ("one seed by gaco + compass search, CPU", np.nan),
-        "seeds": ("the seed set, wall", artifacts.seeds_seconds),
-        "surrogates": ("the surrogates, wall", artifacts.surrogates_seconds),
-        "training": ("one training, wall", float(np.mean(trainings))),
+        "seeds": ("the seed set, wall", artifacts.seconds(seed_set(task))),
+        "surrogates": ("the surrogates, wall", artifacts.seconds(surrogates(task, "broad"))),
+        "training": ("one training, wall", float(np.mean(walls))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
         "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),
     }
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
     frame["paper"] = pd.Series(PAPER["seconds"], dtype=float).reindex(frame.index)
-    if "paper" in artifacts.kinds:  # the paper's optimiser
-        kind, _ = artifacts.kinds["paper"]
-        frame.loc["colony", ["ours", "paper"]] = kind["cpu_seconds"] / kind["count"], frame.paper["seed"]
-    return frame.dropna(subset="ours")
+    if "paper" not in artifacts.kinds:  # the paper's optimiser
+        return frame.drop(index="colony")
+    kind, _ = artifacts.kinds["paper"]
+    frame.loc["colony", ["ours", "paper"]] = kind["cpu_seconds"] / kind["count"], frame.paper["seed"]
+    return frame
 
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """Times beside the paper's, for people."""
-    return tables.formatted(frame.assign(ratio=frame.paper / frame.ours), _COSTS).set_index("what")
+    table = tables.formatted(frame.assign(ratio=frame.paper / frame.ours), COLUMNS["timing"])
+    name = COLUMNS["timing"]["ours"][0]
+    return table.assign(**{name: table[name].replace("—", NOT_MEASURED)}).set_index("what")
 
 
-def kinds(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
+def kinds(kinds: Kinds) -> pd.DataFrame:
     """Kinds of seeds for people; diversity is compared of equally many."""
     fewest = min(len(library) for _, library in kinds.values())
     rows = {}
     for name, (report, library) in kinds.items():
         c = library.coefficients[:fewest]
+        cost = report["cpu_seconds"] / report["count"]
         rows[name] = {
             "seeds": str(len(library)),
             "median cond(YᵀY)": f"{library.fitness.median():.4g}",
@@ -107,12 +91,12 @@ def kinds(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
             "median diagonal ratio": f"{library.diagonal_fitness.median():.4g}",
             f"mean distance of {fewest}": f"{mean_distance(c):.3g}" if fewest > 1 else "—",
             f"effective rank of {fewest}": f"{effective_rank(c):.3g}" if fewest > 1 else "—",
-            "CPU per seed [s]": f"{report['cpu_seconds'] / report['count']:.3g}",
+            "CPU per seed [s]": number(cost, ".3g"),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("kind")
 
 
-def kind_points(kinds: dict[str, tuple[dict[str, Any], Library]]) -> pd.DataFrame:
+def kind_points(kinds: Kinds) -> pd.DataFrame:
     """Columns kind, quality (condition number), diversity (distance to the nearest other), a row per seed."""
     fewest = min(len(library) for _, library in kinds.values())
     parts = []

@@ -9,12 +9,12 @@ import pandas as pd
 
 from experiments import training
 from experiments.artifacts import Artifacts
-from experiments.paper import PAPER
+from experiments.pages import leave
+from experiments.words import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
-from sidegan.report.canvas import save
-from sidegan.report.export import publish, show, write_table
+from sidegan.report.export import show, write_table
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 PLANT, PLANT_WEIGHTED = "MuJoCo plant", "MuJoCo plant, weighted"
@@ -40,22 +40,18 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(artifacts.generators), "Seeds and generators, true physics"),
     }
-    for name, (table, words) in shown.items():
-        publish(table, folder / name, words, tracker)
-    for name, figure in {"training": training.figure(artifacts), "nmse": figures.errors(raw)}.items():
-        tracker.log_artifact(save(figure, folder / name), "figures")
+    leave(folder, tracker, shown, {"training": training.figure(artifacts), "nmse": figures.errors(raw)})
 
 
 def table1(raw: pd.DataFrame, plant: pd.DataFrame, over: list[str]) -> pd.DataFrame:
     """Table I with the paper's rows beside ours; the spread is taken over the columns ``over``."""
     rows = {}
-    for label, frame, weighted in (
-        (SIMULATOR, raw, False),
-        (WEIGHTED, raw, True),
-        (PLANT, plant, False),
-        (PLANT_WEIGHTED, plant, True),
-    ):
-        part = frame[frame.weighted == weighted]
+    for label, part in {
+        SIMULATOR: raw[~raw.weighted],
+        WEIGHTED: raw[raw.weighted],
+        PLANT: plant[~plant.weighted],
+        PLANT_WEIGHTED: plant[plant.weighted],
+    }.items():
         means = part.groupby(["set", *over]).nmse.mean().groupby("set")
         rows[label] = {name: tables.spread(group) for name, group in means}
     columns = tables.ordered(raw["set"].unique())

@@ -8,12 +8,12 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.paper import PAPER
+from experiments.pages import leave
+from experiments.words import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
-from sidegan.report.export import publish
 
 RAW, NORMS = "exp2.parquet", "covariance.parquet"
 
@@ -29,14 +29,12 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     noise = config.replication.noise
     setting = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
     spread = "mean ± standard deviation over joints"
-    for weighted, name in ((False, "table2"), (True, "table2_weighted")):
-        part = results[results.weighted == weighted]
-        if len(part):
-            kind = "RLS weighted per joint" if weighted else "unweighted RLS, as in the paper"
-            caption = f"Table II: improvement in nMSE [%], {spread} ({kind}; {setting})"
-            publish(table2(part, config), folder / name, caption, tracker)
-    publish(table3(artifacts.whole_facts), folder / "table3", f"Table III: ‖diag P‖ ({setting})", tracker)
-    publish(errors(results), folder / "errors", f"nMSE, mean over joints ({setting})", tracker)
+    shown = {}
+    for name, (table, kind) in tables2(results, config).items():
+        shown[name] = table, f"Table II: improvement in nMSE [%], {spread} (RLS {kind}; {setting})"
+    shown["table3"] = table3(artifacts.whole_facts), f"Table III: ‖diag P‖ ({setting})"
+    shown["errors"] = errors(results), f"nMSE, mean over joints ({setting})"
+    leave(folder, tracker, shown)
 
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
@@ -44,6 +42,17 @@ def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
     base = part[part["set"] == reference][["repeat", "joint", "nmse"]]
     both = part[part["set"] == name].merge(base, on=["repeat", "joint"], suffixes=("", "_reference"))
     return both.assign(improvement=100 * (1 - both.nmse / both.nmse_reference))
+
+
+def tables2(results: pd.DataFrame, config: Config) -> dict[str, tuple[pd.DataFrame, str]]:
+    """Table II by name, unweighted and weighted as far as there are such results, with its weighting."""
+    kinds = {"table2": False, "table2_weighted": True}
+    parts = {name: (results[results.weighted == weighted], weighted) for name, weighted in kinds.items()}
+    return {
+        name: (table2(part, config), tables.weighting(weighted))
+        for name, (part, weighted) in parts.items()
+        if len(part)
+    }
 
 
 def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:

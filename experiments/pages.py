@@ -1,4 +1,4 @@
-"""How a page of an experiment is written, with its tables, figures and metrics, and recorded."""
+"""How the results of an experiment are left and recorded: tables and figures alone, or a page of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,6 +9,7 @@ import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.pipeline.tracking import Tracker
+from sidegan.report import export
 from sidegan.report.document import write_page
 from sidegan.report.web import write_html
 
@@ -27,9 +28,9 @@ class Page:
         name: of the page, of its template and of the folder of its tables and figures.
         tables: for people, by the name of their file.
         figures: by the name of their file.
-        interactive: figures of the same names for an HTML page; None where there is no such page.
         metrics: the numbers that a later run is compared by.
         context: whatever else the template names.
+        interactive: figures of the same names for an HTML page; None where there is no such page.
     """
 
     name: str
@@ -50,3 +51,18 @@ def publish(page: Page, folder: Path, tracker: Tracker) -> None:
     write_json(folder / page.name / "metrics.json", dict(page.metrics))
     tracker.log_artifact(target, "report")
     tracker.log_metrics(dict(page.metrics))
+
+
+def leave(
+    folder: Path,
+    tracker: Tracker,
+    tables: Mapping[str, tuple[pd.DataFrame, str]],
+    figures: "Mapping[str, Figure] | None" = None,
+) -> None:
+    """Print, write and record tables, each with its caption, and figures, by the name of their files."""
+    from sidegan.report.canvas import save
+
+    for name, (table, caption) in tables.items():
+        export.publish(table, folder / name, caption, tracker)
+    for name, figure in (figures or {}).items():
+        tracker.log_artifact(save(figure, folder / name), "figures")

@@ -9,8 +9,9 @@ from torch import Tensor
 from experiments import claims, comparisons, exp1, exp2, training
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import Page, publish
-from experiments.paper import PAPER
+from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.stages.long import long_family
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, spatial, tables
 from sidegan.report.figures import Across, Panel
@@ -22,7 +23,6 @@ if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
-_WEIGHTINGS = {"": False, "_weighted": True}  # of a table, by the end of its name
 
 
 collect = Artifacts
@@ -76,10 +76,8 @@ def _tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
         "kinds": comparisons.kinds(artifacts.kinds),
         "ablation": comparisons.ablation(artifacts.ablation),
     }
-    for end, weighted in _WEIGHTINGS.items():
-        part = whole[whole.weighted == weighted]
-        if len(part):
-            shown[f"table2{end}"] = exp2.table2(part, artifacts.cfg)
+    shown |= {name: table for name, (table, _) in exp2.tables2(whole, artifacts.cfg).items()}
+    for end, weighted in {"": False, "_weighted": True}.items():
         if (changed.weighted == weighted).any():
             shown[f"sensitivity{end}"] = comparisons.sensitivity(changed, weighted)
     return shown
@@ -107,13 +105,11 @@ def _figures(artifacts: Artifacts) -> dict[str, "Figure"]:
 
 def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:
     """What the figures in space show, by name."""
-    first, family = artifacts.cfg.trainings[0], artifacts.family
+    task, family, first = artifacts.task, artifacts.task.trajectory, artifacts.cfg.trainings[0]
     generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
     traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
-    sets = {
-        f"long-{h}": (artifacts.long_family(h), library.coefficients)
-        for h, (_, library) in artifacts.longs.items()
-    }
+    longs = zip(artifacts.cfg.long.harmonics, artifacts.longs.items())
+    sets = {name: (long_family(task, h), library.coefficients) for h, (name, (_, library)) in longs}
     for name in (SEEDS, "eigen"):
         sets[name] = family, artifacts.selected(name, first).coefficients
     stacked = [
@@ -121,9 +117,9 @@ def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:
         for name, bundle in sets.items()
     ]
     return {
-        "traces": scene(artifacts.arm, traces),
-        "stacked": scene(artifacts.arm, stacked),
-        "snapshots": film(artifacts.arm, family, generated[:1]),
+        "traces": scene(task.arm, traces),
+        "stacked": scene(task.arm, stacked),
+        "snapshots": film(task.arm, family, generated[:1]),
     }
 
 

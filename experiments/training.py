@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from experiments.artifacts import SEEDS, Artifacts
+from experiments.pages import leave
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
-from sidegan.report.canvas import save
-from sidegan.report.export import publish
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -31,10 +30,14 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     histories, cfg = artifacts.histories, artifacts.cfg
     write_parquet(folder / RAW, tables.arrow(histories))
     over = f"{len(cfg.trainings)} trainings, {cfg.scale.evaluation} samples per epoch"
-    caption = f"Seeds and generators after the last epoch, true physics ({over})"
-    publish(tables.generators(artifacts.generators), folder / "generators", caption, tracker)
-    publish(speed(histories), folder / "epochs", f"Epochs to a valid share of {RELIABLE:.0%}", tracker)
-    tracker.log_artifact(save(figure(artifacts), folder / "training"), "figures")
+    shown = {
+        "generators": (
+            tables.generators(artifacts.generators),
+            f"Seeds and generators after the last epoch, true physics ({over})",
+        ),
+        "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
+    }
+    leave(folder, tracker, shown, {"training": figure(artifacts)})
 
 
 def figure(artifacts: Artifacts, union: dict[str, float] | None = None) -> "Figure":

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from sidegan.base.storage import write_bytes
 from sidegan.report.export import markdown, write_table
-from sidegan.report.style import seconds
+from sidegan.report.style import number, seconds
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 
 def write_page(
-    template: Path,
+    path: Path,
     target: Path,
     tables: Mapping[str, pd.DataFrame],
     figures: Mapping[str, "Figure"],
@@ -25,11 +25,8 @@ def write_page(
 ) -> str:
     """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
 
-    A template calls ``table(name, caption)`` and ``figure(name, caption)`` where one belongs, and formats
-    numbers by ``number(".3g")`` and ``seconds``.
-
     Args:
-        template: Markdown with Jinja's expressions; what it includes lies beside it.
+        path: the template, which calls ``table(name, caption)`` and ``figure(name, caption)``.
         target: the Markdown file to write.
         tables: of cells that are formatted already, by the name of their file.
         figures: by the name of their file.
@@ -50,23 +47,26 @@ def write_page(
     def figure(name: str, caption: str) -> str:
         from sidegan.report.canvas import save
 
-        path = save(figures[name], assets / "figures" / name)
-        return figure_text(path.relative_to(target.parent), caption)
+        picture = save(figures[name], assets / "figures" / name)
+        return figure_text(picture.relative_to(target.parent), caption)
 
+    text = template(path).render(table=table, figure=figure, tables=tables, figures=figures, **context)
+    write_bytes(target, text.encode())
+    return text
+
+
+def template(path: Path) -> Template:
+    """A template of Markdown that formats numbers by ``number(".3g")`` and ``seconds``."""
     environment = Environment(
-        loader=FileSystemLoader(template.parent),
+        loader=FileSystemLoader(path.parent),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
         autoescape=False,  # it is Markdown; HTML in it is shown and not obeyed
     )
-    environment.filters |= {"number": format, "seconds": seconds}
-    text = environment.get_template(template.name).render(
-        table=table, figure=figure, tables=tables, **context
-    )
-    write_bytes(target, text.encode())
-    return text
+    environment.filters |= {"number": number, "seconds": seconds}
+    return environment.get_template(path.name)
 
 
 def table_text(table: pd.DataFrame, caption: str) -> str:

@@ -10,12 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from sidegan.errors import ConfigError, ShapeError
 from sidegan.report.canvas import Line, band, blank, legend, tidy
-from sidegan.report.style import METRICS, colour, colours, seconds
-from sidegan.report.tables import ordered, title, weighting
+from sidegan.report.style import colour, colours, seconds
+from sidegan.report.tables import NAMES, ordered, title, weighting
 
-_SUBS = (1.0, 2.0, 5.0)  # of each decade, that are ticks
+_METRICS = ("success", "condition", "distance", "rank", "nearest", "distance_diagonal")
 _LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
 _CROWD = 50  # points of a kind from which on they are drawn small and faint
 _TIMES = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)  # [s] that may be ticks
@@ -48,19 +47,14 @@ class Across(NamedTuple):
 
 
 def metrics(
-    keys: Iterable[str] = METRICS, references: Mapping[str, Mapping[str, float]] | None = None
+    keys: Iterable[str] = _METRICS, references: Mapping[str, Mapping[str, float]] | None = None
 ) -> list[Panel]:
     """A panel for each metric of a generator, with the values of the sets that it is compared with."""
-    compared = references or {}
-    return [
-        Panel(
-            key,
-            *METRICS[key],
-            {name: values[key] for name, values in compared.items() if values.get(key) is not None},
-            key == "success",
-        )
-        for key in keys
-    ]
+    panels = []
+    for key in keys:
+        compared = {name: x[key] for name, x in (references or {}).items() if x.get(key) is not None}
+        panels.append(Panel(key, NAMES[key], key == "condition", compared, key == "success"))
+    return panels
 
 
 def panels(
@@ -83,11 +77,7 @@ def panels(
             means, with its range behind.
         columns: panels beside each other.
         markers: a dot at every result.
-
-    Raises:
-        ConfigError: when the frame lacks a column.
     """
-    require(frame, [across.key, group, *([run] if run else []), *(panel.key for panel in shown)])
     columns = min(columns, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
@@ -96,25 +86,21 @@ def panels(
     for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
         drawn = frame.dropna(subset=[across.key, panel.key])
         for (name, *_), part in drawn.groupby([group, run] if run else [group], sort=False):
-            line = _means(part, across.key, panel.key)
+            values = part.groupby(across.key)[panel.key].agg(["mean", "min", "max"])
+            line = Line(values.index.to_numpy(), *values.to_numpy(float).T)
             handles[str(name)] = band(axis, line, str(name), shades[str(name)], "o" if markers else None)
         for name, value in panel.references.items():
             shade = shades.get(name, colour(name))
             handles[name] = axis.axhline(value, color=shade, linestyle="--", linewidth=1.3)
-        _frame(axis, panel, across)
+        _scale(axis, "x", across.log)
+        _scale(axis, "y", panel.log)
+        if panel.share:
+            axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
+        axis.set_title(panel.label, fontsize=10)
+        axis.set_xlabel(across.label, fontsize=9)
+        tidy(axis)
     legend(figure, {name: handles[name] for name in [*shades, *handles] if name in handles})
     return figure
-
-
-def _frame(axis: Axes, panel: Panel, across: Across) -> None:
-    """Scales, ends and names of the axes."""
-    _scale(axis, "x", across.log)
-    _scale(axis, "y", panel.log)
-    if panel.share:
-        axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
-    axis.set_title(panel.label, fontsize=10)
-    axis.set_xlabel(across.label, fontsize=9)
-    tidy(axis)
 
 
 def _scale(axis: Axes, which: Literal["x", "y"], log: bool) -> None:
@@ -123,40 +109,37 @@ def _scale(axis: Axes, which: Literal["x", "y"], log: bool) -> None:
         axis.set(**{f"{which}scale": "log"})
         ticks = axis.xaxis if which == "x" else axis.yaxis
         decades = np.ptp(np.log10(axis.get_xlim() if which == "x" else axis.get_ylim()))
-        ticks.set_major_locator(LogLocator(subs=_SUBS if decades < 4 else (1.0,)))
+        ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
         ticks.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ticks.set_minor_formatter(NullFormatter())
-
-
-def _means(part: pd.DataFrame, x: str, y: str) -> Line:
-    """Mean and range of column ``y`` over the rows that share ``x``, in the order of ``x``."""
-    values = part.groupby(x)[y].agg(["mean", "min", "max"])
-    return Line(values.index.to_numpy(), *values.to_numpy(float).T)
 
 
 def errors(raw: pd.DataFrame) -> Figure:
     """NMSE by joint and set on a logarithmic axis, unweighted and weighted; the whiskers are the range."""
     figure = blank(11, 4.4)
-    weightings = sorted(raw.weighted.unique())
     names, joints = ordered(raw["set"].unique()), list(dict.fromkeys(raw.joint))
-    width = 0.8 / len(names)
-    look = {"ecolor": "#404040", "error_kw": {"elinewidth": 0.7, "capsize": 1.5}}
-    handles = {}
-    for axis, weighted in zip(figure.subplots(1, len(weightings), sharey=True, squeeze=False)[0], weightings):
-        part = raw[raw.weighted == weighted]
-        for k, name in enumerate(names):
-            nmse = part[part["set"] == name].groupby("joint").nmse.agg(["mean", "min", "max"]).reindex(joints)
-            ends = [nmse["mean"] - nmse["min"], nmse["max"] - nmse["mean"]]
-            places = np.arange(len(joints)) + (k - (len(names) - 1) / 2) * width
-            handles[title(name)] = axis.bar(
-                places, nmse["mean"], width, yerr=ends, color=colour(name), label=title(name), **look
-            )
-        axis.set_yscale("log")
-        axis.set_xticks(range(len(joints)), joints)
-        axis.set_title(weighting(weighted), fontsize=10)
+    parts = raw.groupby("weighted")
+    for axis, (weighted, part) in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts):
+        groups = part.groupby(["joint", "set"]).nmse
+        mean, low, high = (
+            x.unstack().loc[joints, names] for x in (groups.mean(), groups.min(), groups.max())
+        )
+        mean.plot.bar(
+            ax=axis,
+            yerr=np.stack([(mean - low).T, (high - mean).T], 1),
+            color=[colour(name) for name in names],
+            ecolor="#404040",
+            error_kw={"elinewidth": 0.7, "capsize": 1.5},
+            width=0.8,
+            rot=0,
+            logy=True,
+            legend=False,
+            xlabel="",
+        )
+        axis.set_title(weighting(bool(weighted)), fontsize=10)
         tidy(axis, "y")
     figure.axes[0].set_ylabel("nMSE", fontsize=9)
-    legend(figure, handles)
+    legend(figure, dict(zip(map(title, names), axis.containers[1::2])))
     return figure
 
 
@@ -166,11 +149,7 @@ def quality_diversity(frame: pd.DataFrame, labels: tuple[str, str]) -> Figure:
     Args:
         frame: columns kind, diversity and quality.
         labels: names of diversity and quality for people.
-
-    Raises:
-        ConfigError: when the frame lacks a column.
     """
-    require(frame, ["kind", "diversity", "quality"])
     figure = blank(7.2, 4.6)
     axis = figure.subplots()
     handles: dict[str, Any] = {}
@@ -195,22 +174,18 @@ def timing(frame: pd.DataFrame) -> Figure:
     """Durations on a logarithmic axis, ours below the paper's, each written at its bar.
 
     Args:
-        frame: columns ``what``, and ``ours`` and ``paper`` [s]; NaN where a duration is not known.
-
-    Raises:
-        ConfigError: when the frame lacks a column.
-        ShapeError: when no duration is known, or one is not positive.
+        frame: columns ``what``, and ``ours`` and ``paper`` [s], positive; NaN where there is no duration.
     """
-    low, high = _ends(frame)
+    there = frame[["paper", "ours"]].stack()
+    low, high = there.min() / 3, there.max() * 12  # room for what is written beside the bars
     figure = blank(8.6, 0.62 * len(frame) + 1.1)
     axis = figure.subplots()
     handles = {}
     for name, shift in (("paper", -0.2), ("ours", 0.2)):
-        there = frame[name].notna().to_numpy()
-        places, values = (np.arange(len(frame)) + shift)[there], frame[name].to_numpy(float)[there]
-        handles[name] = axis.barh(places, values - low, 0.36, left=low, color=colour(name), label=name)
-        for place, value in zip(places, values):
-            axis.text(value * 1.15, place, seconds(value), va="center", fontsize=8)
+        values = frame[name].astype(float).reset_index(drop=True).dropna()
+        bars = axis.barh(values.index + shift, values - low, 0.36, left=low, color=colour(name), label=name)
+        axis.bar_label(bars, [seconds(x) for x in values], padding=3, fontsize=8)
+        handles[name] = bars
     axis.set_xscale("log")
     axis.set_xlim(low, high)
     axis.set_yticks(range(len(frame)), frame.what)
@@ -221,26 +196,3 @@ def timing(frame: pd.DataFrame) -> Figure:
     tidy(axis, "x")
     legend(figure, handles)
     return figure
-
-
-def _ends(frame: pd.DataFrame) -> tuple[float, float]:
-    """Ends [s] of an axis with room for all durations and what is written beside them."""
-    require(frame, ["what", "ours", "paper"])
-    values = frame[["ours", "paper"]].to_numpy(dtype=float)
-    known = values[~np.isnan(values)]
-    if len(known) == 0 or not (known > 0).all():
-        raise ShapeError(f"durations must be positive and one at least known, got {known.tolist()}")
-    return float(known.min()) / 3, float(known.max()) * 12
-
-
-def require(frame: pd.DataFrame, columns: Sequence[str]) -> None:
-    """Refuse a frame that lacks a column.
-
-    Raises:
-        ConfigError: with the columns that are missing and those that are there.
-    """
-    missing = [name for name in columns if name not in frame.columns]
-    if missing:
-        raise ConfigError(
-            f"the data has no column {', '.join(missing)}, only {', '.join(map(str, frame.columns))}"
-        )

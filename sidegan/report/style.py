@@ -1,18 +1,11 @@
 """Colours and words that the figures and pages share."""
 
+import math
 from collections.abc import Iterable
 
 from sidegan.report.tables import ordered
 
-# Name for people of each metric of a generator, and whether its axis is logarithmic.
-METRICS = {
-    "success": ("valid share without filtering", False),
-    "condition": ("median cond(YᵀY)", True),
-    "distance": ("mean distance of coefficients", False),
-    "rank": ("effective rank of coefficients", False),
-    "nearest": ("nearest distance", False),
-    "distance_diagonal": ("mean distance of diag(YᵀY)", False),
-}
+NOT_MEASURED = "not measured"
 # Told apart on white and on dark pages, and by people who see red and green alike.
 _COLOURS = {
     "vanilla": "#7f7f7f",
@@ -47,8 +40,13 @@ def colour(name: str) -> str:
     return _COLOURS.get(name, _LONG if name.startswith("long-") else _COLOURS["random"])
 
 
+def number(value: float, form: str) -> str:
+    """A number for people."""
+    return NOT_MEASURED if math.isnan(value) else format(value, form)
+
+
 def seconds(duration: float) -> str:
     """A duration in the unit that people would say: ``1.4 ms``, ``6 min``, ``14 h``."""
     units = (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3))
     unit, size = next(((unit, size) for unit, size in units if duration >= size), ("µs", 1e-6))
-    return f"{duration / size:.3g} {unit}"
+    return NOT_MEASURED if math.isnan(duration) else f"{duration / size:.3g} {unit}"

@@ -1,7 +1,6 @@
 """Tables for people, from the results of runs."""
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import pandas as pd
 import pyarrow as pa
@@ -14,7 +13,9 @@ _SETS = {
     "condition": ("cond(YᵀY) of the stack", ".4g"),
     "covariance_norm": ("‖diag P‖", ".4g"),
 }
-_GENERATORS = {
+# Metrics of generators and libraries, for people.
+NAMES = {
+    "success": "valid share",
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
     "condition_valid": "… of the valid",
@@ -69,15 +70,14 @@ def weighting(weighted: bool) -> str:
     return "weighted per joint" if weighted else "unweighted, as in the paper"
 
 
-def formatted(frame: pd.DataFrame, columns: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
-    """Columns of numbers for people: of each its name and format, ``—`` where nothing is known."""
-
-    def cell(value: Any, form: str) -> str:
-        return "—" if pd.isna(value) else format(value, form)
-
-    return pd.DataFrame(
-        {name: [cell(x, form) for x in frame[key]] for key, (name, form) in columns.items()}, frame.index
-    )
+def formatted(frame: pd.DataFrame, columns: Mapping[str, Sequence[str]], unknown: str = "—") -> pd.DataFrame:
+    """Columns of numbers for people: of each its name and format, and a word where nothing is known."""
+    rows = frame.reindex(columns=list(columns))
+    cells = {
+        name: [unknown if pd.isna(x) else format(x, form) for x in rows[key]]
+        for key, (name, form) in columns.items()
+    }
+    return pd.DataFrame(cells, frame.index)
 
 
 def over_groups(
@@ -115,5 +115,5 @@ def generators(frame: pd.DataFrame) -> pd.DataFrame:
         valid_share=share.fillna(frame.get("valid")),
         condition_valid=frame.get("condition_valid", frame.condition).fillna(frame.condition),
     )
-    table = over_groups(rows, "name", _GENERATORS)
+    table = over_groups(rows.drop(columns="success", errors="ignore"), "name", NAMES)
     return table.loc[ordered(table.index)].rename_axis("generator")

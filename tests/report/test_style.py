@@ -5,7 +5,14 @@ from sidegan.report.style import colours, seconds
 
 @pytest.mark.parametrize(
     ("duration", "expected"),
-    [(4e-5, "40 µs"), (1.4e-3, "1.4 ms"), (2, "2 s"), (360, "6 min"), (14 * 3600, "14 h")],
+    [
+        (4e-5, "40 µs"),
+        (1.4e-3, "1.4 ms"),
+        (2, "2 s"),
+        (360, "6 min"),
+        (14 * 3600, "14 h"),
+        (float("nan"), "not measured"),
+    ],
 )
 def test_durations_are_said_as_people_do(duration, expected):
     assert seconds(duration) == expected
