@@ -3,19 +3,26 @@
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import pandas as pd
 
 from sidegan.base.storage import write_bytes
 
-if TYPE_CHECKING:
-    from sidegan.pipeline.tracking import Tracker
-
 _NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells of such signs alone line up on the right
 
 
-def publish(table: pd.DataFrame, path: Path, caption: str, tracker: "Tracker") -> None:
+class Recorder(Protocol):
+    """Keeps what a run shows; ``pipeline.tracking.Tracker`` is one."""
+
+    def log_table(self, table: pd.DataFrame, name: str) -> None:
+        """Keep a table."""
+
+    def log_artifact(self, path: Path, folder: str | None = None) -> None:
+        """Keep a file below ``folder`` of the run."""
+
+
+def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) -> None:
     """Print a table, write ``path``.csv and ``path``.md, and record both."""
     write_table(table, path, caption)
     show(table, caption)

@@ -7,7 +7,8 @@ import torch
 
 from experiments import beyond, beyond_goals, beyond_tables, beyond_words
 from experiments.artifacts_beyond import BeyondArtifacts
-from experiments.beyond_frames import arrival, first_times, progress, summary
+from experiments.beyond_tables import arrival
+from experiments.beyond_words import summary
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library.measure import effort
 from sidegan.pipeline.run import run_stages
@@ -125,13 +126,13 @@ def test_effort_of_a_motion_that_is_known(artifacts):
 
 
 def test_time_from_nothing_counts_what_a_variant_needs(artifacts):
-    frame = first_times(artifacts).groupby("name").mean(numeric_only=True)
+    frame = artifacts.first_times.groupby("name").mean(numeric_only=True)
     assert frame.seeds["exact"] == 0 and frame.surrogates["exact"] == 0
     assert frame.seeds["exact_adversarial"] > 0 and frame.surrogates["exact_adversarial"] == 0
     assert frame.seeds["eigen"] > 0 and frame.surrogates["eigen"] > 0
     assert frame.cpu["exact"] > 0 and np.isnan(frame.cpu["eigen"])
     assert frame.total[SEEDS] == pytest.approx(frame.drawing[SEEDS])
-    runs = progress(artifacts).groupby(["variant", "training"])
+    runs = artifacts.progress.groupby(["variant", "training"])
     assert len(runs) == 2 * len(artifacts.cfg.gan)
     for (name, _), part in runs:
         assert (part.seconds.diff().dropna() > 0).all()
@@ -244,5 +245,7 @@ def test_polishing_costs_what_it_takes_and_excites_more(artifacts):
     task = artifacts.task
     for training in task.cfg.trainings:
         report = task.report(polished(task, training))
-        assert report["count"] == task.cfg.seeds.count and artifacts.polished_each(training) > 0
+        assert (
+            report["count"] == task.cfg.seeds.count and artifacts.costs(polished(task, training))["each"] > 0
+        )
         assert report["condition"] < task.report(library(task, "exact", training))["condition"]

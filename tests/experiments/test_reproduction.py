@@ -6,7 +6,7 @@ import pytest
 
 from experiments import comparisons, exp2, training
 from experiments.claims import HOLDS, NOT, PART, Claim, claims, counted
-from experiments.paper import PAPER
+from experiments.words import PAPER
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.subsets import on_subset
