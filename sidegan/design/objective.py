@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from sidegan.design.penalty import Penalty, pushes
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.motion.compiled import tensors as kernels
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Motion
+from sidegan.motion.spectrum import extremes
+from sidegan.motion.threads import eigh
 
 _STATES_AT_ONCE = 8_192  # bounds the memory of a gradient to about 300 MB for seven joints
 # The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
@@ -66,10 +66,7 @@ def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tens
     """
     subspace = body.base.subspace
     inner = subspace.T @ grams @ subspace
-    values, vectors = kernels.extremes(inner, LOWEST, HIGHEST) if ends else kernels.eigh(inner)
-    if ends and values.shape[1] > LOWEST + HIGHEST:  # without a compiled kernel all of them come
-        kept = [*range(LOWEST), *range(-HIGHEST, 0)]
-        values, vectors = values[:, kept], vectors[:, :, kept]
+    values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
     return values, (subspace @ vectors).mT
 
 
@@ -99,17 +96,19 @@ def pull_back(
     """
     with torch.enable_grad():
         c = c.detach().requires_grad_(True)
-        motion = problem.motion(c)
-    slopes, violation = [torch.zeros_like(x) for x in motion[1:]], c.new_zeros(len(c))
+        motion = problem.motion(c)[1:]
+    body = problem.body
+    vectors, weights = directions or (c.new_zeros(len(c), 0, 10 * body.joints), c.new_zeros(len(c), 0))
+    costs = penalty.costs(problem.constraints) if penalty else (None, None)
+    slopes, violation = [torch.zeros_like(x) for x in motion], c.new_zeros(len(c))
     for rows in _pieces(len(c), _STATES_AT_ONCE // problem.samples):
-        some = directions and (directions[0][rows], directions[1][rows])
         for times in _pieces(problem.samples, _STATES_AT_ONCE):
-            states = Motion(motion.time[times], *(x[rows, times].detach() for x in motion[1:]))
-            cost, pieces = pushes(problem, states, some, penalty)
+            states = [x[rows, times].detach() for x in motion]
+            cost, pieces = body.penalised_slopes(states, vectors[rows], weights[rows], *costs)
             violation[rows] += cost / problem.samples
             for slope, piece in zip(slopes, pieces):
                 slope[rows, times] = piece / problem.samples
-    (gradient,) = torch.autograd.grad(motion[1:], c, slopes)
+    (gradient,) = torch.autograd.grad(motion, c, slopes)
     return violation, gradient
 
 

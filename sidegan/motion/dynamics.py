@@ -110,18 +110,13 @@ class RigidBody:
         self._check(q, dq, ddq)
         return backend(q, dq, ddq, torque).sums(self, (q, dq, ddq), torque)
 
-    def energy_slopes(
-        self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor, weights: Tensor
-    ) -> list[Tensor]:
-        """Gradients in q, dq and ddq, (B, T, J) each, of Σ weight · |Y v|² over K vectors v and time.
-
-        The vectors are (B, K, 10 J), the weights (B, K).
-        """
-        states, none = (q, dq, ddq), Limits.none(self.joints)
-        return self.penalised_slopes(states, parameters, weights, none, None)[1]
-
     def penalised_slopes(
-        self, states: Sequence[Tensor], parameters: Tensor, weights: Tensor, limits: Limits, near: Near | None
+        self,
+        states: Sequence[Tensor],
+        parameters: Tensor,
+        weights: Tensor,
+        limits: Limits | None = None,
+        near: Near | None = None,
     ) -> tuple[Tensor, list[Tensor]]:
         """Penalty summed over time, (B,), and gradients, (B, T, J) each, of it and of Σ weight · |Y v|².
 
@@ -129,11 +124,11 @@ class RigidBody:
             states: joint position, velocity and acceleration, (B, T, J) each.
             parameters: the vectors v, (B, K, 10 J).
             weights: (B, K).
-            limits: what limits of the joints cost.
+            limits: what limits of the joints cost; nothing when None.
             near: what small distances cost; nothing when None.
         """
         self._check(*states)
-        who = backend(*states, parameters, weights)
+        who, limits = backend(*states, parameters, weights), limits or Limits.none(self.joints)
         return who.penalised_slopes(self, states, parameters, weights, limits, near)
 
     def _check(self, q: Tensor, dq: Tensor, ddq: Tensor) -> None:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from sidegan.motion import plain
 from sidegan.motion.compiled import closeness, eigen, lanes, regressor, slopes
-from sidegan.motion.compiled.chain import Chain, Shapes, array
+from sidegan.motion.compiled.chain import Chain, array
 from sidegan.motion.compiled.limits import Limits, Near
 from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
@@ -170,7 +170,7 @@ def _slopes(
     batch, count, joints = states[0].shape
     slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
     arrays = [array(x) for x in sets]
-    shapes = None if near is None or near.shapes is None else Shapes.of(*near.shapes)
+    shapes = None if near is None else near.shapes
 
     def work(k: slice) -> None:
         motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))
