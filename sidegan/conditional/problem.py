@@ -83,12 +83,7 @@ def information_losses(problem: Problem, c: Tensor, weights: Tensor) -> tuple[Te
     """Smooth log condition number, and log of the weighted sum of the base parameters' variances, (B,) each.
 
     The variances are those of parameters identified from one sample of noise 1 per time point: the diagonal
-    of (YᵀY / T)⁻¹. Where a row of weights is zero, the second is zero.
-
-    Args:
-        problem: the trajectories.
-        c: coefficients [rad/s], (B, J, H, 2).
-        weights: of the base parameters, (B, p), not negative.
+    of (YᵀY / T)⁻¹; their weights, (B, p), are not negative. Where a row of them is zero, the second is zero.
     """
     return _InformationLosses.apply(*problem.motion(c)[1:], problem, c.detach(), weights)
 

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
+from sidegan.motion.backend import extremes
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.spectrum import extremes
 from sidegan.motion.threads import eigh
 
 _STATES_AT_ONCE = 8_192  # bounds the memory of a gradient to about 300 MB for seven joints
@@ -38,13 +38,10 @@ def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> 
 
 
 def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Smooth log ratio of largest to smallest of positive values, (B,), and its slopes in them, (B, p).
+    """Smooth log ratio of largest to smallest of positive values, ascending, (B,), and its slopes, (B, p).
 
     At most (log 3 + log 2) / 6 above the logarithm of the ratio. What is under 10⁻¹² of the largest counts as
-    that much, and has the slope of it.
-
-    Args:
-        values: ascending, (B, p); none but the first three and the last two matter.
+    that much, and has the slope of it. None but the first three and the last two values matter.
     """
     floor = (values[:, -1:] / HOPELESS).clamp_min(torch.finfo(values.dtype).tiny)
     values = torch.maximum(values, floor)
@@ -59,10 +56,7 @@ def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
 def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tensor, Tensor]:
     """Eigenvalues of Gram matrices (B, p, p) in an orthonormal basis, ascending, and base vectors (B, K, p).
 
-    Args:
-        body: the arm's dynamics.
-        grams: over the base columns.
-        ends: only those that ``smooth_condition`` looks at, in a fraction of the time.
+    At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
     """
     subspace = body.base.subspace
     inner = subspace.T @ grams @ subspace
@@ -83,16 +77,10 @@ def pull_back(
 ) -> tuple[Tensor, Tensor]:
     """Penalty, (B,), and the gradient of penalty and energy, (B, J, H, 2), at coefficients c.
 
-    The energy is Σ weight · |Y v|² / T over the directions: for eigenvectors of YᵀY / T and the slopes of a
+    The energy is Σ weight · |Y v|² / T over directions v: for eigenvectors of YᵀY / T and the slopes of a
     function of its eigenvalues, its gradient is that function's. Works through the states in pieces, then
     carries the gradient from the motion back to the coefficients, in which it is linear: memory does not
     grow with the number of samples.
-
-    Args:
-        problem: the trajectories and what constrains them.
-        c: coefficients [rad/s], (B, J, H, 2).
-        directions: parameter vectors v, (B, K, 10 J), and weights, (B, K); None for no energy.
-        penalty: of violations; None for none.
     """
     with torch.enable_grad():
         c = c.detach().requires_grad_(True)

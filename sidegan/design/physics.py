@@ -20,11 +20,7 @@ from sidegan.errors import ShapeError
 
 @dataclass(frozen=True)
 class SetInformation:
-    """Information of sets of trajectories: of how many together, and in which units of torque.
-
-    Raises:
-        ShapeError: when the noise is not a positive number per joint, or a batch does not fall into sets.
-    """
+    """Information of sets of trajectories: of how many together, and in which units of torque."""
 
     problem: Problem
     together: int = 1  # so many trajectories in a row are one set, whose information is their sum

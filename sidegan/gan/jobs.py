@@ -7,9 +7,10 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor
 
+from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_torch
 from sidegan.errors import ArtifactError
-from sidegan.gan.labels import MIXTURES, Labelled, Progress, label
+from sidegan.gan.labels import MIXTURES, Labelled, label
 from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates, SurrogateSettings
 from sidegan.gan.variants import Variant
@@ -29,27 +30,17 @@ _LEAST_NEGATIVES = 100  # for training
 
 @dataclass(frozen=True)
 class Pretraining:
-    """What the surrogates of an arm learn from, and how.
+    """What the surrogates of an arm learn from, and how."""
 
-    Attributes:
-        constraints: the arm in its workspace.
-        trajectory: the family of trajectories.
-        settings: numbers of samples and epochs, sizes of the networks.
-        data: the mixture of samples, ``broad`` or ``paper``.
-        seeds: coefficients [rad/s], (N, J, H, 2).
-        negatives: a vanilla GAN's samples, as many as ``negatives_count`` says or more.
-        work: folder of the labelled samples.
-    """
+    constraints: Constraints  # the arm in its workspace
+    trajectory: Trajectory  # the family of trajectories
+    settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
+    data: str  # the mixture of samples, ``broad`` or ``paper``
+    seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
+    negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
+    work: Path  # folder of the labelled samples
 
-    constraints: Constraints
-    trajectory: Trajectory
-    settings: SurrogateSettings
-    data: str
-    seeds: Tensor
-    negatives: Tensor
-    work: Path
-
-    def label(self, share: int, seed: int, progress: Progress) -> None:
+    def label(self, share: int, seed: int, progress: Report) -> None:
         """Write one share of the labelled samples, unless it is there."""
         path, generator = self._share(share), torch.Generator().manual_seed(seed)
         if readable(path):
@@ -59,7 +50,7 @@ class Pretraining:
         steps = self.settings.margin_steps
         write_torch(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
 
-    def train_success(self, folder: Path, seed: int, progress: Progress) -> dict[str, float]:
+    def train_success(self, folder: Path, seed: int, progress: Report) -> dict[str, float]:
         """Held-out accuracies of the success predictor, which is left in ``folder``.
 
         ``accuracy_paper`` is the paper's task (held-out seeds against faulty samples of the vanilla GAN),
@@ -87,7 +78,7 @@ class Pretraining:
         }
 
     def train_features(
-        self, features: str, folder: Path, seed: int, progress: Progress
+        self, features: str, folder: Path, seed: int, progress: Report
     ) -> dict[str, float | list[float]]:
         """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
         data, held, generator = self._begin(seed)

@@ -53,9 +53,6 @@ class Constraints:
         """Signed margins by constraint, (N, K) each [rad, rad/s, N·m, m], of N states (N, J).
 
         Differentiable; ≥ 0 is feasible.
-
-        Raises:
-            ShapeError: when the states do not fit the arm.
         """
         arm = self.arm
         if any(x.shape != (len(q), arm.joints) for x in (q, dq, ddq)):
