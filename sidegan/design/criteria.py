@@ -26,7 +26,7 @@ class Criteria(NamedTuple):
 
 
 def criteria_of(information: Tensor) -> Criteria:
-    """Criteria of one information matrix, (q, q), for unit errors; where it is singular −∞ and three times ∞."""
+    """Criteria of one information matrix, (q, q), finite; where it is singular −∞ and three times ∞."""
     if information.ndim != 2 or information.shape[0] != information.shape[1] or not information.numel():
         raise ShapeError(f"information is {tuple(information.shape)}, expected (q, q)")
     if not information.isfinite().all():

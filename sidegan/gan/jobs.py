@@ -58,13 +58,10 @@ class Pretraining:
         is within 5 % of its limit's range of zero.
         """
         data, held, generator = self._begin(seed)
-        names, sizes = len(self.constraints.labels), _sizes(self.settings)
-        predictor = SuccessPredictor(
-            self.constraints.arm, self.trajectory, names, sizes["width"], sizes["margin_steps"]
-        )
+        content = {"sizes": _sizes(self.settings), "names": len(self.constraints.labels)}
+        predictor = _predictor(self.constraints.arm, self.trajectory, content)
         train_predictor(predictor, data, self.settings.epochs, generator, progress)
-        content = {"weights": predictor.state_dict(), "sizes": sizes, "names": names}
-        write_torch(folder / f"{_SUCCESS}.pt", content)
+        write_torch(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
         c = torch.cat([held_seeds, faulty])
@@ -82,12 +79,11 @@ class Pretraining:
     ) -> dict[str, float | list[float]]:
         """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
         data, held, generator = self._begin(seed)
-        target, sizes = getattr(data, features), _sizes(self.settings)
-        physics = self.constraints.arm, self.trajectory
-        converter = Converter(*physics, target.shape[1], sizes["width"], sizes["feature_steps"])
+        target = getattr(data, features)
+        content = {"sizes": _sizes(self.settings), "features": target.shape[1]}
+        converter = _converter(self.constraints.arm, self.trajectory, content)
         train_converter(converter, data.c, target, self.settings.epochs, generator, progress)
-        content = {"weights": converter.state_dict(), "sizes": sizes, "features": target.shape[1]}
-        write_torch(folder / f"{features}.pt", content)
+        write_torch(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
         r2 = explained(converter, held.c, getattr(held, features))
         return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
 
@@ -120,15 +116,21 @@ def load_surrogates(folder: Path, variant: Variant, arm: Arm, trajectory: Trajec
         ArtifactError: when one is missing, damaged, or of another arm.
     """
     content = read_torch(folder / f"{_SUCCESS}.pt")
-    width, steps = content["sizes"]["width"], content["sizes"]["margin_steps"]
-    predictor = SuccessPredictor(arm, trajectory, content["names"], width, steps)
-    predictor = _frozen(predictor, content["weights"], folder)
+    predictor = _frozen(_predictor(arm, trajectory, content), content["weights"], folder)
     if variant.features == "none":
         return Surrogates(predictor)
     content = read_torch(folder / f"{variant.features}.pt")
-    width, steps = content["sizes"]["width"], content["sizes"]["feature_steps"]
-    converter = Converter(arm, trajectory, content["features"], width, steps)
-    return Surrogates(predictor, _frozen(converter, content["weights"], folder))
+    return Surrogates(predictor, _frozen(_converter(arm, trajectory, content), content["weights"], folder))
+
+
+def _predictor(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> SuccessPredictor:
+    sizes = content["sizes"]
+    return SuccessPredictor(arm, trajectory, content["names"], sizes["width"], sizes["margin_steps"])
+
+
+def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter:
+    sizes = content["sizes"]
+    return Converter(arm, trajectory, content["features"], sizes["width"], sizes["feature_steps"])
 
 
 def _sizes(settings: SurrogateSettings) -> dict[str, Any]:
