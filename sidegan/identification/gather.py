@@ -11,7 +11,6 @@ from sidegan.errors import ShapeError
 from sidegan.identification.measurements import SAMPLES_AT_ONCE, Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, finite, no_sums, sums_of
-from sidegan.motion.compiled import tensors as kernels
 
 _KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB of a 7-joint arm
 
@@ -137,14 +136,14 @@ def residual_of(model: Linear, part: Measurements, parameters: Tensor) -> Tensor
 
 def _sums(model: Linear, part: Measurements, forgetting: float) -> Sums:
     rigid = isinstance(model, TorqueModel) and not model.kinds and part.joints == model.joints
-    if forgetting == 1 and rigid and kernels.usable(*part.states, part.torque):
+    if forgetting == 1 and rigid:
         return _rigid_sums(model, part)  # type: ignore[arg-type]
     return sums_of(_regressor(model, part), part.torque.double(), forgetting)
 
 
 def _rigid_sums(model: TorqueModel, part: Measurements) -> Sums:
     """What ``sums_of`` gives for rigid bodies alone, by a compiled kernel that keeps no regressor."""
-    products = kernels.sums(model.body.chain, model.body.base.columns, part.states, part.torque)
+    products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
     weight = torch.tensor(float(len(part)), dtype=torch.float64)
     return finite(Sums(information, moment, energy, part.torque.detach().sum(0), weight))
