@@ -5,8 +5,17 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from sidegan.identification import FULL, Measurements, Noise, StudySettings, TorqueModel
+from sidegan.identification import (
+    FULL,
+    EstimationSettings,
+    Measurements,
+    Noise,
+    StudySettings,
+    TorqueModel,
+    estimate,
+)
 from sidegan.motion.dynamics import RigidBody
+from tests.settings import settings
 
 NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
@@ -44,7 +53,7 @@ class Fixed:
 
     def __init__(self, y):
         self.y, self.joints, self.count = y, y.shape[1], y.shape[2]
-        self.names = [f"p{i + 1}" for i in range(self.count)]
+        self.names, self.kinds = [f"p{i + 1}" for i in range(self.count)], ("all",)
 
     def regressor(self, q, dq, ddq, sign=None):
         return self.y[q[:, 0].long()]
@@ -64,6 +73,15 @@ def noisy_rows(samples):
 
 def model_of(arm, velocities=None, **terms):
     return TorqueModel(RigidBody(arm), replace(FULL, stribeck=velocities is not None, **terms), velocities)
+
+
+def fitted(method, model, measurements, **changes):
+    """An estimate; the consistent method has the settings of conf/ but for the changes."""
+    if method == "consistent":
+        group = settings(EstimationSettings, "identify/default")
+        names = ("pull", "strength", "margin", "total_mass")
+        changes = {name: getattr(group, name) for name in names} | changes
+    return estimate(method, model, measurements, **changes)
 
 
 def study_settings(**changes):

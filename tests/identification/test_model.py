@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from sidegan.identification.live import SampleRegressor
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import FULL
-from sidegan.identification.live import SampleRegressor
 from sidegan.identification.model import formula, states_within
 from tests.chains import random_chain
 from tests.identification.recordings import model_of, multisine

@@ -148,11 +148,17 @@ def test_words_from_outside_run_nothing(report):
 
 
 def test_what_is_not_known_is_left_out(report):
-    bare = Report(
-        "arm", "No verdict.", "poor", [], {}, JOINTS, [], report.errors[["nmse_training"]], [], parameters()
+    bare = replace(
+        report,
+        verdict="No verdict.",
+        recommendations=(),
+        findings=(),
+        signals=(),
+        errors=report.errors[["nmse_training"]],
+        friction=None,
     )
     _, text = read(bare)
-    for heading in ("What to do next", "The data", "What is left over", "Friction", "How this was made"):
+    for heading in ("What to do next", "The data", "What is left over", "Friction"):
         assert heading not in text
     assert "nMSE, validation" not in text
     assert "No verdict." in text
@@ -231,11 +237,16 @@ def test_numbers_for_people(value, text):
     assert numbers.number(value) == text
 
 
-def test_every_plot_survives_one_joint_and_silence():
+def test_every_plot_survives_one_joint_and_silence(report):
     still = Signals("still", "validation", np.arange(4.0), np.zeros((4, 1)), np.zeros((4, 1)))
-    one = Report(
-        "arm", "v", "fair", [], {}, ("only",), [], pd.DataFrame({"nmse_validation": [np.nan]}), [still],
-        parameters(), np.zeros((3, 3)), np.inf, np.zeros(3),
-        Friction(*[np.zeros((1, 2))] * 2, *[np.zeros((1, 1))] * 2),
-    )  # fmt: skip
+    one = replace(
+        report,
+        joint_names=("only",),
+        errors=pd.DataFrame({"nmse_validation": [np.nan]}),
+        signals=[still],
+        covariance=np.zeros((3, 3)),
+        condition_number=np.inf,
+        singular_values=np.zeros(3),
+        friction=Friction(*[np.zeros((1, 2))] * 2, *[np.zeros((1, 1))] * 2),
+    )
     assert re.search(r'id="plot-friction"', report_html(one))

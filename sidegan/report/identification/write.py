@@ -41,9 +41,8 @@ def report_html(report: Report) -> str:
         undefined=StrictUndefined,
     )
     environment.filters |= {"number": number, "percent": percent, "bar": _bar}
-    environment.tests["finite"] = lambda value: value is not None and math.isfinite(value)
+    environment.tests["finite"] = math.isfinite
     names = [str(name) for name in report.parameters.name]
-    correlation = None if report.covariance is None else correlation_of(report.covariance)
     title = f"Identification of {report.title}"
     body = environment.get_template("report.html.jinja").render(
         report=report,
@@ -52,7 +51,7 @@ def report_html(report: Report) -> str:
         errors={column: head for column, head in _ERRORS.items() if column in report.errors},
         not_shown=len(report.signals) - len(plots.shown_recordings(report.signals)),
         weak=int(report.parameters.weak.sum()),
-        pairs=[] if correlation is None else hard_to_tell_apart(correlation, names),
+        pairs=hard_to_tell_apart(correlation_of(report.covariance), names),
         plot=partial(_plot, report),
     )
     return page(title, body)
@@ -67,13 +66,10 @@ def _sections(report: Report) -> dict[str, str]:
         "torques": ("Measured and predicted torque", report.signals),
         "residuals": ("What is left over", report.signals),
         "parameters": ("The parameters", True),
-        "uncertainty": (
-            "What the data can tell",
-            report.covariance is not None or report.condition_number is not None,
-        ),
+        "uncertainty": ("What the data can tell", True),
         "friction": ("Friction", report.friction),
-        "links": ("Physically consistent links", report.links is not None),
-        "how": ("How this was made", report.files or report.settings or report.command),
+        "links": ("Physically consistent links", True),
+        "how": ("How this was made", True),
     }
     return {name: heading for name, (heading, content) in candidates.items() if content}
 
