@@ -197,7 +197,7 @@ def formula(shares: Tensor, names: Sequence[str]) -> str:
     """A grouping as text, such as "m6 + 0.078 m7", from each parameter's share (F,) and name."""
     parts = [(share, name) for share, name in zip(shares.tolist(), names) if share != 0.0]
     words = []
-    for share, name in sorted(parts, key=lambda part: part[0] != 1.0):
-        size = f"{abs(share):.{_DIGITS}g}"
+    sized = [(f"{abs(share):.{_DIGITS}g}", share, name) for share, name in parts]
+    for size, share, name in sorted(sized, key=lambda part: part[0] != "1" or part[1] < 0):
         words += ["-" if share < 0 else "+", name if size == "1" else f"{size} {name}"]
     return " ".join(words).removeprefix("+ ")

@@ -1,25 +1,19 @@
-"""How a recording agrees with the arm's description: velocities, signs of torques, late signals."""
+"""How a recording agrees with the arm's description: signs of torques, late signals."""
 
-import math
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.excitation import friction_columns
-from sidegan.recording.recording import SIGN_WIDTH, Segment
-from sidegan.recording.statistics import Statistics
+from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
 
-_DEGREES = 180 / math.pi
 _SAMPLES = 20_000  # enough to tell a sign
 _CLEAR = 0.4  # correlation with the model that says something
 _LONGEST_LAG = 0.25  # [s]
 _BETTER = 0.8  # share of the squared residual that is left when a lag is believed
-_NEAR = 0.3  # of the logarithm of a ratio
-_WRONG_SLOPE = 0.1  # of a velocity over the derivative of its position
 _TINY = 1e-12
 
 
@@ -43,17 +37,16 @@ class Agreement(NamedTuple):
     def warnings(self, arm: Arm) -> list[str]:
         """Joints whose torque looks reversed, or whose sign the motion does not tell, and the lag."""
         against, silent = self.sign < -_CLEAR, self.sign.abs() < _CLEAR
-        reversed_ = arm_names(arm, against & (self.friction < _CLEAR))
+        reversed_ = arm.named(against & (self.friction < _CLEAR))
         warnings = []
         if reversed_:
             warnings.append(
-                f"the torque of {', '.join(reversed_)} runs against the description: is its sign wrong? "
-                f"(recording.reverse=[{','.join(reversed_)}])"
+                f"the torque of {reversed_} runs against the description: is its sign wrong? "
+                f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
             )
         if silent.any():
             warnings.append(
-                "the motion does not tell whether the sign of the torque of "
-                f"{', '.join(arm_names(arm, silent))} is right"
+                f"the motion does not tell whether the sign of the torque of {arm.named(silent)} is right"
             )
         if self.late:
             when = "later" if self.lag > 0 else "earlier"
@@ -64,47 +57,6 @@ class Agreement(NamedTuple):
 def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     """Agreement of segments with an arm's description."""
     return Agreement(*_signs(body, segments), *_lag(body, segments))
-
-
-def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment]) -> list[str]:
-    """What is odd about recorded velocities, beside the derivatives of the positions.
-
-    Raises:
-        RecordingError: when the velocities are those of another unit of angles.
-    """
-    long_enough = [segment for segment in segments if len(segment.time) > 2]
-    if "velocity" not in statistics.signals or not long_enough:
-        return []
-    rate, velocity = (torch.cat(x) for x in zip(*map(_rates, long_enough)))
-    warnings = []
-    for j, name in enumerate(arm.joint_names):
-        a, b = rate[:, j], velocity[:, j]
-        if a.square().mean().sqrt() < 10 * SIGN_WIDTH:
-            continue
-        slope = float(a @ b / (a @ a))
-        ratio = math.log(max(abs(slope), _TINY))
-        if abs(abs(ratio) - math.log(_DEGREES)) < _NEAR:
-            raise RecordingError(
-                f"{statistics.name}: the velocity of {name} is {slope:.3g} times the derivative of its "
-                "position: one of them is in degrees and the other in radians"
-            )
-        if abs(slope - 1) > _WRONG_SLOPE:
-            warnings.append(
-                f"the velocity of {name} is {slope:.2f} times the derivative of its position"
-                + ("; is its sign wrong?" if slope < -0.5 else "")
-            )
-    return warnings
-
-
-def arm_names(arm: Arm, which: Tensor) -> list[str]:
-    """Names of the joints that are marked, (J,)."""
-    return [name for name, marked in zip(arm.joint_names, which.tolist()) if marked]
-
-
-def _rates(segment: Segment) -> tuple[Tensor, Tensor]:
-    """Central difference of a segment's positions, and its velocity there."""
-    step = float(segment.time[1] - segment.time[0])
-    return (segment.position[2:] - segment.position[:-2]) / (2 * step), segment.velocity[1:-1]
 
 
 def _signs(body: RigidBody, segments: list[Segment]) -> tuple[Tensor, Tensor]:

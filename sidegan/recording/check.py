@@ -13,7 +13,7 @@ from torch import Tensor
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
-from sidegan.recording.agreement import Agreement, agreement_of, velocity_warnings
+from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.excitation import Excitation, excitation_of
 from sidegan.recording.load import Source
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
@@ -152,7 +152,7 @@ def check_recording(
     segments = preprocess(recording, settings, gains, sign_width, grid)
     body = RigidBody(arm)
     warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
-    warnings += velocity_warnings(statistics, arm, segments)
+    warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
     excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains))
     warnings += agreement.warnings(arm) + _excitation_warnings(excitation)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from sidegan.errors import RecordingError
-from sidegan.recording.columns import SIGNALS
+from sidegan.recording.settings import SIGNALS
 
 SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at 76 %
 

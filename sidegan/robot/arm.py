@@ -82,6 +82,10 @@ class Arm:
         """Number of joints J."""
         return len(self.joint_names)
 
+    def named(self, which: Tensor) -> str:
+        """Names of the joints that are marked, (J,), for a message."""
+        return ", ".join(name for name, marked in zip(self.joint_names, which.tolist()) if marked)
+
 
 def with_effort(arm: Arm, effort: float) -> Arm:
     """The same arm, of whose velocity and torque limits only the share ``effort`` may be used.

@@ -2,12 +2,12 @@ import json
 
 import pandas as pd
 import pytest
+from sidegan.pipeline.artifacts import Store
+from sidegan.pipeline.plan import LIBRARY, Task
 
 from experiments import conditional
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.library import Library
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import LIBRARY, Task
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import STAGES
 from tests.tiny import tiny

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sidegan.errors import StorageError
-from sidegan.report.identification import Finding, Friction, Report, Signals, numbers, plots, write_report
-from sidegan.report.identification.write import report_html
+from sidegan.report.identification import Finding, Friction, Report, Signals, page, plots, write_report
+from sidegan.report.identification.data import correlation_of
+from sidegan.report.identification.page import report_html
 
 HOSTILE = '<script>alert("x")</script>&'
 JOINTS = ("shoulder", "elbow")
@@ -96,9 +97,9 @@ class _Page(HTMLParser):
 
 
 def read(report):
-    page = _Page(report_html(report))
-    assert not page.open
-    return page, " ".join(" ".join(page.text).split())
+    html = _Page(report_html(report))
+    assert not html.open
+    return html, " ".join(" ".join(html.text).split())
 
 
 def test_everything_is_told(report):
@@ -119,10 +120,10 @@ def test_warnings_come_before_what_is_fine(report):
 
 
 def test_nothing_comes_from_elsewhere(report):
-    page, _ = read(report)
-    assert all(link.startswith("#") or link == "verdict.json" for link in page.links)
-    assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
-    assert len(page.ids) == len(set(page.ids))
+    html, _ = read(report)
+    assert all(link.startswith("#") or link == "verdict.json" for link in html.links)
+    assert {link[1:] for link in html.links if link.startswith("#")} <= set(html.ids)
+    assert len(html.ids) == len(set(html.ids))
     assert "default-src 'none'" in report_html(report)
 
 
@@ -212,18 +213,18 @@ def test_correlation_of_a_covariance():
     half = np.random.default_rng(0).normal(size=(4, 4))
     covariance = half @ half.T
     deviation = np.sqrt(np.diag(covariance))
-    found = numbers.correlation_of(covariance)
+    found = correlation_of(covariance)
     np.testing.assert_allclose(found * deviation * deviation[:, None], covariance, atol=1e-12)
-    assert numbers.correlation_of(np.zeros((2, 2))).tolist() == [[1, 0], [0, 1]]
+    assert correlation_of(np.zeros((2, 2))).tolist() == [[1, 0], [0, 1]]
 
 
 def test_only_pairs_that_go_together_are_named():
     correlation = np.array([[1, -0.9, 0.2], [-0.9, 1, 0.85], [0.2, 0.85, 1]])
-    first, second = numbers.hard_to_tell_apart(correlation, "abc")
+    first, second = page.hard_to_tell_apart(correlation, "abc")
     assert first.startswith("a and b (−0.9): their sum")
     assert second.startswith("b and c (0.85): their difference")
-    assert numbers.hard_to_tell_apart(np.eye(3), "abc") == []
-    assert numbers.hard_to_tell_apart(np.ones((5, 5)), "abcde")[-1] == "and 2 more pairs"
+    assert page.hard_to_tell_apart(np.eye(3), "abc") == []
+    assert page.hard_to_tell_apart(np.ones((5, 5)), "abcde")[-1] == "and 2 more pairs"
 
 
 @pytest.mark.parametrize(
@@ -234,7 +235,7 @@ def test_only_pairs_that_go_together_are_named():
     ],
 )  # fmt: skip
 def test_numbers_for_people(value, text):
-    assert numbers.number(value) == text
+    assert page.number(value) == text
 
 
 def test_every_plot_survives_one_joint_and_silence(report):

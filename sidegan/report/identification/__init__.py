@@ -3,8 +3,8 @@
 from sidegan.report.identification.check import show_checks
 from sidegan.report.identification.content import Origin
 from sidegan.report.identification.data import Finding, Friction, Report, Signals
+from sidegan.report.identification.page import write_report
 from sidegan.report.identification.results import CHECK, REPORT, VERDICT, write_checks, write_results
-from sidegan.report.identification.write import write_report
 
 __all__ = [
     "CHECK",

@@ -66,3 +66,12 @@ class Report:
     settings: str  # as text
     files: Mapping[str, str]  # what → name of a file beside the report
     command: str  # that made it
+
+
+def correlation_of(covariance: Numbers) -> Numbers:
+    """Correlation (P, P) of a covariance; a parameter without variance is correlated with none."""
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    correlation = covariance / scale / scale[:, None]
+    np.fill_diagonal(correlation, 1.0)
+    return np.clip(correlation, -1.0, 1.0)

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sidegan.report.identification.data import Friction, Numbers, Report, Signals
-from sidegan.report.identification.numbers import correlation_of
+from sidegan.report.identification.data import Friction, Numbers, Report, Signals, correlation_of
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

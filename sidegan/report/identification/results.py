@@ -12,7 +12,7 @@ from sidegan.identification.score import Score
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.identification.content import Origin, content
-from sidegan.report.identification.write import write_report
+from sidegan.report.identification.page import write_report
 from sidegan.robot import write_urdf
 from sidegan.robot.consistency import about_the_centre
 
