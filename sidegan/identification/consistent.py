@@ -10,14 +10,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.errors import InfeasibleError, RobotError
+from sidegan.errors import InfeasibleError
 from sidegan.identification.fit import Fit, flat
 from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import likelihood, scales
 from sidegan.identification.sums import rows_of, solve
-from sidegan.robot import Arm
+from sidegan.robot import Arm, require_consistent
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class Consistent(Ols):
         import cvxpy as cp
 
         if self.pull == "logdet":
-            _require_consistent(model.arm)
+            require_consistent(model.arm)
         unit = _units(model.arm)
         links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
         standard = _standard(links, unit, model)
@@ -110,16 +110,6 @@ class Consistent(Ols):
 def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:
     """Smallest eigenvalue of the pseudo-inertia of each link (J, 10) in its typical mass and length, (J,)."""
     return torch.linalg.eigvalsh(_scaled(links, _units(arm)))[:, 0]
-
-
-def _require_consistent(arm: Arm) -> None:
-    least = least_eigenvalues(arm.inertial_parameters, arm)
-    bad = [arm.joint_names[i] for i in (least <= 0).nonzero()[:, 0].tolist()]
-    if bad:
-        raise RobotError(
-            f"the description of {arm.name} is not physically consistent at the links of "
-            f"{', '.join(bad)}: pull='euclid' takes it all the same"
-        )
 
 
 def _units(arm: Arm) -> Tensor:

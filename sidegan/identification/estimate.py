@@ -12,7 +12,7 @@ from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.consistent import Consistent
 from sidegan.identification.gather import Reach, gather
 from sidegan.identification.linear import Essential, Ols, Recursive, Tls, Weighted
-from sidegan.identification.measurements import SAMPLES_AT_ONCE, Samples
+from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import Ridge
 from sidegan.identification.robust import Huber
@@ -72,37 +72,17 @@ class Estimate:
         return self.sums.weighted(self.weights)[1]
 
 
-def estimate(
-    method: str,
-    model: TorqueModel,
-    measurements: Samples,
-    samples_at_once: int = SAMPLES_AT_ONCE,
-    **settings: Any,
-) -> Estimate:
+def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS``.
 
     Samples are read in pieces, so memory does not grow with their number. All methods but huber read them
     once and take a stream as well.
 
-    ===========  ==================================================================================
-    method       settings (default)
-    ===========  ==================================================================================
-    ols          prior (1e6): variance of each parameter before any sample
-    weighted     prior; joint j's equations over its residual's size, until that settles (IDIM-IRLS)
-    huber        prior, threshold (1.345): residuals beyond so many deviations count less
-    tls          prior, weighted (True): the regressor has errors too, in proportion to its columns
-    rls          prior, forgetting (1.0), weighted (False)
-    ridge        prior, relative (0.3): share to within which the description is believed
-    essential    prior, ratio (30) of largest over smallest relative deviation, loss (0.02) of fit
-    consistent   prior; pull, strength, margin, total_mass: ``Consistent``, as conf/identify has them
-    ===========  ==================================================================================
-
     Args:
         method: name of the estimator.
         model: what torque is explained with.
         measurements: one recording, several, or a stream of them in the order of time.
-        samples_at_once: largest number of samples whose regressor is held.
-        settings: of the method.
+        settings: of the method, the fields of its class.
 
     Raises:
         ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
@@ -117,7 +97,7 @@ def estimate(
             f"{method} reads the samples several times, and a stream can be read once: give a list of "
             f"recordings, or choose one of {once}"
         )
-    data = gather(model, measurements, samples_at_once, estimator.forgetting)
+    data = gather(model, measurements, estimator.forgetting)
     fit, sums = estimator.fit(data), data.sums
     errors = fit.errors or torque_errors(data, fit)
     return Estimate(

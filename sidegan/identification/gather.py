@@ -1,6 +1,5 @@
 """One walk through the samples: their sums, and a share of them to judge residuals by."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,7 +7,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.identification.measurements import SAMPLES_AT_ONCE, Measurements, Samples, pieces
+from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, finite, no_sums, sums_of
 from sidegan.motion.compiled import tensors as kernels
@@ -39,35 +38,23 @@ class Gathered:
     samples: int  # number of samples of all joints
     reach: Reach  # of the joints in them
     source: Samples  # the measurements, which some methods walk through again
-    samples_at_once: int  # largest number of samples of a piece
-
-    def pieces(self) -> Iterator[Measurements]:
-        """The measurements once more, in pieces."""
-        return pieces(self.source, self.samples_at_once)
 
 
-def gather(
-    model: TorqueModel,
-    measurements: Samples,
-    samples_at_once: int = SAMPLES_AT_ONCE,
-    forgetting: float = 1.0,
-) -> Gathered:
+def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
     """Sums over measurements, which are read once and in pieces, and a share of the samples.
 
     Args:
         model: linear in its parameters.
         measurements: one recording, several, or a stream of them in the order of time.
-        samples_at_once: largest number of samples whose regressor is held.
         forgetting: a sample of age k counts forgetting^k as much.
 
     Raises:
-        ConfigError: when ``samples_at_once`` is not positive.
         ShapeError: when there are no samples, or they do not fit the model.
     """
     sums, samples, stride = no_sums(model.joints, model.count), 0, 1
     kept: list[Measurements] = []
     reach: list[Tensor] = []  # −lowest, highest, fastest of the joints so far, (3, J)
-    for number, part in enumerate(pieces(measurements, samples_at_once)):
+    for number, part in enumerate(pieces(measurements)):
         sums = sums.times(forgetting ** len(part)).plus(_sums(model, part, forgetting))
         moved = torch.stack([-part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0)])
         reach = [torch.stack([*reach, moved]).amax(0)]
@@ -79,7 +66,7 @@ def gather(
     if not samples:
         raise ShapeError("there are no samples to identify from")
     down, up, fastest = reach[0]
-    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest), measurements, samples_at_once)
+    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest), measurements)
 
 
 def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:

@@ -40,7 +40,6 @@ def trust(
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
-        ConfigError: when ``samples_each`` or ``count`` is not positive.
     """
     if estimate.names != tuple(model.names):
         raise ShapeError("the estimate has other parameters than the model")

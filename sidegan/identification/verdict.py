@@ -31,33 +31,22 @@ _MOST = 10.0  # a larger share says no more
 
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """What is known about the quality of an identified model, and what follows from it.
+    """What is known about the quality of an identified model, and what follows from it."""
 
-    Attributes:
-        arm: the arm that was identified.
-        estimate: its parameters.
-        train: errors on what was identified from.
-        validation: errors on what was held out; None when nothing was.
-        nominal_score: errors of the description's link parameters with fitted friction, on the same samples
-            as ``validation``, or else ``train``.
-        folds: each recording predicted from the others; None when not asked for.
-        effect: largest share of a joint's usual torque that one deviation of a parameter makes, (P,).
-        torque_deviation: standard deviation of the predicted torque over the joint's usual torque, anywhere
-            within the limits, (J,).
-        weak: parameters whose errors matter, the worst first.
-        next_runs: what to run next; None without candidates.
-    """
-
-    arm: Arm
-    estimate: Estimate
-    train: Score
-    validation: Score | None
+    arm: Arm  # the arm that was identified
+    estimate: Estimate  # its parameters
+    train: Score  # errors on what was identified from
+    validation: Score | None  # errors on what was held out; None when nothing was
+    # errors of the description's link parameters with fitted friction, on the same samples as
+    # ``validation``, or else ``train``
     nominal_score: Score
-    folds: Score | None
-    effect: Tensor
+    folds: Score | None  # each recording predicted from the others; None when not asked for
+    effect: Tensor  # largest share of a joint's usual torque that one deviation of a parameter makes, (P,)
+    # standard deviation of the predicted torque over the joint's usual torque, anywhere within the
+    # limits, (J,)
     torque_deviation: Tensor
-    weak: tuple[str, ...]
-    next_runs: NextRuns | None
+    weak: tuple[str, ...]  # parameters whose errors matter, the worst first
+    next_runs: NextRuns | None  # what to run next; None without candidates
 
     @property
     def verdict(self) -> str:

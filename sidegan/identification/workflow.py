@@ -49,7 +49,9 @@ class IdentifiedArm:
     @property
     def standard(self) -> Tensor:
         """Physically consistent parameters in ``TorqueModel.standard_names``' order, (F,)."""
-        return self.estimates[CONSISTENT].standard
+        standard = self.estimates[CONSISTENT].standard
+        assert standard is not None, "that is what this method gives"
+        return standard
 
     @property
     def links(self) -> Tensor:

@@ -1,6 +1,7 @@
 """Made-up recordings with known parameters."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import torch
@@ -36,7 +37,21 @@ def truth_of(model):
     """Parameters (P,) of the description with friction, another one at every joint."""
     grow = torch.linspace(1.0, 0.4, model.joints, dtype=torch.float64)
     terms = {name: FRICTION[name] * grow for name in model.kinds if name in FRICTION}
-    return model.base_of(model.arm.inertial_parameters, terms)
+    return parameters_of(model, terms)
+
+
+def parameters_of(model, terms):
+    """Parameters (P,) of the description's links and of terms, name → (J,)."""
+    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
+    standard[: 10 * model.joints] = model.arm.inertial_parameters.reshape(-1)
+    for name, values in terms.items():
+        standard[model.standard_slice(name)] = values.double()
+    return model.mapping @ standard
+
+
+def at_once(samples):
+    """Within the block, measurements are walked through in pieces of so many samples."""
+    return patch("sidegan.identification.measurements.SAMPLES_AT_ONCE", samples)
 
 
 def recorded(model, samples=1500, noise=0.0, seed=0):

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sidegan.errors import StorageError
-from sidegan.report.identification import Finding, Friction, Report, Signals, page, plots, write_report
-from sidegan.report.identification.data import correlation_of
-from sidegan.report.identification.page import report_html
+from sidegan.report.identification import page, plots
+from sidegan.report.identification.data import Finding, Friction, Report, Signals, correlation_of
+from sidegan.report.identification.page import report_html, write_report
 
 HOSTILE = '<script>alert("x")</script>&'
 JOINTS = ("shoulder", "elbow")

@@ -61,7 +61,7 @@ def _make(cfg: Config, arm: Arm, build: Build) -> None:
     training, validation = checked(cfg, arm)
     identified = identify_arm(arm, training, validation, cfg.model, cfg.identify)
     groups = {name: asdict(getattr(cfg, name)) for name in ("robot", "recording", "model", "identify")}
-    write_results(identified, Origin(_command(cfg), groups, cfg.identify.library), build.folder)
+    write_results(identified, Origin(_command(cfg), groups), build.folder)
 
 
 def _command(cfg: Config) -> str:

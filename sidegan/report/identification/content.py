@@ -22,7 +22,6 @@ class Origin(NamedTuple):
 
     command: str  # that made it
     settings: Mapping[str, Any]  # by group, plain values
-    library: str | None = None  # of trajectories to recommend from
 
 
 def content(
@@ -52,7 +51,7 @@ def content(
         singular_values=_singular_values(chosen.information),
         friction=_friction(identified),
         links=links,
-        recommendations=_recommendations(identified, origin.library),
+        recommendations=_recommendations(identified, origin.settings["identify"]["library"]),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
         command=origin.command,
