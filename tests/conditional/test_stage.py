@@ -2,8 +2,6 @@ import json
 
 import pandas as pd
 import pytest
-from sidegan.pipeline.artifacts import Store
-from sidegan.pipeline.plan import LIBRARY, Task
 
 from experiments import conditional
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError

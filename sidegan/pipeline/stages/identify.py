@@ -6,6 +6,7 @@ import shutil
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sidegan.base.storage import read_json, replacing
 from sidegan.errors import ConfigError, RecordingError
