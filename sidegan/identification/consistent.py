@@ -36,23 +36,18 @@ class Consistent(Ols):
     model's parameters, P_i ⪰ margin, and friction and rotor inertias not negative. The covariance given is
     that of weighted least squares, which consistency can only make smaller.
 
-    Attributes:
-        pull: ``"logdet"``: the divergence of pseudo-inertias from the description's (Lee et al. 2020), which
-            does not depend on units or frames and keeps away from the border; ``"euclid"``: the squared
-            distance in each link's typical units, which also takes a description that is not consistent.
-        strength: weight of the pull beside the samples' log-likelihood, above zero: it has to choose among
-            parameters that no motion tells apart.
-        margin: smallest eigenvalue of a pseudo-inertia in the link's typical mass and length.
-        total_mass: of all links together [kg]; free when None.
-
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
     """
 
+    # logdet: the divergence of pseudo-inertias from the description's (Lee et al. 2020), which does not
+    # depend on units or frames and keeps away from the border; euclid: the squared distance in each link's
+    # typical units, which also takes a description that is not consistent
     pull: Literal["logdet", "euclid"]
+    # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells
     strength: float
-    margin: float
-    total_mass: float | None
+    margin: float  # smallest eigenvalue of a pseudo-inertia in the link's typical mass and length
+    total_mass: float | None  # of all links together [kg]; free when None
 
     def fit(self, data: Gathered) -> Fit:
         """Most likely parameters of an arm that can exist, with links and terms as ``standard``.

@@ -30,19 +30,12 @@ _READERS = {
 
 @dataclass(frozen=True)
 class Source:
-    """A recorded file that can be read in pieces, as often as needed.
+    """A recorded file that can be read in pieces, as often as needed."""
 
-    Args:
-        path: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3 or .mcap).
-        columns: where it keeps what, and in which units.
-        joint_names: of the arm.
-        rows: most samples per piece.
-    """
-
-    path: Path
-    columns: Columns
-    joint_names: tuple[str, ...]
-    rows: int = _ROWS
+    path: Path  # CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3 or .mcap)
+    columns: Columns  # where it keeps what, and in which units
+    joint_names: tuple[str, ...]  # of the arm
+    rows: int = _ROWS  # most samples per piece
     _kept: list[Recording] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property

@@ -140,7 +140,7 @@ class TestBadInput:
     def test_a_description_without_masses(self, planar):
         light = TorqueModel(RigidBody(replace(planar, inertial_parameters=0 * planar.inertial_parameters)))
         with pytest.raises(ConfigError, match="no link of planar2 has a mass"):
-            fitted("consistent", light, recorded(light, 100, noise=0.1))
+            fitted("consistent", light, recorded(light, 100, noise=0.1), pull="euclid")
 
     def test_what_cannot_be_met(self, noisy):
         model, data = noisy

@@ -10,7 +10,7 @@ import torch
 
 from sidegan.errors import ConfigError, RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.plant import IDEAL, mujoco_model
+from sidegan.plant import IDEAL, Plant, mujoco_model
 from sidegan.robot import built_in_robots, load_robot, pinocchio_model
 from tests.chains import random_states
 
@@ -73,4 +73,4 @@ def test_what_mujoco_refuses_is_told(planar):
 @pytest.mark.parametrize("name", ["viscous", "coulomb", "rotor_inertia", "bandwidth", "torque_bias"])
 def test_settings_of_another_number_of_joints_are_refused(planar, name):
     with pytest.raises(ConfigError, match=rf"plant.{name} has 3 values, expected 2 \(one per joint\) or one"):
-        replace(IDEAL, **{name: [0.1, 0.1, 0.1]}).check(planar.joints)
+        Plant(planar, replace(IDEAL, **{name: [0.1, 0.1, 0.1]}))

@@ -6,7 +6,6 @@ import shutil
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sidegan.base.storage import read_json, replacing
 from sidegan.errors import ConfigError, RecordingError
@@ -43,8 +42,7 @@ def model(task: Task) -> Artifact:
     read = files | ({} if cfg.identify.library is None else {"library": Path(cfg.identify.library)})
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     inputs |= {key: _digest(path) for key, path in read.items()}
-    groups = ("recording", "model", "identify")
-    settings: dict[str, Any] = {name: asdict(getattr(cfg, name)) for name in groups}
+    settings: dict[str, object] = {n: asdict(getattr(cfg, n)) for n in ("recording", "model", "identify")}
     settings |= {"gains": cfg.robot.gains, "names": {key: path.name for key, path in files.items()}}
     label, make = f"{arm.name}-{cfg.identify.method}", partial(_make, cfg, arm)
     return Artifact("identify", label, "identify", settings, inputs, None, make, _error, alone=True)

@@ -105,17 +105,15 @@ def friction(report: Report) -> go.Figure:
     figure = make_subplots(rows=rows, cols=columns, subplot_titles=list(names), **spacing)
     for j in range(len(names)):
         place = {"row": j // columns + 1, "col": j % columns + 1}
-        for trace in _friction_traces(report.friction, j):
+        for trace in _friction_traces(report.friction, j) if report.friction else ():
             figure.add_scatter(**trace, showlegend=j == 0, **place)
         figure.update_xaxes(title_text="rad/s" if j + columns >= len(names) else "", **place)
     figure.update_annotations(font_size=13)
     return _style(figure, 230 * rows + 70, top=64)
 
 
-def _friction_traces(law: Friction | None, joint: int) -> list[dict[str, Any]]:
+def _friction_traces(law: Friction, joint: int) -> list[dict[str, Any]]:
     """Samples and identified law of one joint."""
-    if law is None:
-        return []
     some = slice(None, None, max(1, len(law.measured) // _CLOUD))
     samples = {
         "x": _small(law.measured_velocity[some, joint]),
