@@ -1,6 +1,7 @@
 """Measurements, simulated or recorded, to an identified model with its uncertainty."""
 
 from sidegan.identification.estimate import METHODS, Estimate, estimate
+from sidegan.identification.live import Live
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score, folds, score
@@ -14,6 +15,7 @@ __all__ = [
     "RIGID",
     "Estimate",
     "EstimationSettings",
+    "Live",
     "Measurements",
     "Noise",
     "ReplicationSettings",

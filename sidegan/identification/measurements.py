@@ -1,5 +1,6 @@
 """Samples of joint states and torques, recorded or simulated with noise."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -98,7 +99,7 @@ class Noise:
     the standard deviation of that joint's signal over its trajectory.
 
     Raises:
-        ConfigError: when the kind is unknown.
+        ConfigError: when the kind is unknown or the level is not a finite number ≥ 0.
     """
 
     kind: Literal["multiplicative", "additive"]
@@ -109,6 +110,8 @@ class Noise:
     def __post_init__(self) -> None:
         if self.kind not in ("multiplicative", "additive"):
             raise ConfigError(f"noise kind is {self.kind!r}, expected 'multiplicative' or 'additive'")
+        if not 0 <= self.level < math.inf:
+            raise ConfigError(f"noise level is {self.level}, expected a finite number ≥ 0")
 
     def add(self, x: Tensor, draw: Tensor) -> Tensor:
         """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""
