@@ -1,15 +1,12 @@
-from sidegan.robot import chain_model
-
 """Random serial chains, as sidegan's arm and as Pinocchio's model with the same numbers."""
 
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import torch
 from torch import Tensor
 
-from sidegan.robot import Arm, Capsules
+from sidegan.robot import Arm, Capsules, chain_model
 
 
 def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
