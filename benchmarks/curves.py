@@ -43,7 +43,8 @@ _SAMPLES = 1600  # per trajectory that is identified from
 
 
 def warm_up() -> None:
-    """Load the compiled kernels, which no point should pay for."""
+    """One thread, and the compiled kernels loaded, which no point should pay for."""
+    torch.set_num_threads(1)
     problem = Setting().problem
     Gradient(steps=2, attempts=1, reserve=0.2).optimise(problem, 1, np.random.SeedSequence(0))
     excite(problem.body, problem.trajectory, problem.start(1, torch.Generator()))
@@ -51,7 +52,8 @@ def warm_up() -> None:
 
 def joints(count: int) -> Point:
     """CPU time per trajectory [ms] of YᵀY, its gradient with the penalty, and the check of validity."""
-    return _costs(Problem(Constraints(chain(Setting().arm, count), [DESK]), Trajectory(count)))
+    arm = chain(Setting().problem.constraints.arm, count)
+    return _costs(Problem(Constraints(arm, [DESK]), Trajectory(count)))
 
 
 def samples(count: int) -> Point:
@@ -90,7 +92,7 @@ def rls(count: int) -> Point:
     """CPU time per sample [µs] to identify from so many trajectories of 1600 samples, and peak memory."""
     setting = Setting()
     recordings = noiseless(setting, 10, _SAMPLES)
-    model = TorqueModel(setting.body, RIGID)
+    model = TorqueModel(setting.problem.body, RIGID)
     gather(model, recordings[0])
     run = timed(lambda: gather(model, (recordings[k % len(recordings)] for k in range(count))))
     each = 1e6 / (count * _SAMPLES)
@@ -155,7 +157,7 @@ def _library(setting: Setting, count: int) -> tuple[Counter[str], float]:
             with _clock(spent, "generation"):
                 c = generator.sample(min(_PART, count - first), noise)
             with _clock(spent, "measured"):
-                part = measured(setting.constraints, setting.trajectory, c, "untrained")
+                part = measured(setting.problem.constraints, setting.problem.trajectory, c, "untrained")
             yield part
 
     with TemporaryDirectory() as folder:

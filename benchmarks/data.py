@@ -23,8 +23,8 @@ def rls(setting: Setting) -> Result:
     count, samples = (5, 400) if setting.quick else (_MEASURED, _SAMPLES)
     recordings = noiseless(setting, count, samples)
     few = recordings[0][: setting.size(400)]
-    y, tau = setting.body.base_regressor(*few.states).numpy(), few.torque.numpy()
-    model = TorqueModel(setting.body, RIGID)
+    y, tau = setting.problem.body.base_regressor(*few.states).numpy(), few.torque.numpy()
+    model = TorqueModel(setting.problem.body, RIGID)
     run, theirs = medians(
         min(setting.repeats, 3),
         lambda: recursive(gather(model, iter(recordings)).sums, 1, 1e6),
@@ -38,7 +38,8 @@ def selection(setting: Setting) -> Result:
     """Seconds for the greedy pick of 350 of 100,000, on one thread, beside NumPy on what is left."""
     count, picks = setting.size(_LIBRARY), setting.size(_PICKS)
     generator = torch.Generator().manual_seed(0)
-    diagonals = torch.rand(count, setting.body.parameters_count, generator=generator, dtype=torch.float64)
+    parameters = setting.problem.body.parameters_count
+    diagonals = torch.rand(count, parameters, generator=generator, dtype=torch.float64)
     few = max(1, picks // 10)
     run, theirs = medians(
         min(setting.repeats, 3), lambda: greedy(diagonals, picks), lambda: _pick(diagonals.numpy(), few)
@@ -48,8 +49,9 @@ def selection(setting: Setting) -> Result:
 
 def noiseless(setting: Setting, count: int, samples: int) -> list[Measurements]:
     """What would be measured without noise on ``count`` trajectories."""
-    motion = setting.trajectory.roll_out(setting.start(count), setting.trajectory.grid(samples))
-    torque = setting.body.torque(*motion[1:])
+    trajectory = setting.problem.trajectory
+    motion = trajectory.roll_out(setting.start(count), trajectory.grid(samples))
+    torque = setting.problem.body.torque(*motion[1:])
     return [Measurements(*parts) for parts in zip(*motion[1:], torque)]
 
 

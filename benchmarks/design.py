@@ -51,24 +51,16 @@ def table(information: Information, picked: dict[str, Pick]) -> pd.DataFrame:
     """What was picked, by method: times [s] and criteria."""
     rows = {}
     for method, (chosen, timing) in picked.items():
-        criteria = criteria_of(information.stacked(chosen))
-        rows[method] = {
-            "wall s": timing.wall,
-            "CPU s": timing.cpu,
-            "log det": criteria.log_det,
-            "at most": ceiling(information, chosen)[1],
-            "trace of inverse": criteria.trace_inverse,
-            "covariance norm": criteria.covariance_norm,
-            "condition": criteria.condition,
-        }
+        most, criteria = ceiling(information, chosen)[1], criteria_of(information.stacked(chosen))
+        rows[method] = {"wall s": timing.wall, "CPU s": timing.cpu, "at most": most, **criteria._asdict()}
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def library(setting: Setting) -> tuple[Information, Tensor]:
     """Information of random trajectories, and the diagonals that the paper's score takes, (N, p)."""
     c = setting.start(setting.size(_LIBRARY))
-    information = information_of(setting.body, setting.trajectory, c, _SAMPLES)
-    columns = torch.linalg.inv(setting.body.base.subspace)  # xᵀ (Cᵀ G C) x is G's diagonal element
+    information = information_of(setting.problem.body, setting.problem.trajectory, c, _SAMPLES)
+    columns = torch.linalg.inv(setting.problem.body.base.subspace)  # xᵀ (Cᵀ G C) x is G's diagonal element
     return information, information.products(torch.einsum("ip,jp->pij", columns, columns))
 
 

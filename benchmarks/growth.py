@@ -16,6 +16,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from benchmarks import curves
 from benchmarks.growth_page import draw, write_page
 from sidegan.base.storage import write_bytes
 
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.fresh:
             path.unlink(missing_ok=True)
         each = 1 if CURVES[name].get("memory") else None
-        with ProcessPoolExecutor(1, _CONTEXT, _prepare, max_tasks_per_child=each) as pool:
+        with ProcessPoolExecutor(1, _CONTEXT, curves.warm_up, max_tasks_per_child=each) as pool:
             for at, repeat in turns(CURVES[name], options.small, options.repeats):
                 _measure(pool, name, at, repeat, path)
         draw(CURVES[name], pd.read_csv(path), path.with_suffix(""))
@@ -64,25 +65,9 @@ def _measure(pool: ProcessPoolExecutor, name: str, at: int, repeat: int, path: P
     if ((rows["at"] == at) & (rows["repeat"] == repeat)).any():
         return
     sys.stderr.write(f"{name} at {at}, {repeat + 1} …\n")
-    row = {"at": at, "repeat": repeat, **pool.submit(_point, name, at).result()}
+    row = {"at": at, "repeat": repeat, **pool.submit(getattr(curves, name), at).result()}
     rows = pd.DataFrame([*rows.to_dict("records"), row]).sort_values(["at", "repeat"])
     write_bytes(path, rows.to_csv(index=False, float_format="%.5g").encode())
-
-
-def _prepare() -> None:
-    import torch
-
-    from benchmarks import curves
-
-    torch.set_num_threads(1)
-    curves.warm_up()
-
-
-def _point(name: str, at: int) -> dict[str, float]:
-    from benchmarks import curves
-
-    point: dict[str, float] = getattr(curves, name)(at)
-    return point
 
 
 if __name__ == "__main__":

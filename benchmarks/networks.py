@@ -30,7 +30,7 @@ def generation(setting: Setting) -> Result:
 def generate_validate(setting: Setting) -> Result:
     """Generated trajectories, each with its validity proven or refuted, per second on two threads."""
     generator, count = setting.untrained(), setting.size(2000)
-    proof = partial(check, setting.constraints, setting.trajectory)
+    proof = partial(check, setting.problem.constraints, setting.problem.trajectory)
     (run,) = medians(setting.repeats, lambda: proof(generator.sample(count)))
     return Result(run, count, _PAPER_VALIDATED)
 
@@ -65,19 +65,26 @@ def variants() -> dict[str, Variant]:
 
 def train(setting: Setting, name: str, variant: Variant, count: int) -> None:
     """Train a variant on so many random trajectories, with untrained surrogates where it needs some."""
+    constraints, trajectory = setting.problem.constraints, setting.problem.trajectory
     seeds = setting.start(count)
     predictor = converter = None
     if variant.surrogates:
-        names = len(setting.constraints.labels)
-        predictor = SuccessPredictor(setting.arm, setting.trajectory, names, _WIDTH, _MARGIN_STEPS)
+        names = len(constraints.labels)
+        predictor = SuccessPredictor(constraints.arm, trajectory, names, _WIDTH, _MARGIN_STEPS)
         predictor.eval().requires_grad_(False)
     if variant.features != "none":
-        excitation = excite(setting.body, setting.trajectory, seeds[:200])
+        excitation = excite(constraints.body, trajectory, seeds[:200])
         features = excitation.spectrum if variant.features == "spectrum" else excitation.diagonal
-        converter = Converter(setting.arm, setting.trajectory, features.shape[1], _WIDTH, _FEATURE_STEPS)
+        converter = Converter(
+            constraints.arm,
+            trajectory,
+            features.shape[1],
+            _WIDTH,
+            _FEATURE_STEPS,
+        )
         converter.fit_standard(features)
         converter.eval().requires_grad_(False)
     with TemporaryDirectory() as work:
         run = Run(name, 0, Path(work), evaluation=setting.size(1000))
         surrogates = Surrogates(predictor, converter)
-        train_variant(variant, setting.constraints, setting.trajectory, seeds, run, surrogates)
+        train_variant(variant, constraints, trajectory, seeds, run, surrogates)

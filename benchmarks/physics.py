@@ -24,9 +24,9 @@ def regressor(setting: Setting) -> Result:
     """Base regressor and Gram matrices in states/s, beside Pinocchio called state by state."""
     c = setting.start(setting.size(1000))
     states = _states(setting, c[: setting.size(50)], _SAMPLES)
-    model = pinocchio_model(setting.arm)
-    data, columns = model.createData(), setting.body.base.columns.numpy()
-    grams = partial(gram, setting.body, setting.trajectory, samples=_SAMPLES)
+    model = pinocchio_model(setting.problem.constraints.arm)
+    data, columns = model.createData(), setting.problem.body.base.columns.numpy()
+    grams = partial(gram, setting.problem.body, setting.problem.trajectory, samples=_SAMPLES)
 
     def loop() -> None:
         for first in range(0, len(states), _SAMPLES):
@@ -47,13 +47,13 @@ def gradient(setting: Setting) -> Result:
 
     def through_the_regressor() -> None:
         x = few.clone().requires_grad_(True)
-        subspace = setting.body.base.subspace
+        subspace = setting.problem.body.base.subspace
         motion = problem.motion(x)[1:]
-        y = setting.body.base_regressor(*motion).flatten(1, 2)
+        y = setting.problem.body.base_regressor(*motion).flatten(1, 2)
         grams = y.transpose(1, 2) @ y / problem.samples
         spectrum = torch.linalg.eigvalsh(subspace.T @ grams @ subspace)
         states = [part.flatten(0, 1) for part in motion]
-        margins = setting.constraints.margins(*states).values()
+        margins = setting.problem.constraints.margins(*states).values()
         violation = sum((margin.clamp_max(0) ** 2).sum() for margin in margins)
         ((spectrum[:, -1] / spectrum[:, 0]).log().sum() + violation).backward()
 
@@ -67,12 +67,12 @@ def validity(setting: Setting) -> Result:
     """Checks in trajectories/s, beside torques and distances by Pinocchio and coal at samples only."""
     c = setting.start(setting.size(2000))
     states = _states(setting, c[: setting.size(10)], _CELLS)
-    model = pinocchio_model(setting.arm)
-    geometry = capsule_geometry(setting.arm)
-    for first, second in setting.constraints.pairs.tolist():
+    model = pinocchio_model(setting.problem.constraints.arm)
+    geometry = capsule_geometry(setting.problem.constraints.arm)
+    for first, second in setting.problem.constraints.pairs.tolist():
         geometry.addCollisionPair(pin.CollisionPair(first, second))
     data, shapes = model.createData(), geometry.createData()
-    proof = partial(check, setting.constraints, setting.trajectory)
+    proof = partial(check, setting.problem.constraints, setting.problem.trajectory)
 
     def loop() -> None:
         for q, dq, ddq in states:
@@ -85,5 +85,5 @@ def validity(setting: Setting) -> Result:
 
 def _states(setting: Setting, c: Tensor, samples: int) -> list[tuple[np.ndarray, ...]]:
     """Positions, velocities and accelerations of all trajectories, state by state."""
-    motion = setting.trajectory.roll_out(c, setting.trajectory.grid(samples))
+    motion = setting.problem.trajectory.roll_out(c, setting.problem.trajectory.grid(samples))
     return list(zip(*(x.flatten(0, 1).numpy() for x in motion[1:])))

@@ -10,12 +10,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import torch
 
 from benchmarks import data, design, networks, physics
 from benchmarks.seeds import seeds
 from benchmarks.setting import Setting
 from benchmarks.timing import ROWS, Result, row, threads
+from sidegan.report import export
+
+_NUMBERS = ("ours", "by_cpu", "opponent", "ratio", "goal", "threads")
 
 BENCHMARKS: dict[str, Callable[[Setting], Result]] = {
     "regressor": physics.regressor,
@@ -57,22 +61,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def show(rows: Sequence[dict[str, Any]], quick: bool) -> None:
     """Print the rows as one table."""
-    from rich.console import Console
-    from rich.table import Table
-
-    about = machine()
-    title = f"{about['cpu']}, {about['cores']} cores, torch {about['torch']}, numba {about['numba']}"
-    table = Table(title=title + (" (quick: not worth quoting)" if quick else ""), title_justify="left")
-    numbers = ("ours", "by_cpu", "opponent", "ratio", "goal", "threads")
-    for column in ("name", *numbers, "reached", "unit", "opponent is"):
-        table.add_column(column, justify="right" if column in numbers else "left")
+    about, cells = machine(), []
     for one in rows:
-        cells = (_number(one[column]) for column in numbers)
-        table.add_row(one["name"], *cells, "yes" if one["reached"] else "no", one["unit"], one["against"])
-        for who, value in one["also"].items():
-            table.add_row("", "", "", _number(value), *[""] * 5, who)
-    console = Console()
-    (console if console.is_terminal else Console(width=200)).print(table)
+        numbers = {column: _number(one[column]) for column in _NUMBERS}
+        words = {"reached": "yes" if one["reached"] else "no", "unit": one["unit"]}
+        cells.append({"name": one["name"], **numbers, **words, "opponent is": one["against"]})
+        cells += [{"opponent": _number(value), "opponent is": who} for who, value in one["also"].items()]
+    title = f"{about['cpu']}, {about['cores']} cores, torch {about['torch']}, numba {about['numba']}"
+    table = pd.DataFrame(cells).fillna("").set_index("name")
+    export.show(table, title + (" (quick: not worth quoting)" if quick else ""))
 
 
 def machine() -> dict[str, Any]:

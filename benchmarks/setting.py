@@ -10,9 +10,8 @@ from sidegan.design.problem import Problem
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm, load_robot
+from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane
 
 DESK = Plane((0.0, 0.0, 1.0), 0.10)
@@ -36,29 +35,10 @@ class Setting:
         return max(1, full // _QUICK) if self.quick else full
 
     @cached_property
-    def arm(self) -> Arm:
-        """The KUKA LWR IV."""
-        return load_robot("kuka_lwr4")
-
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """The paper's short trajectories."""
-        return Trajectory(self.arm.joints)
-
-    @cached_property
-    def constraints(self) -> Constraints:
-        """The arm 10 cm above its desk."""
-        return Constraints(self.arm, [DESK])
-
-    @property
-    def body(self) -> RigidBody:
-        """Dynamics of the arm."""
-        return self.constraints.body
-
-    @cached_property
     def problem(self) -> Problem:
-        """The seeds' optimisation problem at the default number of samples."""
-        return Problem(self.constraints, self.trajectory)
+        """The seeds' optimisation problem at the default number of samples: the LWR above its desk."""
+        arm = load_robot("kuka_lwr4")
+        return Problem(Constraints(arm, [DESK]), Trajectory(arm.joints))
 
     def start(self, count: int) -> Tensor:
         """Random trajectories, (count, 7, 6, 2) [rad/s]; the same each time."""
@@ -66,11 +46,8 @@ class Setting:
 
     def untrained(self) -> TrajectoryGenerator:
         """A generator of the default size that yields the Gaussian of random trajectories."""
-        seeds = self.start(200)
+        seeds, trajectory, arm = self.start(200), self.problem.trajectory, self.problem.constraints.arm
         scaling = Scaling.fit(seeds)
-        network = Generator(*self.trajectory.shape[:2], shortcut=True)
+        network = Generator(*trajectory.shape[:2], shortcut=True)
         network.start_from(scaling.image(seeds))
-        arm = self.arm
-        return TrajectoryGenerator(
-            network.eval(), scaling, self.trajectory, arm.name, arm.digest, "untrained"
-        )
+        return TrajectoryGenerator(network.eval(), scaling, trajectory, arm.name, arm.digest, "untrained")

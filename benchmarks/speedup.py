@@ -19,12 +19,14 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import torch
 from torch import Tensor
 
 from benchmarks.setting import Setting
 from sidegan.base.parallel import Job, Report, engine, run_jobs
 from sidegan.identification import RIGID, Noise, TorqueModel, estimate, measure
+from sidegan.report.export import markdown
 from sidegan.seeds import Gradient
 from sidegan.validity import check
 
@@ -64,14 +66,14 @@ def _seeds(setting: Setting, method: Gradient, count: int, seed: np.random.SeedS
 def _filter(setting: Setting, count: int, seed: np.random.SeedSequence) -> Tensor:
     generator = torch.Generator().manual_seed(int(seed.generate_state(1)[0]))
     c = setting.problem.start(count, generator)
-    return c[check(setting.constraints, setting.trajectory, c).valid]
+    return c[check(setting.problem.constraints, setting.problem.trajectory, c).valid]
 
 
 def _identify(setting: Setting, c: Tensor, seed: np.random.SeedSequence) -> Tensor:
-    motion = setting.trajectory.roll_out(c, setting.trajectory.times(100.0))
+    motion = setting.problem.trajectory.roll_out(c, setting.problem.trajectory.times(100.0))
     noise = Noise("multiplicative", 0.1, torque=True, state=False)
-    measured = measure(setting.body, motion, noise, np.random.default_rng(seed))
-    return estimate("weighted", TorqueModel(setting.body, RIGID), measured).parameters
+    measured = measure(setting.problem.body, motion, noise, np.random.default_rng(seed))
+    return estimate("weighted", TorqueModel(setting.problem.body, RIGID), measured).parameters
 
 
 def overhead(workers: int) -> Overhead:
@@ -140,8 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     start, *rest = costs.start, *(1e3 * seconds for seconds in costs[1:])
     words = "{:.0f} ms per call, {:.2f} ms to hand out a task, {:.1f} ms to start one\n".format(*rest)
     print(f"{options.engine}, {options.workers} workers: {start:.2f} s to start, {words}")
-    for cells in (rows[0], ["---"] * len(rows[0]), *(row.values() for row in rows)):
-        print(f"| {' | '.join(map(str, cells))} |")
+    print(markdown(pd.DataFrame(rows)))
     return 0 if all(row["same to the last bit"] == "yes" for row in rows) else 1
 
 

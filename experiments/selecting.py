@@ -60,26 +60,23 @@ def compare(
     start = time.perf_counter()
     plain, weighted = informations(body, pool)
     spent = (time.perf_counter() - start) / 2
-    picked = {name: _timed(pick, count) for name, pick in methods(plain, weighted, diagonals, chance).items()}
-    rows = {name: _facts(plain, chosen) for name, (chosen, _) in picked.items()}
-    frame = pd.DataFrame.from_dict(rows, orient="index", columns=["log_det", "log_det_most", "condition"])
-    frame.insert(0, "seconds", [seconds for _, seconds in picked.values()])
-    frame.insert(1, "information_seconds", spent)
-    sets = {name: (trajectory, c[chosen]) for name, (chosen, _) in picked.items()}
+    rows, sets = [], {}
+    for name, pick in methods(plain, weighted, diagonals, chance).items():
+        start = time.perf_counter()
+        chosen = pick(count)
+        seconds = time.perf_counter() - start
+        condition = criteria_of(plain.stacked(chosen)).condition
+        rows.append((name, seconds, spent, *ceiling(plain, chosen), condition))
+        sets[name] = (trajectory, c[chosen])
+    columns = ["method", "seconds", "information_seconds", "log_det", "log_det_most", "condition"]
+    frame = pd.DataFrame(rows, columns=columns).set_index("method")
     results, facts = study.compare(body, sets, tests, settings, noise)
     frame["covariance_norm"] = facts.groupby("set").covariance_norm.mean()
-    return frame.join(_errors(results)).rename_axis("method").reset_index()
-
-
-def _timed(pick: Pick, count: int) -> tuple[Tensor, float]:
-    start = time.perf_counter()
-    chosen = pick(count)
-    return chosen, time.perf_counter() - start
-
-
-def _facts(information: Information, chosen: Tensor) -> tuple[float, float, float]:
-    """Log det of a set, what no set exceeds, and the condition number."""
-    return *ceiling(information, chosen), criteria_of(information.stacked(chosen)).condition
+    each = results.groupby(["set", "weighted", "repeat"]).nmse.mean().groupby(["set", "weighted"])
+    for values, end in ((each.mean(), ""), (each.std(ddof=0), "_spread")):
+        names = {False: f"nmse{end}", True: f"nmse_weighted{end}"}
+        frame = frame.join(values.unstack("weighted").rename(columns=names))
+    return frame.reset_index()
 
 
 def informations(body: RigidBody, pool: study.Family) -> tuple[Information, Information]:
@@ -116,12 +113,3 @@ def methods(
         "prediction": lambda count: a_optimal(weighted, count, target=weighted.mean),
         "random": lambda count: order[:count],
     }
-
-
-def _errors(results: pd.DataFrame) -> pd.DataFrame:
-    """Mean nMSE over joints and repeats of each set, and its deviation over repeats."""
-    each = results.groupby(["set", "weighted", "repeat"]).nmse.mean().groupby(["set", "weighted"])
-    mean, spread = each.mean().unstack("weighted"), each.std(ddof=0).unstack("weighted")
-    names = {False: "nmse", True: "nmse_weighted"}
-    spread = spread.rename(columns={key: f"{name}_spread" for key, name in names.items()})
-    return mean.rename(columns=names).join(spread)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import torch
 from torch import Tensor
 
-from sidegan.robot import Arm, Capsules, chain_model
+from sidegan.robot import Arm, Capsules
 
 
 def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
@@ -76,3 +76,16 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
         radius=torch.from_numpy(random.uniform(0.01, 0.05, joints + 1)),
         names=("base", *(f"link{i + 1}" for i in range(joints))),
     )
+
+
+def chain_model(arm: Arm):
+    """Pinocchio's model with an arm's own numbers, whether or not its file is still there."""
+    model = pin.Model()
+    model.gravity.linear = arm.gravity.numpy()
+    for i, name in enumerate(arm.joint_names):
+        kind = pin.JointModelPrismaticUnaligned if arm.prismatic[i] else pin.JointModelRevoluteUnaligned
+        placement = pin.SE3(arm.rotation[i].numpy(), arm.translation[i].numpy())
+        model.addJoint(i, kind(arm.axis[i].numpy()), placement, name)
+        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i].numpy())
+        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
+    return model

@@ -1,7 +1,8 @@
 """Where jobs run: in worker processes of this machine (loky), or on a Dask cluster.
 
-An engine opens a ``Pool``: something to submit functions to, and a way for them to tell how far they are.
-Which engine it is changes nothing about what the functions give back.
+An engine opens a ``Pool``: something to submit functions to, and a way for them to tell how far they are. Its
+workers are released, and on an error stopped, at the end of the block. Which engine it is changes nothing
+about what the functions give back; a ``remote`` one is elsewhere, so that even a single job goes there.
 """
 
 import logging
@@ -14,9 +15,9 @@ import uuid
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sidegan.errors import ConfigError, SideganError
 
@@ -40,35 +41,13 @@ Message = tuple[int, float]  # number of a job, and its share that is done
 
 
 class Pool(NamedTuple):
-    """Workers that are ready.
+    """Workers that are ready."""
 
-    Attributes:
-        executor: takes functions.
-        send: picklable; sends a message from a worker.
-        messages: those since the last call.
-        lost: what waiting for a result raises when workers were lost for good, and what that means.
-    """
-
-    executor: Executor
-    send: Callable[[Message], None]
-    messages: Callable[[], list[Message]]
+    executor: Executor  # takes functions
+    send: Callable[[Message], None]  # picklable; sends a message from a worker
+    messages: Callable[[], list[Message]]  # those since the last call
+    # what waiting for a result raises when workers were lost for good, and what that means
     lost: dict[type[BaseException], str]
-
-
-class Engine(Protocol):
-    """Somewhere to run jobs.
-
-    Attributes:
-        remote: whether it is elsewhere, so that even a single job goes there.
-    """
-
-    remote: bool
-
-    def pool(self, workers: int, jobs: int) -> AbstractContextManager[Pool]:
-        """Workers for so many jobs; they are released, and on an error stopped, at the end of the block."""
-
-    def close(self) -> None:
-        """Give back what the engine holds."""
 
 
 def cores(workers: int | None) -> int:
@@ -170,6 +149,7 @@ class Dask:
             raise SideganError(f"no Dask scheduler answers at {self.address}: {error}") from error
 
 
+Engine = Loky | Dask
 ENGINES: dict[str, Callable[[str | None], Engine]] = {"loky": lambda scheduler: Loky(), "dask": Dask}
 
 

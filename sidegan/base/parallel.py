@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from sidegan.base.engines import ENGINES, Engine, Loky, Message, cores
 from sidegan.base.progress import bar
@@ -19,13 +19,7 @@ _LEAST = 0.01  # share between two messages, each of which is a round trip to an
 _engine: Engine = Loky()
 
 
-class Report(Protocol):
-    """Tells how far a task is."""
-
-    def __call__(self, done: int, total: int) -> None:
-        """So many of so many steps are done."""
-
-
+Report = Callable[[int, int], None]  # tells that a job has done so many of so many steps
 Job = Callable[[Report], Any]
 
 
@@ -125,13 +119,7 @@ def _run_elsewhere(
 
 
 def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) -> Any:
-    _enter(folder)
-    with _one_thread():
-        return job(_reporter(index, send, _LEAST))
-
-
-def _enter(folder: str) -> None:
-    """Relative paths mean the same on every machine that sees the folder."""
+    """Result of a job in a worker, where relative paths mean the same as here."""
     try:
         os.chdir(folder)
     except OSError as error:
@@ -139,3 +127,5 @@ def _enter(folder: str) -> None:
         raise StorageError(
             f"worker on {host} does not see {folder} ({error.strerror}); put it on a shared file system"
         ) from error
+    with _one_thread():
+        return job(_reporter(index, send, _LEAST))

@@ -34,8 +34,7 @@ class Bar:
     """Progress of one loop of ``total`` steps; call it with the number that are done."""
 
     def __init__(self, description: str, total: int, display: "Progress | None" = None) -> None:
-        self.description, self.total, self.done = description, total, 0
-        self._display = display
+        self.description, self.total, self.done, self._display = description, total, 0, display
         self._written: int | None = None  # done at the last log line
         self._began = self._logged = time.monotonic()
         if display is not None:
@@ -54,20 +53,15 @@ class Bar:
         if self._written not in (None, self.done):
             self._log()
 
-    def describe(self) -> str:
-        """How far the loop is, how fast, and how long it may still take."""
-        rate = self._rate()
-        left = f"{duration((self.total - self.done) / rate)} left" if rate else ""
-        return ", ".join(
-            filter(None, [f"{self.description}: {self.done} of {self.total}", speed(rate), left])
-        )
-
     def _rate(self) -> float:
         return self.done / max(time.monotonic() - self._began, 1e-9)
 
     def _log(self) -> None:
-        self._logged, self._written = time.monotonic(), self.done
-        log.info("%s", self.describe())
+        """How far the loop is, how fast, and how long it may still take."""
+        self._logged, self._written, rate = time.monotonic(), self.done, self._rate()
+        left = f"{duration((self.total - self.done) / rate)} left" if rate else ""
+        words = (f"{self.description}: {self.done} of {self.total}", speed(rate), left)
+        log.info("%s", ", ".join(filter(None, words)))
 
 
 @contextmanager

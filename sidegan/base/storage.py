@@ -98,7 +98,7 @@ def read_json(path: Path) -> Any:
     Raises:
         ArtifactError: when the file is missing, truncated, or not JSON.
     """
-    with _reading(path, "JSON"):
+    with reading(path, "JSON"):
         return json.loads(path.read_bytes())
 
 
@@ -110,7 +110,7 @@ def read_torch(path: Path) -> Any:
     """
     import torch
 
-    with _reading(path, "tensor"):
+    with reading(path, "tensor"):
         return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
 
 
@@ -147,20 +147,21 @@ def opened_parquet(path: Path, metadata: "pq.FileMetaData | None" = None) -> "It
     import pyarrow.parquet as pq
 
     options: dict[str, Any] = {"metadata": metadata, "page_checksum_verification": True}
-    with _reading(path, "Parquet"), pq.ParquetFile(path, **options) as file:
+    with reading(path, "Parquet"), pq.ParquetFile(path, **options) as file:
         yield file
 
 
 @contextmanager
-def _reading(path: Path, kind: str) -> Iterator[None]:
+def reading(path: Path, kind: str, refusal: type[SideganError] = ArtifactError) -> Iterator[None]:
+    """Turn what readers answer to a missing or foreign file into our error, with the reason."""
     try:
         yield
     except SideganError:  # of what was read, told by its reader
         raise
     except FileNotFoundError as error:
-        raise ArtifactError(f"there is no file {path}") from error
+        raise refusal(f"there is no file {path}") from error
     except Exception as error:  # readers answer a foreign file with anything, a KeyError for instance
         if isinstance(error, OSError) and error.errno is not None:
             raise StorageError(f"cannot read {path}: {error.strerror or error}") from error
         reason = str(error).split("\n", 1)[0] or type(error).__name__
-        raise ArtifactError(f"{path} is not a whole {kind} file: {reason}") from error
+        raise refusal(f"{path} is not a whole {kind} file: {reason}") from error

@@ -18,21 +18,13 @@ _SAME = 1e-6  # by which a number may lie outside a range
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Range of one column of conditions, each end (K,) for columns of K numbers.
+    """Range of one column of conditions, each end (K,) for columns of K numbers."""
 
-    Attributes:
-        kind: of conditions that request it.
-        low: lower end.
-        high: upper end.
-        neutral: what holds where it is not requested.
-        logarithmic: whether it is drawn and encoded by its logarithm.
-    """
-
-    kind: str
-    low: Tensor
-    high: Tensor
-    neutral: Tensor
-    logarithmic: bool = False
+    kind: str  # of conditions that request it
+    low: Tensor  # lower end
+    high: Tensor  # upper end
+    neutral: Tensor  # what holds where it is not requested
+    logarithmic: bool = False  # whether it is drawn and encoded by its logarithm
 
     def at(self, share: Tensor) -> Tensor:
         """Numbers at these shares of the range, (B, K)."""
@@ -62,10 +54,8 @@ class Column:
 def columns_of(ranges: Ranges, trajectory: Trajectory, links: Tensor) -> dict[str, Column]:
     """The columns of conditions, in the order in which they are drawn and encoded.
 
-    Args:
-        ranges: what may be requested.
-        trajectory: whose home and period hold where no other is requested.
-        links: which links have parameters of their own, (J,).
+    The trajectory's home and period hold where no other is requested; only ``links`` that have parameters of
+    their own, (J,), can be.
     """
     home, period = _tensor(trajectory.home or ()), trajectory.period
     plane = ranges.plane or (-math.inf, -math.inf)

@@ -14,30 +14,16 @@ from sidegan.validity import Box, Constraints, Plane, Region
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Conditions of B trajectories; float64.
+    """Conditions of B trajectories; float64."""
 
-    Attributes:
-        home: joint positions at both ends [rad or m], (B, J).
-        period: [s], (B,).
-        velocity: share of the velocity limits that may be used, (B,).
-        torque: share of the torque limits that may be used, (B,).
-        plane: height that no link that can help it goes below [m], (B,); −∞ for none.
-        walls: half-widths in x and y of a room around the world's origin [m], (B, 2); ∞ for none.
-        obstacle: centre and half edge of a cube to keep out of [m], (B, 4); half edge 0 for none.
-        links: how much the parameters of each link matter beside the condition number, (B, J).
-
-    Raises:
-        ShapeError: when the shapes do not fit each other.
-    """
-
-    home: Tensor
-    period: Tensor
-    velocity: Tensor
-    torque: Tensor
-    plane: Tensor
-    walls: Tensor
-    obstacle: Tensor
-    links: Tensor
+    home: Tensor  # joint positions at both ends [rad or m], (B, J)
+    period: Tensor  # [s], (B,)
+    velocity: Tensor  # share of the velocity limits that may be used, (B,)
+    torque: Tensor  # share of the torque limits that may be used, (B,)
+    plane: Tensor  # height that no link that can help it goes below [m], (B,); −∞ for none
+    walls: Tensor  # half-widths in x and y of a room around the world's origin [m], (B, 2); ∞ for none
+    obstacle: Tensor  # centre and half edge of a cube to keep out of [m], (B, 4); half edge 0 for none
+    links: Tensor  # how much the parameters of each link matter beside the condition number, (B, J)
 
     def __post_init__(self) -> None:
         count, joints = self.home.shape if self.home.ndim == 2 else (-1, -1)

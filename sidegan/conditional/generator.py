@@ -21,26 +21,19 @@ from sidegan.gan.generator import opened, random_of, refuse_other
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints
+from sidegan.validity import Constraints, Plane
 
 _FORMAT = "conditional 1"
 
 
 @dataclass(frozen=True)
 class ConditionalGenerator:
-    """A generator with the conditions that it is trained for.
+    """A generator with the conditions that it is trained for."""
 
-    Attributes:
-        network: noise and code of the condition → images.
-        scaling: images → coefficients.
-        reach: mean peaks of random trajectories, (2, J) (``Shaping``).
-        space: the arm in its workspace, the family of trajectories, the ranges of conditions.
-    """
-
-    network: Generator
-    scaling: Scaling
-    reach: Tensor
-    space: ConditionSpace
+    network: Generator  # noise and code of the condition → images
+    scaling: Scaling  # images → coefficients
+    reach: Tensor  # mean peaks of random trajectories, (2, J) (``Shaping``)
+    space: ConditionSpace  # the arm in its workspace, the family of trajectories, the ranges of conditions
 
     @cached_property
     def shaping(self) -> Shaping:
@@ -72,12 +65,8 @@ class ConditionalGenerator:
     ) -> tuple[Trajectory, Tensor]:
         """Family, with its home and period, and new coefficients [rad/s], (count, J, H, 2) float64.
 
-        Args:
-            count: how many.
-            condition: of all of them, a batch of one; the neutral one when None.
-            seed: of the noise; the same trajectories for the same seed.
-            settled: whether trajectories that would leave a region or a torque limit are made smaller
-                until they do not (``settle``).
+        All have the same condition, a batch of one; the neutral one when None. Settled trajectories are made
+        smaller until they leave no region and no torque limit (``settle``).
 
         Raises:
             ShapeError: when count is not positive, or the condition is not one of this arm.
@@ -108,11 +97,7 @@ class ConditionalGenerator:
 
     @classmethod
     def load(cls, path: Path, constraints: Constraints) -> "ConditionalGenerator":
-        """Generator of a file that ``save`` wrote; no code in the file is run.
-
-        Args:
-            path: the file.
-            constraints: the arm in its workspace, which must be those that it was trained for.
+        """Generator of a file that ``save`` wrote, for the arm in its workspace; no code in the file is run.
 
         Raises:
             ArtifactError: for a truncated or foreign file, another arm, or another workspace.
@@ -135,5 +120,8 @@ class ConditionalGenerator:
 
 
 def _workspace(constraints: Constraints) -> dict[str, Any]:
-    regions = [{type(region).__name__.lower(): asdict(region)} for region in constraints.regions]
+    regions = [
+        {"plane": {"normal": x.unit, "offset": x.offset}} if isinstance(x, Plane) else {"box": asdict(x)}
+        for x in constraints.regions
+    ]
     return {"torque": constraints.torque, "regions": regions}

@@ -9,16 +9,13 @@ from torch import Tensor
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.surroundings import Surroundings
 from sidegan.design import physics
-from sidegan.design.objectives import log_condition
-from sidegan.design.penalty import Penalty
-from sidegan.design.problem import Problem
-from sidegan.motion.compiled import tensors as kernels
-from sidegan.motion.dynamics import RigidBody, gram_of
+from sidegan.design.objective import directions_of, eigenpairs, smooth_condition
+from sidegan.design.penalty import Penalty, excess
+from sidegan.design.problem import HOPELESS, Problem
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 
-_DISTANCE = 0.25  # [m] clearance that counts like a whole limit, as in the seeds' penalty
-_AT_ONCE = 2_000  # states whose regressor stays near the processor
-_FLOOR = 1e-12  # share of the largest eigenvalue, below which a direction counts as not excited
+_TINY = torch.finfo(torch.float64).tiny
 
 
 @dataclass(frozen=True)
@@ -51,55 +48,42 @@ class ConditionedProblem(Problem):
         position = self.condition.home[:, None] + moved * self.stretch
         return Motion(motion.time, position, motion.velocity, motion.acceleration / self.stretch)
 
-    @torch.no_grad()
-    def gram(self, c: Tensor) -> Tensor:
-        """Gram matrices of the base regressor, (B, p, p)."""
-        rows = max(1, _AT_ONCE // self.samples)
-        pieces = zip(*(x.split(rows) for x in self.motion(c)[1:]))
-        return torch.cat([gram_of(self.body, *states) for states in pieces])
-
     def violation(self, c: Tensor, penalty: Penalty) -> Tensor:
         """Squared relative violations of limits, distances and regions, mean over time, (B,).
 
         The same as the seeds' penalty, but for shares of the torque limits and regions of each trajectory.
         """
-        motion = self.motion(c)
-        excess = physics.violation(self, c, penalty)
+        motion, share = self.motion(c), penalty.weight / self.samples
+        total = physics.violation(self, c, penalty)
         if self.torque:
             torque = self.body.torque(*motion[1:]).abs() / self.constraints.arm.torque_limit
             use = penalty.torque + torque / self.condition.torque[:, None, None] - 1
-            excess = excess + penalty.weight * (use.clamp_min(0) ** 2).sum(2).mean(1)
-        reach = penalty.distance * _DISTANCE
-        for distance in self.surroundings.clearances(motion.position, self.condition, reach).values():
-            near = penalty.distance - distance / _DISTANCE
-            excess = excess + penalty.weight * (near.clamp_min(0) ** 2).sum(2).mean(1)
-        return excess
+            total = total + share * excess(use)
+        for distance in self.surroundings.clearances(motion.position, self.condition, penalty.reach).values():
+            total = total + share * penalty.near(distance)
+        return total
 
 
 def variances(body: RigidBody, grams: Tensor) -> Tensor:
     """Variances of the base parameters, (B, p): the diagonal of each inverse of Gram matrices (B, p, p)."""
-    values, vectors = _eigen(body, grams)
-    return (vectors**2 / values[:, None]).sum(2)
+    return _variances(*_eigenpairs(body, grams))
 
 
-def _eigen(body: RigidBody, grams: Tensor) -> tuple[Tensor, Tensor]:
-    """Eigenvalues λ, ascending, and V with G⁻¹ = V diag(1/λ) Vᵀ, of Gram matrices G (B, p, p)."""
-    subspace = body.base.subspace
-    values, vectors = kernels.eigh(subspace.T @ grams @ subspace)
-    floor = (_FLOOR * values[:, -1:]).clamp_min(torch.finfo(values.dtype).tiny)
-    return torch.maximum(values, floor), subspace @ vectors
+def _variances(values: Tensor, vectors: Tensor) -> Tensor:
+    return (vectors**2 / values[:, :, None]).sum(1)
+
+
+def _eigenpairs(body: RigidBody, grams: Tensor) -> tuple[Tensor, Tensor]:
+    """Eigenvalues λ, ascending, and rows v with G⁻¹ = Σ v vᵀ / λ, of Gram matrices G (B, p, p)."""
+    values, vectors = eigenpairs(body, grams)
+    return torch.maximum(values, (values[:, -1:] / HOPELESS).clamp_min(_TINY)), vectors
 
 
 def information_losses(problem: Problem, c: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
     """Smooth log condition number, and log of the weighted sum of the base parameters' variances, (B,) each.
 
     The variances are those of parameters identified from one sample of noise 1 per time point: the diagonal
-    of (YᵀY / T)⁻¹. Where a row of weights is zero, the second is zero.
-
-    Args:
-        problem: the trajectories.
-        c: coefficients [rad/s], (B, J, H, 2).
-        weights: of the base parameters, (B, p), not negative.
+    of (YᵀY / T)⁻¹; their weights, (B, p), are not negative. Where a row of them is zero, the second is zero.
     """
     return _InformationLosses.apply(*problem.motion(c)[1:], problem, c.detach(), weights)
 
@@ -114,30 +98,23 @@ class _InformationLosses(torch.autograd.Function):
     def forward(
         ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, problem: Problem, c: Tensor, weights: Tensor
     ) -> tuple[Tensor, Tensor]:
-        values, vectors = _eigen(problem.body, problem.gram(c))
-        with torch.enable_grad():
-            leaf = values.detach().requires_grad_(True)
-            ratio = log_condition(leaf)
-            (slopes,) = torch.autograd.grad(ratio.sum(), leaf)
-        spread = (vectors**2 / values[:, None]).sum(2)
+        values, vectors = _eigenpairs(problem.body, problem.gram(c))
+        ratio, slopes = smooth_condition(values)
         weighted = weights.amax(1) > 0
-        total = torch.where(weighted, (weights * spread).sum(1), 1.0)
+        total = torch.where(weighted, (weights * _variances(values, vectors)).sum(1), 1.0)
         ctx.problem, ctx.weighted = problem, weighted
         ctx.save_for_backward(q, dq, ddq, values, vectors, slopes, weights / total[:, None])
-        return ratio.detach(), torch.log(total)
+        return ratio, torch.log(total)
 
     @staticmethod
     def backward(ctx: Any, *upwards: Tensor) -> tuple[Tensor | None, ...]:
         *states, values, vectors, slopes, weights = ctx.saved_tensors
-        used = (slopes != 0).any(0)
-        gradients = _energies(
-            ctx.problem, states, vectors[:, :, used].mT, slopes[:, used] * upwards[0][:, None]
-        )
+        gradients = _energies(ctx.problem, states, vectors, slopes * upwards[0][:, None])
         if ctx.weighted.any():
             rows = ctx.weighted.nonzero()[:, 0]
             count = int((weights[rows] > 0).sum(1).max())
             largest, order = weights[rows].topk(count, 1)
-            inverse = (vectors[rows] / values[rows, None]) @ vectors[rows].mT
+            inverse = (vectors[rows] / values[rows, :, None]).mT @ vectors[rows]
             columns = inverse.gather(1, order[:, :, None].expand(-1, -1, inverse.shape[2]))
             pushed = -largest * upwards[1][rows, None]
             more = _energies(ctx.problem, [x[rows] for x in states], columns, pushed)
@@ -147,7 +124,5 @@ class _InformationLosses(torch.autograd.Function):
 
 def _energies(problem: Problem, states: list[Tensor], vectors: Tensor, weights: Tensor) -> list[Tensor]:
     """Gradients in the states, (B, T, J) each, of Σ weight |Y v|² / T over base vectors (B, K, p)."""
-    full = vectors.new_zeros(*vectors.shape[:2], 10 * problem.body.joints)
-    full[:, :, problem.body.base.columns] = vectors
-    q, dq, ddq = states
-    return problem.body.energy_slopes(q, dq, ddq, full, weights / q.shape[1])
+    directions = directions_of(problem.body, vectors, weights / problem.samples)
+    return problem.body.penalised_slopes(states, *directions)[1]

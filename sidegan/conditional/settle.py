@@ -19,11 +19,6 @@ def settle(space: ConditionSpace, condition: Condition, c: Tensor) -> Tensor:
 
     What keeps it is left as it is. The rest is made smaller, as a whole: home is clear of everything, so
     some factor above zero will do. Position and velocity limits that hold go on to do so.
-
-    Args:
-        space: conditions of the arm in its workspace.
-        condition: B conditions.
-        c: coefficients.
     """
     parts = torch.arange(len(c)).split(_AT_ONCE)
     return torch.cat([_settle(space, condition.take(rows), c[rows].double()) for rows in parts])

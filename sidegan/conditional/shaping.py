@@ -18,11 +18,7 @@ class Shaping:
 
     A joint whose condition allows half the speed moves half as fast: coefficients are first brought to the
     size that suits the condition, so that the network sees the same problem under all of them, then limited.
-
-    Args:
-        arm: the arm.
-        trajectory: the family of trajectories.
-        reach: mean peak of position from home [rad or m] and of velocity, (2, J), of random trajectories.
+    The reach is the mean peak of random trajectories: position from home [rad or m] and velocity, (2, J).
     """
 
     def __init__(self, arm: Arm, trajectory: Trajectory, reach: Tensor) -> None:

@@ -26,18 +26,14 @@ _OPTIONAL = ("plane", "walls", "obstacle")  # kinds that are not drawn at all wi
 class ConditionSpace:
     """Conditions that a generator of one arm can be trained for.
 
-    Args:
-        constraints: the arm in its workspace.
-        trajectory: the family of trajectories whose home and period hold where no other is requested.
-        ranges: what may be requested.
-
     Raises:
         ConfigError: when the ranges leave out what holds where nothing is requested.
     """
 
-    constraints: Constraints
+    constraints: Constraints  # the arm in its workspace
+    # the family of trajectories whose home and period hold where no other is requested
     trajectory: Trajectory
-    ranges: Ranges
+    ranges: Ranges  # what may be requested
 
     def __post_init__(self) -> None:
         period = self.ranges.period
@@ -119,10 +115,7 @@ class ConditionSpace:
     def draw(self, count: int, random: torch.Generator, kinds: Sequence[str] | None = None) -> Condition:
         """Random conditions whose home keeps its distance from everything.
 
-        Args:
-            count: how many.
-            random: random numbers.
-            kinds: what each of them requests; None: anything, each kind in a share of them.
+        Each requests these kinds; when None, each kind is requested by a share of them.
 
         Raises:
             InfeasibleError: when hardly any home keeps its distance, with what it is close to most often.

@@ -24,17 +24,11 @@ _INFORMATION_RATE = 5.0  # [Hz] at which information is taken
 
 @dataclass(frozen=True)
 class Outcome:
-    """Trajectories under K conditions, N each.
+    """Trajectories under K conditions, N each."""
 
-    Attributes:
-        valid: whether all of it holds over the whole period, (K, N).
-        condition_number: cond(YᵀY), (K, N).
-        distance: mean distance of the coefficients of each condition's trajectories [rad/s], (K,).
-    """
-
-    valid: Tensor
-    condition_number: Tensor
-    distance: Tensor
+    valid: Tensor  # whether all of it holds over the whole period, (K, N)
+    condition_number: Tensor  # cond(YᵀY), (K, N)
+    distance: Tensor  # mean distance of the coefficients of each condition's trajectories [rad/s], (K,)
 
     def summary(self) -> dict[str, float]:
         """Share that is valid, and medians."""
@@ -73,19 +67,12 @@ def outcome(
 
 @dataclass(frozen=True)
 class Study:
-    """Comparison of a generator of all conditions with dedicated generators of one condition each.
+    """Comparison of a generator of all conditions with dedicated generators of one condition each."""
 
-    Attributes:
-        generator: of all conditions.
-        dedicated: by case and number of the condition.
-        settings: how many of everything.
-        seed: random seed of a label.
-    """
-
-    generator: ConditionalGenerator
-    dedicated: Mapping[tuple[str, int], ConditionalGenerator]
-    settings: StudySettings
-    seed: Callable[[str], int]
+    generator: ConditionalGenerator  # of all conditions
+    dedicated: Mapping[tuple[str, int], ConditionalGenerator]  # by case and number of the condition
+    settings: StudySettings  # how many of everything
+    seed: Callable[[str], int]  # random seed of a label
 
     def tables(self, conditions: Mapping[str, Condition]) -> dict[str, Any]:
         """Rows of every case of conditions, and of every choice of links."""

@@ -16,11 +16,7 @@ _CUBE = Box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 
 
 class Surroundings:
-    """Distances of an arm's moving capsules from planes, walls and obstacles, differentiable.
-
-    Args:
-        constraints: the arm in its workspace.
-    """
+    """Distances of an arm's moving capsules from planes, walls and obstacles, differentiable."""
 
     def __init__(self, constraints: Constraints) -> None:
         self.constraints, self.arm = constraints, constraints.arm
@@ -40,12 +36,8 @@ class Surroundings:
     def clearances(self, q: Tensor, condition: Condition, reach: float = math.inf) -> dict[str, Tensor]:
         """Signed distances [m], (B, T, K), at positions (B, T, J), of what the conditions request at all.
 
-        A link that no configuration brings above a plane is excepted from it, as in ``Constraints``.
-
-        Args:
-            q: joint positions.
-            condition: B of them.
-            reach: distances from obstacles beyond it may be given as infinite, which is faster.
+        A link that no configuration brings above a plane is excepted from it, as in ``Constraints``. What is
+        farther from an obstacle than ``reach`` may be given as infinite, which is faster.
         """
         count, times, joints = q.shape
         kinds = {

@@ -3,7 +3,6 @@
 import time
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -17,14 +16,15 @@ from sidegan.conditional.shaping import Shaping
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import outcome
 from sidegan.errors import ConfigError
-from sidegan.gan.diversity import Distance, Rank, distance_target, rank_target
+from sidegan.gan.diversity import distance, distance_target, rank, rank_target
 from sidegan.gan.exact import penalty_of
 from sidegan.gan.loop import EpochEnd, Training, fit
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.schedule import Schedule
-from sidegan.gan.terms import LossTerm
+from sidegan.gan.terms import Formula, LossTerm
 from sidegan.gan.training import Trained, random_trajectories
+from sidegan.motion.dynamics import RigidBody
 from sidegan.validity import Constraints
 
 _POOL = 20_000  # conditions drawn once, of which every step takes some
@@ -33,13 +33,9 @@ _CLIP = 10.0  # largest norm of the gradient
 
 
 class ConditionedBatch:
-    """Trajectories of a generator under conditions, so many in a row under the same one.
+    """Trajectories (B, J, H, 2) [rad/s] under conditions, so many ``together`` in a row under the same one.
 
-    Args:
-        coefficients: [rad/s], (B, J, H, 2).
-        problem: the same trajectories with their conditions.
-        size: of trajectories that suit each condition, (B, J).
-        together: trajectories in a row under one condition.
+    The size, (B, J), is that of trajectories that suit each condition.
     """
 
     def __init__(
@@ -66,13 +62,7 @@ class ConditionedBatch:
 
 
 class ConditionSampler(nn.Module):
-    """Batches of a generator, each of their conditions drawn from a pool.
-
-    Args:
-        generator: whose network learns.
-        pool: conditions.
-        settings: time points, and trajectories per condition.
-    """
+    """Batches of a generator, each of their conditions drawn from a pool."""
 
     def __init__(self, generator: ConditionalGenerator, pool: Condition, settings: TrainingSettings) -> None:
         super().__init__()
@@ -103,36 +93,23 @@ class ConditionSampler(nn.Module):
         return ConditionedBatch(c, self.problem(condition), size, together)
 
 
-class ConditionedViolation(LossTerm[ConditionedBatch]):
-    """Mean squared relative violation of constraints and conditions."""
+def _losses(settings: TrainingSettings, body: RigidBody, usual: Tensor) -> list[LossTerm]:
+    """Violation of constraints and conditions, and the information of the trajectories.
 
-    def __init__(self, settings: TrainingSettings) -> None:
-        super().__init__(settings.violation, settings.ease)
-        self.penalty = penalty_of(settings.reserve)
-
-    def forward(self, batch: ConditionedBatch) -> Tensor:
-        """Loss, 0-dimensional."""
-        return batch.problem.violation(batch.coefficients, self.penalty).mean()
-
-
-class ConditionedInformation(LossTerm[ConditionedBatch]):
-    """Log condition number, and with an emphasis the log variance of the links that matter.
-
-    Args:
-        emphasis: weight of the log variance.
-        usual: variance of each base parameter, (p,), in units of which variances count.
-        links: link of each base parameter, (p,).
+    That is the log condition number, and with an emphasis the log variance of the links that matter, of each
+    base parameter in units of a usual one, (p,).
     """
+    penalty, links = penalty_of(settings.reserve), body.base.columns // 10
 
-    def __init__(self, emphasis: float, usual: Tensor, links: Tensor) -> None:
-        super().__init__(1.0)
-        self.emphasis, self.usual, self.links = emphasis, usual, links
+    def violation(batch: ConditionedBatch) -> Tensor:
+        return batch.problem.violation(batch.coefficients, penalty).mean()
 
-    def forward(self, batch: ConditionedBatch) -> Tensor:
-        """Loss, 0-dimensional."""
-        weights = batch.problem.condition.links[:, self.links] / self.usual
+    def information(batch: ConditionedBatch) -> Tensor:
+        weights = batch.problem.condition.links[:, links] / usual
         ratio, variance = information_losses(batch.problem, batch.coefficients, weights)
-        return ratio.mean() + self.emphasis * variance.mean()
+        return ratio.mean() + settings.emphasis * variance.mean()
+
+    return [Formula(settings.violation, violation, settings.ease), Formula(1.0, information)]
 
 
 def train(
@@ -143,15 +120,9 @@ def train(
     only: Condition | None = None,
     epoch_end: EpochEnd | None = None,
 ) -> Trained[ConditionalGenerator]:
-    """A conditional generator of one arm.
+    """A conditional generator of one arm; with ``only``, a dedicated one of that condition, a batch of one.
 
-    Args:
-        space: the arm in its workspace, and the conditions that may be requested.
-        settings: how it is trained.
-        work: folder of the checkpoint from which an interrupted training goes on.
-        seed: of weights, noise and conditions.
-        only: the one condition of a dedicated generator, a batch of one; None: whatever may be requested.
-        epoch_end: called with (epoch, metrics) after every epoch.
+    An interrupted training goes on from the checkpoint in the folder ``work``.
 
     Raises:
         ConfigError: when nothing may be requested, or the one condition is outside of the ranges.
@@ -169,11 +140,10 @@ def train(
     sampler = ConditionSampler(generator, pool, settings)
     body, reference = space.constraints.body, start[:_REFERENCE]
     usual = variances(body, sampler.problem(space.neutral(len(reference))).gram(reference)).median(0).values
-    terms: list[LossTerm[Any]] = [
-        ConditionedViolation(settings),
-        ConditionedInformation(settings.emphasis, usual, body.base.columns // 10),
-        Distance(settings.distance, distance_target(start, random=True)),
-        Rank(settings.rank, rank_target(start, settings.batch)),
+    terms = [
+        *_losses(settings, body, usual),
+        distance(settings.distance, distance_target(start, random=True)),
+        rank(settings.rank, rank_target(start, settings.batch)),
     ]
     rates = Schedule(settings.epochs, settings.steps, settings.batch, settings.learning_rate, clip=_CLIP)
     training = Training("conditional", sampler, terms, rates)

@@ -22,12 +22,9 @@ class Coordinates:
     coefficients is nearly all quintic. In natural coordinates |x|² is the mean square of position and
     velocity, as shares of their limits, plus that of the coefficients over the velocity limit, which keeps
     the combinations that hardly move the arm small.
-
-    Attributes:
-        matrix: symmetric, (J, 2 H, 2 H); c = matrix @ x.
     """
 
-    matrix: Tensor
+    matrix: Tensor  # symmetric, (J, 2 H, 2 H); c = matrix @ x
 
     @classmethod
     def of(cls, problem: Problem) -> "Coordinates":

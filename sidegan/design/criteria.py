@@ -21,20 +21,12 @@ class Criteria(NamedTuple):
 
     log_det: float  # logarithm of the determinant of the information; D-optimal sets maximise it
     trace_inverse: float  # of its inverse, the sum of the variances; A-optimal sets minimise it
-    covariance_norm: float  # ‖diag P‖₂ of its inverse P, in base parameters where their subspace is given
+    covariance_norm: float  # ‖diag P‖₂ of its inverse P
     condition: float  # condition number
 
 
-def criteria_of(information: Tensor, subspace: Tensor | None = None) -> Criteria:
-    """Criteria of one information matrix, (q, q); where it is singular −∞ and three times ∞.
-
-    Args:
-        information: of a set, for errors of unit variance.
-        subspace: C of the base parameters, π = C x, (p, q); covariance in the given coordinates x when None.
-
-    Raises:
-        ShapeError: when the matrix is not square and finite.
-    """
+def criteria_of(information: Tensor) -> Criteria:
+    """Criteria of one information matrix, (q, q), finite; where it is singular −∞ and three times ∞."""
     if information.ndim != 2 or information.shape[0] != information.shape[1] or not information.numel():
         raise ShapeError(f"information is {tuple(information.shape)}, expected (q, q)")
     if not information.isfinite().all():
@@ -43,25 +35,21 @@ def criteria_of(information: Tensor, subspace: Tensor | None = None) -> Criteria
     low, high = float(eigenvalues[0]), float(eigenvalues[-1])
     if low <= len(eigenvalues) * torch.finfo(torch.float64).eps * high:
         return Criteria(-math.inf, math.inf, math.inf, math.inf)
-    rows = vectors if subspace is None else subspace.to(vectors) @ vectors
     return Criteria(
         log_det=float(eigenvalues.log().sum()),
         trace_inverse=float((1 / eigenvalues).sum()),
-        covariance_norm=float(torch.linalg.vector_norm((rows.square() / eigenvalues).sum(1))),
+        covariance_norm=float(torch.linalg.vector_norm((vectors.square() / eigenvalues).sum(1))),
         condition=high / low,
     )
 
 
 class Criterion(NamedTuple):
-    """A measure of information matrices that is to be made large.
+    """A measure of information matrices that is to be made large."""
 
-    Attributes:
-        value: of positive definite matrices (K, q, q), (K,), a logarithm; −∞ where one is not.
-        tangent: of a reference (q, q): a weight W (q, q) and an increasing function g with
-            value(M) ≤ g(tr W M) for every M, equal where M is a multiple of the reference.
-    """
-
+    # of positive definite matrices (K, q, q), (K,), a logarithm; −∞ where one is not
     value: Callable[[Tensor], Tensor]
+    # of a reference (q, q): a weight W (q, q) and an increasing function g with value(M) ≤ g(tr W M) for
+    # every M, equal where M is a multiple of the reference
     tangent: Callable[[Tensor], tuple[Tensor, Bound]]
 
 
@@ -86,14 +74,12 @@ def _log_det_tangent(reference: Tensor) -> tuple[Tensor, Bound]:
 def variance(target: Tensor | None = None) -> Criterion:
     """The criterion −log tr(target · M⁻¹): the sum of the variances of what the target stands for.
 
-    With the identity it is A-optimality: the variances of the parameters in their own units. With the mean
-    information of motions to come it is the variance of the torques that are predicted for them.
-
-    Args:
-        target: symmetric and positive semidefinite, not zero, (q, q); the identity when None.
+    With the identity (None) it is A-optimality: the variances of the parameters in their own units. With the
+    mean information of motions to come it is the variance of the torques that are predicted for them.
 
     Raises:
-        ShapeError: when the target is not that; by the criterion's functions, when it does not fit a matrix.
+        ShapeError: when the target is not symmetric and positive semidefinite, (q, q), or is zero; by the
+            criterion's functions, when it does not fit a matrix.
     """
     rows = None if target is None else _rows(target)
     return Criterion(partial(_log_precision, rows), partial(_log_precision_tangent, rows))

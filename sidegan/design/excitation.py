@@ -14,16 +14,12 @@ NOISE_BATCHES = 10  # the paper averages over ten noise batches
 
 @dataclass(frozen=True)
 class Excitation:
-    """Excitation of B trajectories.
+    """Excitation of B trajectories."""
 
-    Attributes:
-        spectrum: eigenvalues of YᵀY / T in an orthonormal basis of the identifiable subspace,
-            ascending, (B, p); rounding can leave the smallest slightly below zero.
-        diagonal: diagonal of YᵀY / T over the base columns, (B, p).
-    """
-
+    # eigenvalues of YᵀY / T in an orthonormal basis of the identifiable subspace, ascending, (B, p); rounding
+    # can leave the smallest slightly below zero
     spectrum: Tensor
-    diagonal: Tensor
+    diagonal: Tensor  # diagonal of YᵀY / T over the base columns, (B, p)
 
     @property
     def eigenvalue_fitness(self) -> Tensor:
@@ -55,11 +51,7 @@ def excitation_of(body: RigidBody, grams: Tensor) -> Excitation:
 
 
 def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) -> Excitation:
-    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2).
-
-    Raises:
-        ShapeError: when the coefficients have the wrong shape or are not finite.
-    """
+    """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
     trajectory.check(c)
     return excitation_of(body, gram(body, trajectory, c, samples))
 

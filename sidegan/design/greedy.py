@@ -13,15 +13,12 @@ from sidegan.errors import ShapeError
 def greedy(diagonals: Tensor | Sequence[Tensor], count: int) -> Tensor:
     """Indices of the chosen trajectories in the order of choice, (count,).
 
-    With ψ_i the diagonal of trajectory i, the next choice is the largest of
-    d_i = g_i / max g + f_i / max f over those not chosen yet, where g_i = ‖ψ_i − ψ_previous‖
-    (ψ_previous = 0 at first) and f_i = Σ ψ_i; the first index wins a tie. A maximum of zero (all
-    that is left equals the previous choice, or nothing is excited) makes its term zero.
-
-    Args:
-        diagonals: of YᵀY over the base columns, (N, p); or parts of them, (N_k, p) each, that may be read
-            from a file when they are asked for: one is in memory at a time, and two numbers per trajectory.
-        count: how many to choose.
+    The diagonals of YᵀY over the base columns are (N, p), or parts of that, (N_k, p) each, which may be read
+    from a file when needed: one is in memory at a time, and two numbers per trajectory. With ψ_i the diagonal
+    of trajectory i, the next choice is the largest of d_i = g_i / max g + f_i / max f over those not chosen
+    yet, where g_i = ‖ψ_i − ψ_previous‖ (ψ_previous = 0 at first) and f_i = Σ ψ_i; the first index wins a tie.
+    A maximum of zero (all that is left equals the previous choice, or nothing is excited) makes its term
+    zero.
 
     Raises:
         ShapeError: when a part is not a finite, non-negative (N_k, p), or ``count`` is not in 1 … N.

@@ -21,32 +21,26 @@ _PRIOR = 1e-3  # of an average trajectory
 class Information:
     """Information matrices of N trajectories, symmetric and positive semidefinite, (q, q) each.
 
-    Of each matrix the lower triangle is kept, row by row: 7.6 kB at 43 parameters in float64, half of that
-    in float32. The tensor may be mapped from a file; work on it takes a few hundred matrices at a time.
-
-    Args:
-        packed: lower triangles, (N, q (q + 1) / 2); ``Information.of`` makes them from matrices.
-
-    Raises:
-        ShapeError: when the width is not a triangle's, or a number is not finite.
+    Of each matrix the lower triangle is kept, row by row: 7.6 kB at 43 parameters. The tensor may be mapped
+    from a file; work on it takes a few hundred matrices at a time.
     """
 
-    packed: Tensor
+    packed: Tensor  # lower triangles, (N, q (q + 1) / 2); ``Information.of`` makes them from matrices
 
     def __post_init__(self) -> None:
         shape, kind = tuple(self.packed.shape), self.packed.dtype
-        if len(shape) != 2 or not kind.is_floating_point or not self.size or shape[1] != _width(self.size):
+        if len(shape) != 2 or kind != torch.float64 or not self.size or shape[1] != _width(self.size):
             raise ShapeError(f"packed information is {shape} {kind}, expected numbers (N, q (q + 1) / 2)")
         bad = ~torch.cat([part.isfinite().all(1) for part in self.packed.split(_AT_ONCE)])
         if bad.any():
             raise ShapeError(f"information of trajectory {int(bad.nonzero()[0])} is not finite")
 
     @classmethod
-    def of(cls, matrices: Tensor, dtype: torch.dtype = torch.float64) -> "Information":
-        """Information of symmetric positive semidefinite matrices (N, q, q), kept in ``dtype``."""
+    def of(cls, matrices: Tensor) -> "Information":
+        """Information of symmetric positive semidefinite matrices (N, q, q)."""
         if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not matrices.shape[1]:
             raise ShapeError(f"information is {tuple(matrices.shape)}, expected (N, q, q)")
-        return cls(pack(matrices).to(dtype))
+        return cls(pack(matrices).double())
 
     def __len__(self) -> int:
         return len(self.packed)
@@ -60,7 +54,7 @@ class Information:
     def largest(self) -> float:
         """The largest trace of a matrix."""
         corners = torch.arange(1, self.size + 1, device=self.packed.device).cumsum(0) - 1
-        return float(self.packed[:, corners].double().sum(1).max())
+        return float(self.packed[:, corners].sum(1).max())
 
     @cached_property
     def mean(self) -> Tensor:
@@ -68,8 +62,8 @@ class Information:
         return unpack(_sum(self.packed) / len(self), self.size)
 
     def matrices(self, indices: Tensor | slice) -> Tensor:
-        """The matrices at ``indices``, (K, q, q), in float64."""
-        return unpack(self.packed[indices].double(), self.size)
+        """The matrices at ``indices``, (K, q, q)."""
+        return unpack(self.packed[indices], self.size)
 
     def stacked(self, indices: Tensor) -> Tensor:
         """Information of a set, the sum of its matrices, (q, q); of one trajectory at least."""
@@ -81,9 +75,7 @@ class Information:
     def products(self, weights: Tensor) -> Tensor:
         """Traces of symmetric weights (R, q, q) times each matrix, (N, R), in one pass over the matrices."""
         twice = pack(2 * weights - torch.diag_embed(weights.diagonal(dim1=1, dim2=2))).T
-        if self.packed.dtype == torch.float64:
-            return self.packed @ twice
-        return torch.cat([part.double() @ twice for part in self.packed.split(8 * _AT_ONCE)])
+        return self.packed @ twice
 
     def prior(self) -> Tensor:
         """Knowledge as from a thousandth of an average trajectory, (q, q): in the trajectories' own units."""
@@ -100,28 +92,16 @@ def information_of(
     c: Tensor,
     samples: int = 80,
     deviation: Tensor | None = None,
-    dtype: torch.dtype = torch.float64,
 ) -> Information:
     """Information per sample on the identifiable parameters, in their orthonormal basis, of N trajectories.
 
-    Beside its result it works in memory that does not grow with their number.
-
-    Args:
-        body: the arm's dynamics.
-        trajectory: the family of trajectories.
-        c: coefficients [rad/s], (N, J, H, 2).
-        samples: time points per trajectory.
-        deviation: standard deviation of each joint's torque noise [N·m or N], (J,), or (N, J) where noise
-            differs between trajectories, as noise in proportion to torque does; ones when None.
-        dtype: in which the result is kept.
-
-    Raises:
-        ShapeError: when the coefficients do not fit or are not finite, or a deviation is not positive.
+    The deviation of torque noise [N·m or N] is that of each joint, (J,), or (N, J) where it differs between
+    trajectories; ones when None. Beside its result it works in memory that does not grow with their number.
     """
     trajectory.check(c)
     weights = None if deviation is None else 1 / _deviations(deviation, len(c), body.joints).to(c)
     subspace, times = body.base.subspace.to(c), trajectory.grid(samples)
-    packed = c.new_zeros(len(c), _width(len(subspace)), dtype=dtype)
+    packed = c.new_zeros(len(c), _width(len(subspace)), dtype=torch.float64)
     few = _AT_ONCE if weights is None else min(_AT_ONCE, max(1, _STATES_AT_ONCE // samples))
     for start in range(0, len(c), few):
         part = slice(start, start + few)
@@ -129,7 +109,7 @@ def information_of(
             grams = gram(body, trajectory, c[part], samples)
         else:
             grams = weighted_gram(body, trajectory.roll_out(c[part], times), weights[part, None])
-        packed[part] = pack(subspace.T @ grams @ subspace).to(dtype)
+        packed[part] = pack(subspace.T @ grams @ subspace)
     return Information(packed)
 
 
@@ -168,6 +148,6 @@ def _width(size: int) -> int:
 
 
 def _sum(packed: Tensor, indices: Tensor | None = None) -> Tensor:
-    """Sum of the rows at ``indices``, or of all, in float64 and a few at a time."""
+    """Sum of the rows at ``indices``, or of all, a few at a time."""
     parts = packed.split(_AT_ONCE) if indices is None else (packed[few] for few in indices.split(_AT_ONCE))
-    return torch.stack([part.double().sum(0) for part in parts]).sum(0)
+    return torch.stack([part.sum(0) for part in parts]).sum(0)

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from sidegan.design.penalty import Penalty, pushes
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.motion.compiled import tensors as kernels
+from sidegan.motion.backend import extremes
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Motion
+from sidegan.motion.threads import eigh
 
 _STATES_AT_ONCE = 8_192  # bounds the memory of a gradient to about 300 MB for seven joints
 # The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
@@ -38,13 +38,10 @@ def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> 
 
 
 def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Smooth log ratio of largest to smallest of positive values, (B,), and its slopes in them, (B, p).
+    """Smooth log ratio of largest to smallest of positive values, ascending, (B,), and its slopes, (B, p).
 
     At most (log 3 + log 2) / 6 above the logarithm of the ratio. What is under 10⁻¹² of the largest counts as
-    that much, and has the slope of it.
-
-    Args:
-        values: ascending, (B, p); none but the first three and the last two matter.
+    that much, and has the slope of it. None but the first three and the last two values matter.
     """
     floor = (values[:, -1:] / HOPELESS).clamp_min(torch.finfo(values.dtype).tiny)
     values = torch.maximum(values, floor)
@@ -59,17 +56,11 @@ def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
 def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tensor, Tensor]:
     """Eigenvalues of Gram matrices (B, p, p) in an orthonormal basis, ascending, and base vectors (B, K, p).
 
-    Args:
-        body: the arm's dynamics.
-        grams: over the base columns.
-        ends: only those that ``smooth_condition`` looks at, in a fraction of the time.
+    At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
     """
     subspace = body.base.subspace
     inner = subspace.T @ grams @ subspace
-    values, vectors = kernels.extremes(inner, LOWEST, HIGHEST) if ends else kernels.eigh(inner)
-    if ends and values.shape[1] > LOWEST + HIGHEST:  # without a compiled kernel all of them come
-        kept = [*range(LOWEST), *range(-HIGHEST, 0)]
-        values, vectors = values[:, kept], vectors[:, :, kept]
+    values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
     return values, (subspace @ vectors).mT
 
 
@@ -86,30 +77,26 @@ def pull_back(
 ) -> tuple[Tensor, Tensor]:
     """Penalty, (B,), and the gradient of penalty and energy, (B, J, H, 2), at coefficients c.
 
-    The energy is Σ weight · |Y v|² / T over the directions: for eigenvectors of YᵀY / T and the slopes of a
+    The energy is Σ weight · |Y v|² / T over directions v: for eigenvectors of YᵀY / T and the slopes of a
     function of its eigenvalues, its gradient is that function's. Works through the states in pieces, then
     carries the gradient from the motion back to the coefficients, in which it is linear: memory does not
     grow with the number of samples.
-
-    Args:
-        problem: the trajectories and what constrains them.
-        c: coefficients [rad/s], (B, J, H, 2).
-        directions: parameter vectors v, (B, K, 10 J), and weights, (B, K); None for no energy.
-        penalty: of violations; None for none.
     """
     with torch.enable_grad():
         c = c.detach().requires_grad_(True)
-        motion = problem.motion(c)
-    slopes, violation = [torch.zeros_like(x) for x in motion[1:]], c.new_zeros(len(c))
+        motion = problem.motion(c)[1:]
+    body = problem.body
+    vectors, weights = directions or (c.new_zeros(len(c), 0, 10 * body.joints), c.new_zeros(len(c), 0))
+    costs = penalty.costs(problem.constraints) if penalty else (None, None)
+    slopes, violation = [torch.zeros_like(x) for x in motion], c.new_zeros(len(c))
     for rows in _pieces(len(c), _STATES_AT_ONCE // problem.samples):
-        some = directions and (directions[0][rows], directions[1][rows])
         for times in _pieces(problem.samples, _STATES_AT_ONCE):
-            states = Motion(motion.time[times], *(x[rows, times].detach() for x in motion[1:]))
-            cost, pieces = pushes(problem, states, some, penalty)
+            states = [x[rows, times].detach() for x in motion]
+            cost, pieces = body.penalised_slopes(states, vectors[rows], weights[rows], *costs)
             violation[rows] += cost / problem.samples
             for slope, piece in zip(slopes, pieces):
                 slope[rows, times] = piece / problem.samples
-    (gradient,) = torch.autograd.grad(motion[1:], c, slopes)
+    (gradient,) = torch.autograd.grad(motion, c, slopes)
     return violation, gradient
 
 

@@ -46,9 +46,7 @@ def _logs(x: Tensor) -> Tensor:
     return torch.maximum(x, x.amax(1, keepdim=True) / HOPELESS).clamp_min(torch.finfo(x.dtype).tiny).log()
 
 
-Objective = Callable[[Tensor], Tensor]
-
-SPECTRAL: dict[str, Objective] = {
+SPECTRAL: dict[str, Callable[[Tensor], Tensor]] = {
     "log_condition": log_condition,
     "d_optimal": d_optimal,
     "a_optimal": a_optimal,
@@ -74,6 +72,6 @@ class Term:
         if self.objective == "diagonal_ratio":
             values = log_condition(physics.diagonal(information, whole).sort(1).values)
         else:
-            eigenvalues = physics.ends if self.objective == "log_condition" else physics.spectrum
-            values = SPECTRAL[self.objective](eigenvalues(information, whole))
+            eigenvalues = physics.spectrum(information, whole, ends=self.objective == "log_condition")
+            values = SPECTRAL[self.objective](eigenvalues)
         return self.weight * values.mean()

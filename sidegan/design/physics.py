@@ -20,11 +20,7 @@ from sidegan.errors import ShapeError
 
 @dataclass(frozen=True)
 class SetInformation:
-    """Information of sets of trajectories: of how many together, and in which units of torque.
-
-    Raises:
-        ShapeError: when the noise is not a positive number per joint, or a batch does not fall into sets.
-    """
+    """Information of sets of trajectories: of how many together, and in which units of torque."""
 
     problem: Problem
     together: int = 1  # so many trajectories in a row are one set, whose information is their sum
@@ -62,15 +58,12 @@ class SetInformation:
         return gradient.to(c)
 
 
-def spectrum(information: SetInformation, c: Tensor) -> Tensor:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c."""
-    pairs = eigenpairs(information.problem.body, information.grams(c))
-    return _Quadratic.apply(c, information, *pairs)
+def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
+    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c.
 
-
-def ends(information: SetInformation, c: Tensor) -> Tensor:
-    """The ends of the ``spectrum`` that a smooth condition number needs, ascending, in much less time."""
-    pairs = eigenpairs(information.problem.body, information.grams(c), ends=True)
+    At the ends, only those that a smooth condition number needs, in much less time.
+    """
+    pairs = eigenpairs(information.problem.body, information.grams(c), ends)
     return _Quadratic.apply(c, information, *pairs)
 
 

@@ -19,18 +19,11 @@ _AT_ONCE = 64  # trajectories: a batch that stays in the processor's cache
 
 @dataclass(frozen=True)
 class Polish:
-    """L-BFGS from given trajectories; each is replaced only by a better valid one.
+    """L-BFGS from given trajectories; each is replaced only by a better valid one."""
 
-    Args:
-        steps: evaluations per trajectory.
-        reserve: share of each position, velocity and torque limit that is kept free, and twice that share of
-            0.25 m as clearance.
-
-    Raises:
-        ConfigError: when there is nothing to do.
-    """
-
-    steps: int
+    steps: int  # evaluations per trajectory
+    # share of each position, velocity and torque limit that is kept free, and twice that share of 0.25 m as
+    # clearance
     reserve: float = 0.02
 
     def __post_init__(self) -> None:

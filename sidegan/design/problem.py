@@ -22,20 +22,14 @@ class Problem:
 
     A kind of trajectories that moves otherwise overrides ``motion``; everything else follows from it.
 
-    Args:
-        constraints: the arm and its workspace.
-        trajectory: the family of trajectories.
-        samples: time points per period at which the objective and the constraints are taken.
-        diagonal: optimise the diagonal fitness instead of the eigenvalue fitness.
-
     Raises:
         ShapeError: when the trajectories are not the arm's, or too few samples see the highest harmonic.
     """
 
-    constraints: Constraints
-    trajectory: Trajectory
-    samples: int = 60
-    diagonal: bool = False
+    constraints: Constraints  # the arm and its workspace
+    trajectory: Trajectory  # the family of trajectories
+    samples: int = 60  # time points per period at which the objective and the constraints are taken
+    diagonal: bool = False  # optimise the diagonal fitness instead of the eigenvalue fitness
 
     def __post_init__(self) -> None:
         joints, harmonics, _ = self.trajectory.shape

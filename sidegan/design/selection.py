@@ -31,17 +31,9 @@ class Selection:
 def choose(
     settings: Selection, body: RigidBody, trajectory: Trajectory, c: Tensor, diagonal: Tensor
 ) -> Tensor:
-    """Indices of the trajectories picked from a pool, in the order of choice, (count,).
+    """Indices of the trajectories picked from a pool (N, J, H, 2), in the order of choice, (count,).
 
-    Args:
-        settings: how many, and by what.
-        body: the arm's dynamics.
-        trajectory: the family of the pool.
-        c: coefficients of the pool [rad/s], (N, J, H, 2).
-        diagonal: of each YᵀY / T over the base columns, (N, p); all that the paper's score looks at.
-
-    Raises:
-        ShapeError: when the pool is smaller than the pick, or something does not fit.
+    The paper's score looks at the diagonal of each YᵀY / T over the base columns alone, (N, p).
     """
     if settings.method == "greedy":
         return greedy(diagonal, settings.count)

@@ -1,13 +1,12 @@
 """Loss terms that keep a batch of trajectories as diverse as a seed set."""
 
 import math
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from sidegan.design.excitation import mean_distance
-from sidegan.gan.terms import Batch, LossTerm
+from sidegan.gan.terms import Batch, Formula, LossTerm
 
 _DIRECTIONS = 48  # most principal directions whose spread is kept; a batch of 100 resolves no more
 _RIDGE = 1e-3  # keeps the covariance of a small batch invertible
@@ -19,13 +18,8 @@ _BATCHES = 8  # of seeds, whose mean rank stands for that of any batch
 _TINY = 1e-9  # share of the variance below which a direction does not count
 
 
-class Spread(LossTerm[Batch]):
-    """Divergence of a batch's Gaussian from the seeds', per direction; 0 for equal covariances.
-
-    Args:
-        weight: factor of the term.
-        seeds: coefficients [rad/s], (N, J, H, 2).
-    """
+class Spread(LossTerm):
+    """Divergence of a batch's Gaussian from the seeds', per direction; 0 for equal covariances."""
 
     directions: Tensor
 
@@ -45,39 +39,14 @@ class Spread(LossTerm[Batch]):
         return 0.5 * (covariance.trace() / len(eye) - 1 - torch.logdet(covariance) / len(eye))
 
 
-class Diverse(Protocol):
-    """A batch of trajectories that shall be diverse; ``terms.Batch`` is one."""
-
-    @property
-    def deviations(self) -> Tensor:
-        """What differs between them, a row each."""
-
-    def mean_distance(self) -> Tensor:
-        """Mean distance between two of them [rad/s], 0-dimensional."""
-
-
-class Distance(LossTerm[Diverse]):
+def distance(weight: float, target: float) -> Formula:
     """Missing share of the mean distance between two trajectories, 0 when it is that of the seeds."""
-
-    def __init__(self, weight: float, target: float) -> None:
-        super().__init__(weight)
-        self.target = target
-
-    def forward(self, batch: Diverse) -> Tensor:
-        """Loss, 0-dimensional."""
-        return (1 - batch.mean_distance() / self.target).clamp_min(0)
+    return Formula(weight, lambda batch: (1 - batch.mean_distance() / target).clamp_min(0))
 
 
-class Rank(LossTerm[Diverse]):
+def rank(weight: float, target: float) -> Formula:
     """Missing log effective rank of a batch, 0 when it is that of as many seeds."""
-
-    def __init__(self, weight: float, target: float) -> None:
-        super().__init__(weight)
-        self.target = target
-
-    def forward(self, batch: Diverse) -> Tensor:
-        """Loss, 0-dimensional."""
-        return (self.target - _entropy(batch.deviations)).clamp_min(0)
+    return Formula(weight, lambda batch: (target - _entropy(batch.deviations)).clamp_min(0))
 
 
 def distance_target(seeds: Tensor, random: bool) -> float:

@@ -7,45 +7,37 @@ from sidegan.design import physics
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.surrogates import Standard
-from sidegan.gan.terms import Batch, LossTerm
+from sidegan.gan.terms import Batch, Formula
 from sidegan.gan.variants import Exact
 
 _CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
 
 
-class Violation(LossTerm[Batch]):
+def violation(weight: float, settings: Exact, problem: Problem) -> Formula:
     """Mean squared relative violation of the constraints, by exact physics."""
+    penalty = penalty_of(settings.reserve)
 
-    def __init__(self, weight: float, settings: Exact, problem: Problem) -> None:
-        super().__init__(weight, settings.ease)
-        self.problem, self.penalty = problem, penalty_of(settings.reserve)
-
-    def forward(self, batch: Batch) -> Tensor:
-        """Loss, 0-dimensional."""
+    def loss(batch: Batch) -> Tensor:
         c = batch.coefficients
-        return physics.violation(self.problem, c, self.penalty).to(c).mean()
+        return physics.violation(problem, c, penalty).to(c).mean()
+
+    return Formula(weight, loss, settings.ease)
 
 
-class Objective(LossTerm[Batch]):
+def objective(weight: float, settings: Exact, problem: Problem) -> Formula:
     """Sum of the exact objective's terms over a batch; the smaller, the better."""
 
-    def __init__(self, weight: float, settings: Exact, problem: Problem) -> None:
-        super().__init__(weight)
-        self.problem, self.objectives = problem, tuple(settings.terms.values())
-
-    def forward(self, batch: Batch) -> Tensor:
-        """Loss, 0-dimensional."""
+    def loss(batch: Batch) -> Tensor:
         c = batch.coefficients
-        return torch.stack([objective(self.problem, c) for objective in self.objectives]).sum().to(c)
+        return torch.stack([term(problem, c) for term in settings.terms.values()]).sum().to(c)
+
+    return Formula(weight, loss)
 
 
 class ExactFeatures(Standard):
     """Standardised log spectrum, or log diagonal, (B, p): what a converter learns, computed.
 
-    Args:
-        problem: the trajectories.
-        kind: ``spectrum`` or ``diagonal``.
-        seeds: coefficients (N, J, H, 2) whose features have zero mean and unit spread.
+    The features of the seeds (N, J, H, 2) have zero mean and unit spread.
     """
 
     def __init__(self, problem: Problem, kind: str, seeds: Tensor) -> None:

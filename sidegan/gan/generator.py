@@ -23,33 +23,20 @@ _FORMAT = 1
 
 @dataclass(frozen=True)
 class TrajectoryGenerator:
-    """A generator with its scale, the trajectories' family and the robot that it was trained for.
+    """A generator with its scale, the trajectories' family and the robot that it was trained for."""
 
-    Attributes:
-        network: noise → images.
-        scaling: images → coefficients.
-        trajectory: the family of trajectories.
-        robot: name of the arm.
-        digest: of the arm's numbers.
-        variant: name of the variant.
-        limits: last layer that keeps position and velocity limits; None where there is none.
-    """
-
-    network: Generator
-    scaling: Scaling
-    trajectory: Trajectory
-    robot: str
-    digest: str
-    variant: str
+    network: Generator  # noise → images
+    scaling: Scaling  # images → coefficients
+    trajectory: Trajectory  # the family of trajectories
+    robot: str  # name of the arm
+    digest: str  # of the arm's numbers
+    variant: str  # name of the variant
+    # last layer that keeps position and velocity limits; None where there is none
     limits: LimitLayer | None = None
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
-        """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed.
-
-        Raises:
-            ShapeError: when count is not positive.
-        """
+        """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed."""
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
         images = self.network(self.network.draw(count, random_of(seed)))
@@ -80,11 +67,7 @@ class TrajectoryGenerator:
 
     @classmethod
     def load(cls, path: Path, arm: Arm | None = None) -> "TrajectoryGenerator":
-        """Generator of a file that ``save`` wrote; no code in the file is run.
-
-        Args:
-            path: the file.
-            arm: when given, the generator must have been trained for this arm.
+        """Generator of a file that ``save`` wrote, of one arm or of any (None); no code in the file is run.
 
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
@@ -129,11 +112,7 @@ def opened(path: Path, kind: str, form: int | str) -> Iterator[tuple[dict[str, A
 
 
 def refuse_other(path: Path, meta: dict[str, Any], arm: Arm) -> None:
-    """Refuse a generator's file that was made for another arm.
-
-    Raises:
-        ArtifactError: with both names and digests.
-    """
+    """Refuse a generator's file that was made for another arm."""
     if meta["digest"] != arm.digest:
         raise ArtifactError(
             f"{path} was trained for {meta['robot']} (digest {meta['digest'][:12]}), "

@@ -7,9 +7,10 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor
 
+from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_torch
 from sidegan.errors import ArtifactError
-from sidegan.gan.labels import MIXTURES, Labelled, Progress, label
+from sidegan.gan.labels import MIXTURES, Labelled, label
 from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates, SurrogateSettings
 from sidegan.gan.variants import Variant
@@ -29,27 +30,17 @@ _LEAST_NEGATIVES = 100  # for training
 
 @dataclass(frozen=True)
 class Pretraining:
-    """What the surrogates of an arm learn from, and how.
+    """What the surrogates of an arm learn from, and how."""
 
-    Attributes:
-        constraints: the arm in its workspace.
-        trajectory: the family of trajectories.
-        settings: numbers of samples and epochs, sizes of the networks.
-        data: the mixture of samples, ``broad`` or ``paper``.
-        seeds: coefficients [rad/s], (N, J, H, 2).
-        negatives: a vanilla GAN's samples, as many as ``negatives_count`` says or more.
-        work: folder of the labelled samples.
-    """
+    constraints: Constraints  # the arm in its workspace
+    trajectory: Trajectory  # the family of trajectories
+    settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
+    data: str  # the mixture of samples, ``broad`` or ``paper``
+    seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
+    negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
+    work: Path  # folder of the labelled samples
 
-    constraints: Constraints
-    trajectory: Trajectory
-    settings: SurrogateSettings
-    data: str
-    seeds: Tensor
-    negatives: Tensor
-    work: Path
-
-    def label(self, share: int, seed: int, progress: Progress) -> None:
+    def label(self, share: int, seed: int, progress: Report) -> None:
         """Write one share of the labelled samples, unless it is there."""
         path, generator = self._share(share), torch.Generator().manual_seed(seed)
         if readable(path):
@@ -59,7 +50,7 @@ class Pretraining:
         steps = self.settings.margin_steps
         write_torch(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
 
-    def train_success(self, folder: Path, seed: int, progress: Progress) -> dict[str, float]:
+    def train_success(self, folder: Path, seed: int, progress: Report) -> dict[str, float]:
         """Held-out accuracies of the success predictor, which is left in ``folder``.
 
         ``accuracy_paper`` is the paper's task (held-out seeds against faulty samples of the vanilla GAN),
@@ -67,13 +58,10 @@ class Pretraining:
         is within 5 % of its limit's range of zero.
         """
         data, held, generator = self._begin(seed)
-        names, sizes = len(self.constraints.labels), _sizes(self.settings)
-        predictor = SuccessPredictor(
-            self.constraints.arm, self.trajectory, names, sizes["width"], sizes["margin_steps"]
-        )
+        content = {"sizes": _sizes(self.settings), "names": len(self.constraints.labels)}
+        predictor = _predictor(self.constraints.arm, self.trajectory, content)
         train_predictor(predictor, data, self.settings.epochs, generator, progress)
-        content = {"weights": predictor.state_dict(), "sizes": sizes, "names": names}
-        write_torch(folder / f"{_SUCCESS}.pt", content)
+        write_torch(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
         c = torch.cat([held_seeds, faulty])
@@ -87,16 +75,15 @@ class Pretraining:
         }
 
     def train_features(
-        self, features: str, folder: Path, seed: int, progress: Progress
+        self, features: str, folder: Path, seed: int, progress: Report
     ) -> dict[str, float | list[float]]:
         """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
         data, held, generator = self._begin(seed)
-        target, sizes = getattr(data, features), _sizes(self.settings)
-        physics = self.constraints.arm, self.trajectory
-        converter = Converter(*physics, target.shape[1], sizes["width"], sizes["feature_steps"])
+        target = getattr(data, features)
+        content = {"sizes": _sizes(self.settings), "features": target.shape[1]}
+        converter = _converter(self.constraints.arm, self.trajectory, content)
         train_converter(converter, data.c, target, self.settings.epochs, generator, progress)
-        content = {"weights": converter.state_dict(), "sizes": sizes, "features": target.shape[1]}
-        write_torch(folder / f"{features}.pt", content)
+        write_torch(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
         r2 = explained(converter, held.c, getattr(held, features))
         return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
 
@@ -129,15 +116,21 @@ def load_surrogates(folder: Path, variant: Variant, arm: Arm, trajectory: Trajec
         ArtifactError: when one is missing, damaged, or of another arm.
     """
     content = read_torch(folder / f"{_SUCCESS}.pt")
-    width, steps = content["sizes"]["width"], content["sizes"]["margin_steps"]
-    predictor = SuccessPredictor(arm, trajectory, content["names"], width, steps)
-    predictor = _frozen(predictor, content["weights"], folder)
+    predictor = _frozen(_predictor(arm, trajectory, content), content["weights"], folder)
     if variant.features == "none":
         return Surrogates(predictor)
     content = read_torch(folder / f"{variant.features}.pt")
-    width, steps = content["sizes"]["width"], content["sizes"]["feature_steps"]
-    converter = Converter(arm, trajectory, content["features"], width, steps)
-    return Surrogates(predictor, _frozen(converter, content["weights"], folder))
+    return Surrogates(predictor, _frozen(_converter(arm, trajectory, content), content["weights"], folder))
+
+
+def _predictor(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> SuccessPredictor:
+    sizes = content["sizes"]
+    return SuccessPredictor(arm, trajectory, content["names"], sizes["width"], sizes["margin_steps"])
+
+
+def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter:
+    sizes = content["sizes"]
+    return Converter(arm, trajectory, content["features"], sizes["width"], sizes["feature_steps"])
 
 
 def _sizes(settings: SurrogateSettings) -> dict[str, Any]:

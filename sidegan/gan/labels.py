@@ -1,11 +1,12 @@
 """Exactly labelled samples for the surrogates: labels are cheap because the physics is ours."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.dynamics import gram
@@ -16,26 +17,16 @@ _DISTANCE = 0.1  # [m] clearance that counts like a whole joint range
 _CLIP = 1.0  # scaled margins beyond this carry no information about validity
 _BATCH = 250
 
-Progress = Callable[[int, int], None]
-
 
 @dataclass(frozen=True)
 class Labelled:
-    """Samples with their true labels.
+    """Samples with their true labels."""
 
-    Attributes:
-        c: coefficients, (N, J, H, 2) float32.
-        valid: dense validity, (N,).
-        margins: scaled margins by moment, (N, G, T) float32, clipped to ±1.
-        spectrum: spectrum of YᵀY, (N, p).
-        diagonal: diagonal of YᵀY, (N, p).
-    """
-
-    c: Tensor
-    valid: Tensor
-    margins: Tensor
-    spectrum: Tensor
-    diagonal: Tensor
+    c: Tensor  # coefficients, (N, J, H, 2) float32
+    valid: Tensor  # dense validity, (N,)
+    margins: Tensor  # scaled margins by moment, (N, G, T) float32, clipped to ±1
+    spectrum: Tensor  # spectrum of YᵀY, (N, p)
+    diagonal: Tensor  # diagonal of YᵀY, (N, p)
 
     def part(self, rows: Tensor) -> "Labelled":
         """The samples at ``rows``."""
@@ -87,7 +78,7 @@ MIXTURES = {"broad": blend, "paper": paper}
 
 @torch.no_grad()
 def label(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Progress | None = None
+    constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Report | None = None
 ) -> Labelled:
     """True labels of coefficients (N, J, H, 2); ``steps`` time points per trajectory for the margins."""
     parts = []

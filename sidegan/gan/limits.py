@@ -26,9 +26,6 @@ class LimitLayer(nn.Module):
         trajectory: the family of trajectories.
         room: from home to the upper and to the lower position limits [rad or m], (2, J), positive.
         speed: velocity limits [rad/s], (J,).
-
-    Raises:
-        ShapeError: when the limits do not fit the family.
     """
 
     bases: Tensor  # (4, T, 2 H)
@@ -52,11 +49,7 @@ class LimitLayer(nn.Module):
 
     @classmethod
     def of(cls, arm: Arm, trajectory: Trajectory) -> "LimitLayer":
-        """Limits of an arm around the home of a family of trajectories.
-
-        Raises:
-            ShapeError: when the family is not the arm's.
-        """
+        """Limits of an arm around the home of a family of trajectories."""
         if trajectory.joints != arm.joints:
             raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {arm.joints}")
         return cls(trajectory, rooms(arm, torch.tensor(trajectory.home).double()), arm.velocity_limit)

@@ -41,9 +41,7 @@ class Training(pl.LightningModule):
 
     sampler: Any  # any module with a network
 
-    def __init__(
-        self, name: str, sampler: nn.Module, terms: Sequence[LossTerm[Any]], schedule: Schedule
-    ) -> None:
+    def __init__(self, name: str, sampler: nn.Module, terms: Sequence[LossTerm], schedule: Schedule) -> None:
         super().__init__()
         self.automatic_optimization = False
         self.name, self.sampler, self.schedule = name, sampler, schedule
@@ -136,13 +134,8 @@ def fit(
 ) -> None:
     """Train from the checkpoint in ``work``, or from the start when there is none or it is damaged.
 
-    Args:
-        training: what is trained; on the CPU afterwards.
-        rows: indices of examples, a batch for each step.
-        work: folder of the checkpoint.
-        evaluate: metrics after an epoch.
-        epoch_end: called with (epoch, metrics) after every epoch.
-        device: where the networks run.
+    The rows are indices of examples, a batch for each step. After every epoch ``evaluate`` gives its metrics,
+    and ``epoch_end`` is called with both. What is trained ends on the CPU.
 
     Raises:
         SideganError: when the training diverges; the last whole epoch is kept.

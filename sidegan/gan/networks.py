@@ -16,14 +16,8 @@ _DRAWS = 1024  # over which the layers' mean is taken
 class Generator(nn.Module):
     """Images (B, 2, J, H) of noise (B, Z) in [−1, 1], of unit spread from the start.
 
-    Args:
-        joints: J.
-        harmonics: H.
-        noise: Z, dimension of the uniform noise.
-        body: ``conv`` (DCGAN: Radford, Metz, Chintala 2016) or ``mlp``.
-        width: channels of the widest layer, or units of a hidden layer.
-        shortcut: whether a linear path runs beside the layers (``start_from``).
-        activation: between the layers, ``relu`` or ``silu``.
+    Its body is ``conv`` (DCGAN: Radford, Metz, Chintala 2016) or ``mlp``, as wide as its widest layer; a
+    shortcut is a linear path beside the layers (``start_from``).
     """
 
     def __init__(

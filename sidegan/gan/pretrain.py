@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 import torch
 from torch import Tensor, nn
 
-from sidegan.gan.labels import Labelled, Progress
+from sidegan.base.parallel import Report
+from sidegan.gan.labels import Labelled
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 
 _HELD_OUT = 0.15
@@ -25,7 +26,7 @@ def train_predictor(
     data: Labelled,
     epochs: int,
     generator: torch.Generator,
-    progress: Progress | None = None,
+    progress: Report | None = None,
 ) -> None:
     """Fit the success predictor to margins by moment and to the labels."""
 
@@ -47,7 +48,7 @@ def train_converter(
     features: Tensor,
     epochs: int,
     generator: torch.Generator,
-    progress: Progress | None = None,
+    progress: Report | None = None,
 ) -> None:
     """Fit the converter to the logs of true features (N, p) of coefficients (N, J, H, 2)."""
     converter.fit_standard(features)
@@ -85,7 +86,7 @@ def _train(
     count: int,
     epochs: int,
     generator: torch.Generator,
-    progress: Progress | None,
+    progress: Report | None,
 ) -> None:
     steps = epochs * -(-count // _BATCH)
     optimiser = torch.optim.Adam(network.parameters(), 2e-3)

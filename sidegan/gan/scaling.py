@@ -12,27 +12,17 @@ _SHRINKAGE = 1e-3  # share of the mean variance added to each covariance: few se
 
 @dataclass(frozen=True)
 class Scaling:
-    """Image = (coefficients − mean) whitened, per joint.
+    """Image = (coefficients − mean) whitened, per joint."""
 
-    Attributes:
-        mean: mean coefficients [rad/s], (J, 2 H).
-        spread: from image to coefficients, per joint, (J, 2 H, 2 H).
-    """
-
-    mean: Tensor
-    spread: Tensor
+    mean: Tensor  # mean coefficients [rad/s], (J, 2 H)
+    spread: Tensor  # from image to coefficients, per joint, (J, 2 H, 2 H)
 
     @staticmethod
     def fit(c: Tensor, kind: str = "joint") -> "Scaling":
         """Scaling of a seed set (N, J, H, 2).
 
-        Args:
-            c: coefficients of the seeds.
-            kind: ``joint`` whitens each joint's 2 H coefficients; ``range`` only divides each element
-                by its largest absolute value, as the paper does.
-
-        Raises:
-            ShapeError: for fewer than two seeds or an unknown kind.
+        ``joint`` whitens each joint's 2 H coefficients; ``range`` only divides each element by its largest
+        absolute value, as the paper does.
         """
         if len(c) < 2:
             raise ShapeError(f"scaling needs at least two seeds, got {len(c)}")

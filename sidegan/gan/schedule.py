@@ -9,27 +9,16 @@ _EASED = 0.67  # share of a training over which an eased weight grows
 
 @dataclass(frozen=True)
 class Schedule:
-    """Schedule of one training.
+    """Schedule of one training."""
 
-    Attributes:
-        epochs: after each of which the training is measured and saved.
-        steps: per epoch; one discriminator step each, where there are discriminators.
-        batch: trajectories per step.
-        learning_rate: of the generator's Adam, at the beginning.
-        critic_rate: of the discriminators' Adam, at the beginning.
-        generator_steps: generator steps per discriminator step.
-        decay: whether both rates fall to nothing over the training, along a cosine.
-        clip: largest norm of the generator's gradient; None: any.
-    """
-
-    epochs: int
-    steps: int
-    batch: int
-    learning_rate: float
-    critic_rate: float = 0.0
-    generator_steps: int = 1
-    decay: bool = True
-    clip: float | None = None
+    epochs: int  # after each of which the training is measured and saved
+    steps: int  # per epoch; one discriminator step each, where there are discriminators
+    batch: int  # trajectories per step
+    learning_rate: float  # of the generator's Adam, at the beginning
+    critic_rate: float = 0.0  # of the discriminators' Adam, at the beginning
+    generator_steps: int = 1  # generator steps per discriminator step
+    decay: bool = True  # whether both rates fall to nothing over the training, along a cosine
+    clip: float | None = None  # largest norm of the generator's gradient; None: any
 
     def rate(self, step: int) -> float:
         """Learning rate after so many steps, in that of the beginning."""

@@ -40,15 +40,8 @@ class SurrogateSettings:
 class SuccessPredictor(nn.Module):
     """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
 
-    Position and velocity limits are linear in the coefficients, so their margins are computed; torque,
-    self-collision and keep-out margins are learned.
-
-    Args:
-        arm: the arm.
-        trajectory: the family of trajectories.
-        constraints: number of constraints G, position and velocity first.
-        width: channels of the hidden layers.
-        steps: time points of the roll-out.
+    Position and velocity limits, the first constraints, are linear in the coefficients, so their margins are
+    computed; torque, self-collision and keep-out margins are learned.
     """
 
     def __init__(

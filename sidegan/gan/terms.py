@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -13,17 +13,9 @@ from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.surrogates import Standard, SuccessPredictor
 
-Seen = TypeVar("Seen", contravariant=True)  # what a term looks at
-
 
 class Batch:
-    """Trajectories that a generator made, and what terms look at; computed once, when first looked at.
-
-    Args:
-        coefficients: [rad/s], (B, J, H, 2).
-        images: (B, 2, J, H), of the coefficients.
-        features: of coefficients: standardised log features, (B, p).
-    """
+    """Trajectories that a generator made, and what terms look at; computed once, when first looked at."""
 
     def __init__(
         self, coefficients: Tensor, images: Callable[[], Tensor], features: Callable[[Tensor], Tensor] | None
@@ -55,11 +47,7 @@ class Batch:
 class Sampler(nn.Module):
     """Batches of a generator: noise → images → coefficients, within limits where there is a layer of them.
 
-    Args:
-        network: noise → images.
-        scaling: images → coefficients.
-        limits: last layer; None: any coefficients.
-        features: converter to the features that terms look at, where some do.
+    The features are a converter to what some terms look at.
     """
 
     mean: Tensor
@@ -88,7 +76,7 @@ class Sampler(nn.Module):
         return Batch(c, lambda: self.scaling.image(c), self.features)
 
 
-class LossTerm(nn.Module, Generic[Seen]):
+class LossTerm(nn.Module):
     """One weighted term of a generator's loss.
 
     Args:
@@ -106,19 +94,29 @@ class LossTerm(nn.Module, Generic[Seen]):
         return self.weight * self.ease ** (1 - eased) if epoch >= self.start else 0.0
 
     @abstractmethod
-    def forward(self, batch: Seen) -> Tensor:
+    def forward(self, batch: Any) -> Tensor:
         """Loss without its weight, 0-dimensional."""
 
 
-class Adversary(LossTerm[Batch]):
+class Formula(LossTerm):
+    """A term without networks or tensors of its own: a function of a batch."""
+
+    def __init__(
+        self, weight: float, loss: Callable[[Any], Tensor], ease: float = 1.0, start: int = 0
+    ) -> None:
+        super().__init__(weight, ease, start)
+        self.loss = loss
+
+    def forward(self, batch: Any) -> Tensor:
+        """Loss, 0-dimensional."""
+        return self.loss(batch)
+
+
+class Adversary(LossTerm):
     """A discriminator: rewards what it takes for an example (non-saturating: Goodfellow et al. 2014).
 
-    Args:
-        weight: factor of the term.
-        network: logits (B,) of what it looks at.
-        examples: what it shall tell the generator's work from, (N, …).
-        view: what it looks at of a batch.
-        gradient_penalty: weight of the R1 penalty (Mescheder, Geiger, Nowozin 2018).
+    Its network gives logits (B,) of its view of a batch, and learns to tell that from examples (N, …), with
+    the R1 penalty of its gradient (Mescheder, Geiger, Nowozin 2018).
     """
 
     examples: Tensor
@@ -150,7 +148,7 @@ class Adversary(LossTerm[Batch]):
         return loss
 
 
-class PredictedSuccess(LossTerm[Batch]):
+class PredictedSuccess(LossTerm):
     """Minus the mean log probability of being valid, by a frozen predictor."""
 
     def __init__(self, weight: float, predictor: SuccessPredictor) -> None:
@@ -162,14 +160,11 @@ class PredictedSuccess(LossTerm[Batch]):
         return -self.predictor(batch.coefficients).mean()
 
 
-class PredictedRatio(LossTerm[Batch]):
+def predicted_ratio(weight: float, standard: Standard, start: int) -> Formula:
     """Mean log ratio of the largest to the smallest feature, by a frozen converter."""
 
-    def __init__(self, weight: float, standard: Standard, start: int) -> None:
-        super().__init__(weight, start=start)
-        self.standard = standard
-
-    def forward(self, batch: Batch) -> Tensor:
-        """Loss, 0-dimensional."""
-        logs = self.standard.log_features(batch.features)
+    def loss(batch: Batch) -> Tensor:
+        logs = standard.log_features(batch.features)
         return (logs.amax(1) - logs.amin(1)).mean()
+
+    return Formula(weight, loss, start=start)

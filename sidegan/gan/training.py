@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import pytorch_lightning as pl
 import torch
@@ -13,8 +13,8 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.excitation import excitation_of
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.gan.diversity import Distance, Rank, Spread, distance_target, rank_target
-from sidegan.gan.exact import ExactFeatures, Objective, Violation
+from sidegan.gan.diversity import Spread, distance, distance_target, rank, rank_target
+from sidegan.gan.exact import ExactFeatures, objective, violation
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.loop import EpochEnd, Training, fit
@@ -22,7 +22,7 @@ from sidegan.gan.metrics import measure
 from sidegan.gan.networks import Generator, feature_discriminator, image_discriminator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.surrogates import Standard, Surrogates
-from sidegan.gan.terms import Adversary, LossTerm, PredictedRatio, PredictedSuccess, Sampler
+from sidegan.gan.terms import Adversary, LossTerm, PredictedSuccess, Sampler, predicted_ratio
 from sidegan.gan.variants import Variant
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
@@ -45,24 +45,15 @@ class Trained(Generic[Made]):
 
 @dataclass(frozen=True)
 class Run:
-    """How one training is run.
+    """How one training is run."""
 
-    Attributes:
-        name: of the variant, for files and messages.
-        seed: of weights, noise and batches.
-        work: folder of the checkpoint from which an interrupted training goes on.
-        evaluation: trajectories whose true physics is measured after every epoch; 0: none.
-        device: where the networks run.
-        epoch_end: called with (epoch, metrics) after every epoch.
-        start: generator to begin with, of this arm or of another one with as many joints.
-    """
-
-    name: str
-    seed: int
-    work: Path
-    evaluation: int = 200
-    device: str = "cpu"
-    epoch_end: EpochEnd | None = None
+    name: str  # of the variant, for files and messages
+    seed: int  # of weights, noise and batches
+    work: Path  # folder of the checkpoint from which an interrupted training goes on
+    evaluation: int = 200  # trajectories whose true physics is measured after every epoch; 0: none
+    device: str = "cpu"  # where the networks run
+    epoch_end: EpochEnd | None = None  # called with (epoch, metrics) after every epoch
+    # generator to begin with, of this arm or of another one with as many joints
     start: TrajectoryGenerator | None = None
 
 
@@ -74,15 +65,7 @@ def train_variant(
     run: Run,
     surrogates: Surrogates = _NO_SURROGATES,
 ) -> Trained[TrajectoryGenerator]:
-    """A generator trained on a seed set.
-
-    Args:
-        variant: losses and schedule.
-        constraints: the arm in its workspace.
-        trajectory: the family of trajectories.
-        seeds: coefficients [rad/s], (N, J, H, 2); None for a variant that learns from none.
-        run: seed, folder, device.
-        surrogates: as far as the variant needs them.
+    """A generator trained on a seed set (N, J, H, 2) [rad/s]; None for a variant that learns from none.
 
     Raises:
         ConfigError: when the variant needs a surrogate that is not given.
@@ -137,10 +120,10 @@ def assemble(
     limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
     network, scaling = _network(variant, seeds, run.start)
     sampler = Sampler(network, scaling, limits, features)
-    terms: list[LossTerm[Any]] = [*_image_adversary(variant, sampler, seeds)]
+    terms: list[LossTerm] = [*_image_adversary(variant, sampler, seeds)]
     if variant.exact is not None and problem is not None:
-        terms.append(Violation(variant.weights.success, variant.exact, problem))
-        terms.append(Objective(variant.weights.fitness, variant.exact, problem))
+        terms.append(violation(variant.weights.success, variant.exact, problem))
+        terms.append(objective(variant.weights.fitness, variant.exact, problem))
     elif variant.weights.success > 0:
         if surrogates.predictor is None:
             raise ConfigError(f"{run.name} needs a predictor of success")
@@ -150,7 +133,7 @@ def assemble(
         examples = features.standardise(getattr(excitation, variant.features))
         terms.append(_feature_adversary(variant, examples))
         if problem is None:
-            terms.append(PredictedRatio(variant.weights.fitness, features, variant.fitness_start))
+            terms.append(predicted_ratio(variant.weights.fitness, features, variant.fitness_start))
     terms += _diversity(variant, seeds)
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
@@ -190,13 +173,13 @@ def _feature_adversary(variant: Variant, examples: Tensor) -> Adversary:
     return Adversary(weight, critic, examples, lambda batch: batch.features, penalty)
 
 
-def _diversity(variant: Variant, seeds: Tensor) -> list[LossTerm[Any]]:
+def _diversity(variant: Variant, seeds: Tensor) -> list[LossTerm]:
     """Terms that keep a batch as diverse as the seeds, or as what stands for them."""
     weights = variant.weights
     return [
         Spread(weights.spread, seeds),
-        Distance(weights.distance, distance_target(seeds, random=not variant.seeded)),
-        Rank(weights.rank, rank_target(seeds, variant.batch)),
+        distance(weights.distance, distance_target(seeds, random=not variant.seeded)),
+        rank(weights.rank, rank_target(seeds, variant.batch)),
     ]
 
 

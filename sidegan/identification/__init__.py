@@ -1,16 +1,12 @@
 """Measurements, simulated or recorded, to an identified model with its uncertainty."""
 
 from sidegan.identification.estimate import METHODS, Estimate, estimate
-from sidegan.identification.live import Live
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.next_runs import NextRuns, grams_of, most_informative
-from sidegan.identification.score import Folds, Score, folds, score
+from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings, ReplicationSettings, StudySettings
-from sidegan.identification.stribeck import stribeck_velocities
 from sidegan.identification.terms import FULL, RIGID, Terms
 from sidegan.identification.trust import trust
-from sidegan.identification.verdict import Thresholds, Trust
 
 __all__ = [
     "FULL",
@@ -18,24 +14,16 @@ __all__ = [
     "RIGID",
     "Estimate",
     "EstimationSettings",
-    "Folds",
-    "Live",
     "Measurements",
-    "NextRuns",
     "Noise",
     "ReplicationSettings",
     "Score",
     "StudySettings",
     "Terms",
-    "Thresholds",
     "TorqueModel",
-    "Trust",
     "estimate",
     "folds",
-    "grams_of",
     "measure",
-    "most_informative",
     "score",
-    "stribeck_velocities",
     "trust",
 ]

@@ -4,32 +4,31 @@ import logging
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError, InfeasibleError, RobotError
-from sidegan.identification.fit import Fit, flat, positive
+from sidegan.errors import InfeasibleError
+from sidegan.identification.fit import Fit, flat
 from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import arm_model, likelihood, scales
+from sidegan.identification.prior import likelihood, scales
 from sidegan.identification.sums import rows_of, solve
-from sidegan.robot import Arm
+from sidegan.robot import Arm, require_consistent
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
 _log = logging.getLogger(__name__)
-_PULLS = ("logdet", "euclid")
 _NOT_NEGATIVE = ("rotor_inertia", "viscous", "coulomb", "stribeck")
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Consistent(Ols):
     """The most likely parameters of an arm that can exist.
 
@@ -46,26 +45,14 @@ class Consistent(Ols):
         margin: smallest eigenvalue of a pseudo-inertia in the link's typical mass and length.
         total_mass: of all links together [kg]; free when None.
 
-    Raises:
-        ConfigError: when a value is impossible.
-
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
     """
 
-    pull: str = "logdet"
-    strength: float = 1.0
-    margin: float = 1e-4
-    total_mass: float | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.pull not in _PULLS:
-            raise ConfigError(f"pull is {self.pull!r}, expected one of {', '.join(_PULLS)}")
-        positive("strength", self.strength)
-        positive("margin", self.margin)
-        if self.total_mass is not None:
-            positive("total_mass", self.total_mass)
+    pull: Literal["logdet", "euclid"]
+    strength: float
+    margin: float
+    total_mass: float | None
 
     def fit(self, data: Gathered) -> Fit:
         """Most likely parameters of an arm that can exist, with links and terms as ``standard``.
@@ -73,9 +60,9 @@ class Consistent(Ols):
         Raises:
             RobotError: when the pull needs a consistent description and a link of it is not; names the links.
             InfeasibleError: when no parameters meet the conditions, or the solver finds none.
-            ConfigError: when the model is not one of an arm, or no link has a mass in its description.
+            ConfigError: when no link has a mass in its description.
         """
-        model = arm_model(data, "the consistent fit is of a whole arm")
+        model = data.model
         weights, errors = likelihood(data, self.prior)
         information, moment = data.sums.weighted(weights)
         standard = self.standard(model, information, moment)
@@ -88,7 +75,7 @@ class Consistent(Ols):
         import cvxpy as cp
 
         if self.pull == "logdet":
-            _require_consistent(model.arm)
+            require_consistent(model.arm)
         unit = _units(model.arm)
         links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
         standard = _standard(links, unit, model)
@@ -123,16 +110,6 @@ class Consistent(Ols):
 def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:
     """Smallest eigenvalue of the pseudo-inertia of each link (J, 10) in its typical mass and length, (J,)."""
     return torch.linalg.eigvalsh(_scaled(links, _units(arm)))[:, 0]
-
-
-def _require_consistent(arm: Arm) -> None:
-    least = least_eigenvalues(arm.inertial_parameters, arm)
-    bad = [arm.joint_names[i] for i in (least <= 0).nonzero()[:, 0].tolist()]
-    if bad:
-        raise RobotError(
-            f"the description of {arm.name} is not physically consistent at the links of "
-            f"{', '.join(bad)}: pull='euclid' takes it all the same"
-        )
 
 
 def _units(arm: Arm) -> Tensor:

@@ -10,9 +10,10 @@ from torch import Tensor
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.consistent import Consistent
-from sidegan.identification.gather import Linear, Reach, gather
+from sidegan.identification.gather import Reach, gather
 from sidegan.identification.linear import Essential, Ols, Recursive, Tls, Weighted
-from sidegan.identification.measurements import SAMPLES_AT_ONCE, Samples
+from sidegan.identification.measurements import Samples
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import Ridge
 from sidegan.identification.robust import Huber
 from sidegan.identification.sums import Sums, condition
@@ -31,37 +32,22 @@ METHODS: dict[str, type[Ols]] = {
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Estimated parameters of a model, with what is known about their errors.
+    """Estimated parameters of a model, with what is known about their errors."""
 
-    Attributes:
-        method: how they were found.
-        names: of the parameters, (P,).
-        parameters: θ, (P,).
-        covariance: of the parameters' errors, (P, P). It holds for errors of the torque, each joint with its
-            own size and its own correlation over time; errors of the states are not in it.
-        weights: what each joint's equations were multiplied with, (J,).
-        residual_rms: root mean square of τ − Y θ [N·m or N], (J,).
-        inflation: how many samples tell as much as one independent one, (J,).
-        condition: of the weighted regressor with columns scaled to one length; infinite when a direction is
-            not excited at all.
-        samples: number of samples of all joints.
-        reach: how far and how fast the joints moved.
-        sums: over the samples, from which other weights can be tried.
-        standard: link parameters and terms in ``TorqueModel.standard_names``' order, (F,), where the method
-            gives them (consistent); None otherwise.
-    """
-
-    method: str
-    names: tuple[str, ...]
-    parameters: Tensor
+    method: str  # how they were found
+    names: tuple[str, ...]  # of the parameters, (P,)
+    parameters: Tensor  # θ, (P,)
+    # of the parameters' errors, (P, P), for errors of the torque, each joint with its own size and its own
+    # correlation over time; errors of the states are not in it
     covariance: Tensor
-    weights: Tensor
-    residual_rms: Tensor
-    inflation: Tensor
-    condition: float
-    samples: int
-    reach: Reach
-    sums: Sums
+    weights: Tensor  # what each joint's equations were multiplied with, (J,)
+    residual_rms: Tensor  # root mean square of τ − Y θ [N·m or N], (J,)
+    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
+    condition: float  # of the weighted, scaled regressor; infinite when a direction is not excited at all
+    samples: int  # number of samples of all joints
+    reach: Reach  # how far and how fast the joints moved
+    sums: Sums  # over the samples, from which other weights can be tried
+    # link parameters and terms in ``TorqueModel.standard_names``' order, (F,), of the consistent method
     standard: Tensor | None = None
 
     @property
@@ -86,37 +72,17 @@ class Estimate:
         return self.sums.weighted(self.weights)[1]
 
 
-def estimate(
-    method: str,
-    model: Linear,
-    measurements: Samples,
-    samples_at_once: int = SAMPLES_AT_ONCE,
-    **settings: Any,
-) -> Estimate:
+def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS``.
 
     Samples are read in pieces, so memory does not grow with their number. All methods but huber read them
     once and take a stream as well.
 
-    ===========  ==================================================================================
-    method       settings (default)
-    ===========  ==================================================================================
-    ols          prior (1e6): variance of each parameter before any sample
-    weighted     prior; joint j's equations over its residual's size, until that settles (IDIM-IRLS)
-    huber        prior, threshold (1.345): residuals beyond so many deviations count less
-    tls          prior, weighted (True): the regressor has errors too, in proportion to its columns
-    rls          prior, forgetting (1.0), weighted (False)
-    ridge        prior, relative (0.3): share to within which the description is believed
-    essential    prior, ratio (30) of largest over smallest relative deviation, loss (0.02) of fit
-    consistent   prior, pull ("logdet"), strength (1.0), margin (1e-4), total_mass: ``Consistent``
-    ===========  ==================================================================================
-
     Args:
         method: name of the estimator.
-        model: linear in its parameters; ridge and consistent need a ``TorqueModel``.
+        model: what torque is explained with.
         measurements: one recording, several, or a stream of them in the order of time.
-        samples_at_once: largest number of samples whose regressor is held.
-        settings: of the method.
+        settings: of the method, the fields of its class.
 
     Raises:
         ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
@@ -131,7 +97,7 @@ def estimate(
             f"{method} reads the samples several times, and a stream can be read once: give a list of "
             f"recordings, or choose one of {once}"
         )
-    data = gather(model, measurements, samples_at_once, estimator.forgetting)
+    data = gather(model, measurements, estimator.forgetting)
     fit, sums = estimator.fit(data), data.sums
     errors = fit.errors or torque_errors(data, fit)
     return Estimate(

@@ -16,36 +16,23 @@ _SETTLED = 1e-3  # relative change of a weight that no longer matters
 
 
 class TorqueErrors(NamedTuple):
-    """Errors of the measured torque, as residuals tell them.
+    """Errors of the measured torque, as residuals tell them."""
 
-    Attributes:
-        variance: of each joint [N²·m² or N²], (J,).
-        inflation: how many samples tell as much as one independent one, (J,).
-    """
-
-    variance: Tensor
-    inflation: Tensor
+    variance: Tensor  # of each joint [N²·m² or N²], (J,)
+    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
 
 
 class Fit(NamedTuple):
-    """Parameters that a method fitted.
+    """Parameters that a method fitted."""
 
-    Attributes:
-        parameters: θ, (P,).
-        inverse: of the weighted information and the prior, (P, P): the P matrix of recursive least squares.
-            As in the paper it tells where the samples were, not how large their errors are.
-        weights: what each joint's equations were multiplied with, (J,).
-        prior: information that did not come from the samples, (P, P).
-        standard: link parameters and terms, (F,), where the method gives them.
-        errors: of the torque, where they are not those that the residuals of these parameters tell.
-    """
-
-    parameters: Tensor
+    parameters: Tensor  # θ, (P,)
+    # of the weighted information and the prior, (P, P): the P matrix of recursive least squares; as in the
+    # paper it tells where the samples were, not how large their errors are
     inverse: Tensor
-    weights: Tensor
-    prior: Tensor
-    standard: Tensor | None = None
-    errors: TorqueErrors | None = None
+    weights: Tensor  # what each joint's equations were multiplied with, (J,)
+    prior: Tensor  # information that did not come from the samples, (P, P)
+    standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them
+    errors: TorqueErrors | None = None  # where they are not those that the residuals of these parameters tell
 
 
 def positive(name: str, value: float, most: float = math.inf) -> None:

@@ -1,59 +1,25 @@
 """One walk through the samples: their sums, and a share of them to judge residuals by."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.identification.measurements import SAMPLES_AT_ONCE, Measurements, Samples, pieces
+from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, finite, no_sums, sums_of
-from sidegan.motion.compiled import tensors as kernels
 
 _KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB of a 7-joint arm
 
 
-class Linear(Protocol):
-    """A model of torque that is linear in its parameters."""
-
-    names: list[str]
-
-    @property
-    def joints(self) -> int:
-        """Number of joints J."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of parameters P."""
-        ...
-
-    def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
-        """Regressor (S, J, P) of states (S, J), with the sign for friction where torque was filtered."""
-        ...
-
-
 class Reach(NamedTuple):
-    """How far and how fast each joint moved, (J,) each.
+    """How far and how fast each joint moved, (J,) each."""
 
-    Attributes:
-        lowest: position [rad or m].
-        highest: position [rad or m].
-        fastest: velocity [rad/s or m/s].
-    """
-
-    lowest: Tensor
-    highest: Tensor
-    fastest: Tensor
-
-    @classmethod
-    def over(cls, parts: list["Reach"]) -> "Reach":
-        """How far and how fast the joints moved in all of several parts."""
-        lowest, highest, fastest = (torch.stack(x) for x in zip(*parts))
-        return cls(lowest.amin(0), highest.amax(0), fastest.amax(0))
+    lowest: Tensor  # position [rad or m]
+    highest: Tensor  # position [rad or m]
+    fastest: Tensor  # velocity [rad/s or m/s]
 
     @property
     def range(self) -> Tensor:
@@ -63,56 +29,34 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True)
 class Gathered:
-    """What a walk through the samples leaves, from which every method fits its parameters.
+    """What a walk through the samples leaves, from which every method fits its parameters."""
 
-    Attributes:
-        model: whose parameters are looked for.
-        sums: over all samples.
-        kept: pieces spread evenly over the samples, each without gaps.
-        samples: number of samples of all joints.
-        reach: how far and how fast the joints moved in them.
-        source: the measurements, which some methods walk through again.
-        samples_at_once: largest number of samples of a piece.
-    """
-
-    model: Linear
-    sums: Sums
-    kept: list[Measurements]
-    samples: int
-    reach: Reach
-    source: Samples
-    samples_at_once: int
-
-    def pieces(self) -> Iterator[Measurements]:
-        """The measurements once more, in pieces."""
-        return pieces(self.source, self.samples_at_once)
+    model: TorqueModel  # whose parameters are looked for
+    sums: Sums  # over all samples
+    kept: list[Measurements]  # pieces spread evenly over the samples, each without gaps
+    samples: int  # number of samples of all joints
+    reach: Reach  # of the joints in them
+    source: Samples  # the measurements, which some methods walk through again
 
 
-def gather(
-    model: Linear,
-    measurements: Samples,
-    samples_at_once: int = SAMPLES_AT_ONCE,
-    forgetting: float = 1.0,
-) -> Gathered:
+def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
     """Sums over measurements, which are read once and in pieces, and a share of the samples.
 
     Args:
         model: linear in its parameters.
         measurements: one recording, several, or a stream of them in the order of time.
-        samples_at_once: largest number of samples whose regressor is held.
         forgetting: a sample of age k counts forgetting^k as much.
 
     Raises:
-        ConfigError: when ``samples_at_once`` is not positive.
         ShapeError: when there are no samples, or they do not fit the model.
     """
     sums, samples, stride = no_sums(model.joints, model.count), 0, 1
     kept: list[Measurements] = []
-    reach: list[Reach] = []
-    for number, part in enumerate(pieces(measurements, samples_at_once)):
+    reach: list[Tensor] = []  # −lowest, highest, fastest of the joints so far, (3, J)
+    for number, part in enumerate(pieces(measurements)):
         sums = sums.times(forgetting ** len(part)).plus(_sums(model, part, forgetting))
-        moved = Reach(part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0))
-        reach = [Reach.over([*reach, moved])]
+        moved = torch.stack([-part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0)])
+        reach = [torch.stack([*reach, moved]).amax(0)]
         samples += len(part)
         if number % stride == 0:
             kept.append(part.copy())
@@ -120,37 +64,34 @@ def gather(
             kept, stride = kept[::2], 2 * stride
     if not samples:
         raise ShapeError("there are no samples to identify from")
-    return Gathered(model, sums, kept, samples, reach[0], measurements, samples_at_once)
+    down, up, fastest = reach[0]
+    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest), measurements)
 
 
-def weighted_sums(model: Linear, part: Measurements, weights: Tensor) -> Sums:
+def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:
     """Sums over one piece whose equations count with weights (S, J)."""
     root = weights.sqrt()
     y = _regressor(model, part) * root[..., None]
     return sums_of(y, part.torque * root)
 
 
-def residual_of(model: Linear, part: Measurements, parameters: Tensor) -> Tensor:
+def residual_of(model: TorqueModel, part: Measurements, parameters: Tensor) -> Tensor:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
     return part.torque - _regressor(model, part) @ parameters
 
 
-def _sums(model: Linear, part: Measurements, forgetting: float) -> Sums:
-    rigid = isinstance(model, TorqueModel) and not model.kinds and part.joints == model.joints
-    if forgetting == 1 and rigid and kernels.usable(*part.states, part.torque):
-        return _rigid_sums(model, part)  # type: ignore[arg-type]
-    return sums_of(_regressor(model, part), part.torque.double(), forgetting)
-
-
-def _rigid_sums(model: TorqueModel, part: Measurements) -> Sums:
-    """What ``sums_of`` gives for rigid bodies alone, by a compiled kernel that keeps no regressor."""
-    products = kernels.sums(model.body.chain, model.body.base.columns, part.states, part.torque)
+def _sums(model: TorqueModel, part: Measurements, forgetting: float) -> Sums:
+    rigid = not model.kinds and part.joints == model.joints
+    if forgetting < 1 or not rigid:
+        return sums_of(_regressor(model, part), part.torque.double(), forgetting)
+    # The same for rigid bodies alone, which keeps no regressor.
+    products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
     weight = torch.tensor(float(len(part)), dtype=torch.float64)
     return finite(Sums(information, moment, energy, part.torque.detach().sum(0), weight))
 
 
-def _regressor(model: Linear, part: Measurements) -> Tensor:
+def _regressor(model: TorqueModel, part: Measurements) -> Tensor:
     if part.joints != model.joints:
         raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
     return model.regressor(*(x.double() for x in part.inputs))

@@ -1,6 +1,5 @@
 """Samples of joint states and torques, recorded or simulated with noise."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -17,29 +16,23 @@ if TYPE_CHECKING:
     from sidegan.motion.dynamics import RigidBody
 
 STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
-SAMPLES_AT_ONCE = 4096  # their regressor of a 7-joint arm takes 16 MB
+SAMPLES_AT_ONCE = 4096  # of a piece: their regressor of a 7-joint arm takes 16 MB
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
     """S samples of a J-joint arm, (S, J) each.
 
-    Attributes:
-        position: [rad or m].
-        velocity: [rad/s or m/s].
-        acceleration: [rad/s² or m/s²].
-        torque: [N·m or N].
-        sign: smooth sign of the velocity after the low-pass that torque went through, for Coulomb friction: a
-            sign that jumps does not explain a torque that cannot. None takes it from the velocity.
-
     Raises:
         ShapeError: when they are not alike, not (S, J), or not finite.
     """
 
-    position: Tensor
-    velocity: Tensor
-    acceleration: Tensor
-    torque: Tensor
+    position: Tensor  # [rad or m]
+    velocity: Tensor  # [rad/s or m/s]
+    acceleration: Tensor  # [rad/s² or m/s²]
+    torque: Tensor  # [N·m or N]
+    # smooth sign of the velocity after the low-pass that torque went through, for Coulomb friction: a sign
+    # that jumps does not explain a torque that cannot; None takes it from the velocity
     sign: Tensor | None = None
 
     def __post_init__(self) -> None:
@@ -85,19 +78,16 @@ class Measurements:
 Samples: TypeAlias = Measurements | Iterable[Measurements]
 
 
-def pieces(measurements: Samples, samples: int = SAMPLES_AT_ONCE) -> Iterator[Measurements]:
-    """The same samples in pieces of at most ``samples``; no piece reaches over the end of a recording.
+def pieces(measurements: Samples) -> Iterator[Measurements]:
+    """The same samples in pieces of which no one reaches over the end of a recording.
 
     Raises:
-        ConfigError: when ``samples`` is not positive.
         ShapeError: when something among the measurements is none.
     """
-    if samples < 1:
-        raise ConfigError(f"samples at once must be at least 1, got {samples}")
     for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
         if not isinstance(recording, Measurements):
             raise ShapeError(f"measurements hold a {type(recording).__name__}, expected Measurements")
-        yield from (recording[i : i + samples] for i in range(0, len(recording), samples))
+        yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
 
 
 @dataclass(frozen=True)
@@ -107,26 +97,18 @@ class Noise:
     ``multiplicative`` is x · (1 + level · U(−1, 1)); ``additive`` is x + level · σ · U(−1, 1) with σ
     the standard deviation of that joint's signal over its trajectory.
 
-    Attributes:
-        kind: which of them.
-        level: 0.1 for the paper's "10 % uniform random noise".
-        torque: whether measured torques are noisy.
-        state: whether measured positions, velocities and accelerations are noisy.
-
     Raises:
-        ConfigError: when the kind is unknown or the level is not a finite number ≥ 0.
+        ConfigError: when the kind is unknown.
     """
 
     kind: Literal["multiplicative", "additive"]
-    level: NonNegative
-    torque: bool
-    state: bool
+    level: NonNegative  # 0.1 for the paper's "10 % uniform random noise"
+    torque: bool  # whether measured torques are noisy
+    state: bool  # whether measured positions, velocities and accelerations are noisy
 
     def __post_init__(self) -> None:
         if self.kind not in ("multiplicative", "additive"):
             raise ConfigError(f"noise kind is {self.kind!r}, expected 'multiplicative' or 'additive'")
-        if not (math.isfinite(self.level) and self.level >= 0):
-            raise ConfigError(f"noise level is {self.level}, expected a finite number ≥ 0")
 
     def add(self, x: Tensor, draw: Tensor) -> Tensor:
         """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.terms import FULL, LETTERS, Terms, positive_velocities
+from sidegan.identification.terms import FULL, LETTERS, Terms
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
@@ -40,7 +40,7 @@ class TorqueModel:
         stribeck: velocity of each joint's Stribeck term, (J,); None without it.
 
     Raises:
-        ConfigError: when the Stribeck velocities are not positive and one per joint, or there are none.
+        ConfigError: when the Stribeck velocities are not one per joint, or there are none.
 
     Source: Gautier 1991, Numerical calculation of the base inertial parameters of robots.
     """
@@ -59,7 +59,6 @@ class TorqueModel:
         rest = torch.zeros(len(self.extras), 10 * joints, dtype=torch.float64)
         self.mapping = torch.cat([top, torch.cat([rest, grouped[rigid:]], 1)])
         self.names = [*body.base.names, *(names[int(k)] for k in self.extras)]
-        self._place = {name: i for i, name in enumerate(self.names)}
 
     @property
     def arm(self) -> Arm:
@@ -89,39 +88,12 @@ class TorqueModel:
     @cached_property
     def nominal(self) -> Tensor:
         """Parameters of the arm's description, without friction and rotor inertia, (P,)."""
-        return self.base_of(self.arm.inertial_parameters)
-
-    def base_of(self, inertial: Tensor, terms: dict[str, Tensor] | None = None) -> Tensor:
-        """Parameters θ (P,) of links (J, 10) in Pinocchio's order and of terms, name of ``Terms`` → (J,).
-
-        Raises:
-            ShapeError: when a shape does not fit.
-            ConfigError: when a term is not in the model.
-        """
-        if inertial.shape != (self.joints, 10):
-            raise ShapeError(f"link parameters are {tuple(inertial.shape)}, expected ({self.joints}, 10)")
-        standard = torch.zeros(self.mapping.shape[1], dtype=torch.float64)
-        standard[: 10 * self.joints] = inertial.double().reshape(-1)
-        for name, values in (terms or {}).items():
-            standard[self.standard_slice(name)] = torch.as_tensor(values, dtype=torch.float64)
-        return self.mapping @ standard
+        return self.mapping[:, : 10 * self.joints] @ self.arm.inertial_parameters.double().reshape(-1)
 
     def standard_slice(self, term: str) -> slice:
         """Where a term's J parameters are among the standard ones."""
-        if term not in self.kinds:
-            raise ConfigError(f"the model has no term {term!r}, it has {', '.join(self.kinds) or 'none'}")
         start = (10 + self.kinds.index(term)) * self.joints
         return slice(start, start + self.joints)
-
-    def index(self, name: str) -> int:
-        """Position of a parameter among the P, such as of "fv3".
-
-        Raises:
-            ConfigError: when there is no such parameter.
-        """
-        if name not in self._place:
-            raise ConfigError(f"the model has no parameter {name!r}, it has {', '.join(self.names)}")
-        return self._place[name]
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
@@ -159,7 +131,6 @@ class TorqueModel:
     def _velocities(self, velocities: Sequence[float]) -> Tensor:
         if len(velocities) != self.joints:
             raise ConfigError(f"there are {len(velocities)} Stribeck velocities, expected {self.joints}")
-        positive_velocities("stribeck", list(velocities))
         return torch.tensor(velocities, dtype=torch.float64)
 
     def _grouped(self) -> tuple[Tensor, Tensor]:
@@ -197,7 +168,7 @@ def formula(shares: Tensor, names: Sequence[str]) -> str:
     """A grouping as text, such as "m6 + 0.078 m7", from each parameter's share (F,) and name."""
     parts = [(share, name) for share, name in zip(shares.tolist(), names) if share != 0.0]
     words = []
-    for share, name in sorted(parts, key=lambda part: part[0] != 1.0):
-        size = f"{abs(share):.{_DIGITS}g}"
+    sized = [(f"{abs(share):.{_DIGITS}g}", share, name) for share, name in parts]
+    for size, share, name in sorted(sized, key=lambda part: part[0] != "1" or part[1] < 0):
         words += ["-" if share < 0 else "+", name if size == "1" else f"{size} {name}"]
     return " ".join(words).removeprefix("+ ")

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.model import TorqueModel
 from sidegan.motion.trajectory import Trajectory
@@ -15,15 +14,10 @@ _GRAMS_AT_ONCE = 256
 
 
 class NextRuns(NamedTuple):
-    """Trajectories to run, the most useful one first.
+    """Trajectories to run, the most useful one first."""
 
-    Attributes:
-        indices: (count,).
-        variance: of the weak parameters, summed in units of their effect, over what it is now, after each
-            run, (count,).
-    """
-
-    indices: Tensor
+    indices: Tensor  # among the candidates, (count,)
+    # of the weak parameters, summed in units of their effect, over what it is now, after each run, (count,)
     variance: Tensor
 
 
@@ -58,7 +52,7 @@ def certainty(estimate: Estimate) -> Tensor:
 
 
 def most_informative(
-    estimate: Estimate, grams: Tensor, effects: Tensor, samples: int, count: int = 5
+    estimate: Estimate, grams: Tensor, effects: Tensor, samples: int, count: int
 ) -> NextRuns:
     """The greedy pick of trajectories by what is left of the parameters' variances after running them.
 
@@ -68,19 +62,7 @@ def most_informative(
         effects: how much each parameter matters per unit, (P,); zero for those that are certain enough.
         samples: number of samples that running one trajectory gives.
         count: how many to choose; one may be chosen more than once, as running it again helps too.
-
-    Raises:
-        ShapeError: when a shape does not fit or there are no candidates.
-        ConfigError: when a number is not positive.
     """
-    parameters = len(estimate.parameters)
-    if grams.shape[1:] != (parameters, parameters) or not len(grams) or effects.shape != (parameters,):
-        raise ShapeError(
-            f"grams are {tuple(grams.shape)} and effects {tuple(effects.shape)}, expected "
-            f"(N, {parameters}, {parameters}) and ({parameters},)"
-        )
-    if samples < 1 or count < 1:
-        raise ConfigError(f"samples and count are {samples} and {count}, expected at least 1")
     scale = estimate.deviation.clamp_min(torch.finfo(torch.float64).tiny)
     outer = scale[:, None] * scale
     information = torch.linalg.pinv(estimate.covariance / outer, hermitian=True)

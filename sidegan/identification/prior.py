@@ -68,26 +68,15 @@ class Ridge(Ols):
         """Most probable parameters.
 
         Raises:
-            ConfigError: when the model is not one of an arm, or its description has no masses.
+            ConfigError: when the description has no masses.
         """
-        model = arm_model(data, "ridge pulls towards an arm's description")
+        model = data.model
         prior = information(model, self.relative)
         weights, errors = likelihood(data, self.prior)
         samples, moment = data.sums.weighted(weights)
         step, inverse = solve(samples + prior, moment - samples @ model.nominal, 1 / self.prior)
         both = prior + flat(model.count, 1 / self.prior)
         return Fit(model.nominal + step, inverse, weights, both, errors=errors)
-
-
-def arm_model(data: Gathered, why: str) -> TorqueModel:
-    """The model of a whole arm that samples were gathered for.
-
-    Raises:
-        ConfigError: when it is another kind of model.
-    """
-    if not isinstance(data.model, TorqueModel):
-        raise ConfigError(f"{why}: it needs a TorqueModel")
-    return data.model
 
 
 def likelihood(data: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:

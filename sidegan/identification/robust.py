@@ -12,6 +12,7 @@ from sidegan.identification.accuracy import torque_errors
 from sidegan.identification.fit import Fit, flat, least_residual, positive, reweighted, weights_of
 from sidegan.identification.gather import Gathered, residual_of, weighted_sums
 from sidegan.identification.linear import Ols
+from sidegan.identification.measurements import pieces
 from sidegan.identification.sums import Sums, no_sums, solve
 
 _log = logging.getLogger(__name__)
@@ -59,7 +60,7 @@ class Huber(Ols):
     def _walk(self, data: Gathered, parameters: Tensor, scale: Tensor) -> "_Walk":
         sums, squares = no_sums(data.model.joints, data.model.count), torch.zeros_like(scale)
         inside = torch.zeros_like(scale)
-        for part in data.pieces():
+        for part in pieces(data.source):
             size = (residual_of(data.model, part, parameters) / scale).abs()
             sums = sums.plus(weighted_sums(data.model, part, (self.threshold / size).clamp_max(1)))
             squares += size.clamp_max(self.threshold).square().sum(0)

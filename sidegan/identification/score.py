@@ -8,33 +8,32 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.estimate import estimate
-from sidegan.identification.gather import Linear, residual_of
+from sidegan.identification.gather import residual_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums
 
 _CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
 
 
 class Score(NamedTuple):
-    """Errors of predicted torques.
+    """Errors of predicted torques, of each joint (J,), or of each of K recordings, (K, J)."""
 
-    Attributes:
-        nmse: mean((τ − τ̂)²) / var(τ) of each joint, (J,); one is as good as predicting the mean.
-        rmse: root mean square of τ − τ̂ [N·m or N], (J,).
-        samples: number of samples.
-    """
-
-    nmse: Tensor
-    rmse: Tensor
-    samples: int
+    nmse: Tensor  # mean((τ − τ̂)²) / var(τ); one is as good as predicting the mean
+    rmse: Tensor  # root mean square of τ − τ̂ [N·m or N]
 
     @property
     def nmse_mean(self) -> float:
         """Mean over joints."""
         return float(self.nmse.mean())
 
+    @property
+    def pooled(self) -> "Score":
+        """Errors over all K recordings, (J,)."""
+        return Score(self.nmse.mean(0), self.rmse.square().mean(0).sqrt())
 
-def score(model: Linear, parameters: Tensor, measurements: Samples) -> Score:
+
+def score(model: TorqueModel, parameters: Tensor, measurements: Samples) -> Score:
     """Errors of the torques that parameters (P,) predict for measurements.
 
     Raises:
@@ -56,30 +55,18 @@ def score(model: Linear, parameters: Tensor, measurements: Samples) -> Score:
     constant = ((spread / samples).sqrt() <= _CONSTANT * largest).nonzero()[:, 0]
     if len(constant):
         raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")
-    return Score(squares / spread, (squares / samples).sqrt(), samples)
+    return Score(squares / spread, (squares / samples).sqrt())
 
 
 def score_of_sums(sums: Sums, parameters: Tensor) -> Score:
     """The same from the sums over samples; infinite where a joint's torque is constant."""
     squares, variance = sums.squares(parameters) / sums.weight, sums.variance
     nmse = torch.where(variance > 0, squares / variance, torch.inf)
-    return Score(nmse, squares.sqrt(), round(float(sums.weight)))
+    return Score(nmse, squares.sqrt())
 
 
-class Folds(NamedTuple):
-    """Each recording predicted by what was identified from all others.
-
-    Attributes:
-        nmse: (K, J).
-        rmse: [N·m or N], (K, J).
-    """
-
-    nmse: Tensor
-    rmse: Tensor
-
-
-def folds(method: str, model: Linear, recordings: Sequence[Measurements], **settings: Any) -> Folds:
-    """Cross-validation over K recordings, settings as for ``estimate``.
+def folds(method: str, model: TorqueModel, recordings: Sequence[Measurements], **settings: Any) -> Score:
+    """Each of K recordings predicted by what was identified from all others, (K, J), as for ``estimate``.
 
     Raises:
         ConfigError: when there are fewer than two recordings; otherwise as ``estimate`` and ``score``.
@@ -90,5 +77,5 @@ def folds(method: str, model: Linear, recordings: Sequence[Measurements], **sett
     for k, held_out in enumerate(recordings):
         others = [x for i, x in enumerate(recordings) if i != k]
         parameters = estimate(method, model, others, **settings).parameters
-        rows.append(score(model, parameters, held_out)[:2])
-    return Folds(*(torch.stack(column) for column in zip(*rows)))
+        rows.append(score(model, parameters, held_out))
+    return Score(*(torch.stack(column) for column in zip(*rows)))

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.fit import Fit, recursive
+from sidegan.identification.fit import recursive
 from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import TorqueModel
@@ -60,17 +60,15 @@ def compare(
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         condition of the stacked YᵀY, duration [s], samples).
     """
-    model, truth = TorqueModel(body, RIGID), list(_measured(body, tests, settings.rate))
-    results, facts = [], []
+    judge, results, facts = _Judge(body, tests, settings), [], []
     children = random.spawn(settings.repeats)
     for done, (name, family) in enumerate(sets.items()):
         stacked, duration = _stacked_condition(body, family), family[0].period * len(family[1])
         for repeat, child in enumerate(children):
             noisy = _measured(body, family, settings.rate, settings.noise, np.random.default_rng(child))
-            data = gather(model, noisy, forgetting=settings.forgetting)
-            fits = _fits(data.sums, data.samples, settings)
-            results += [(name, repeat, *row) for row in _errors(model, fits, truth)]
-            norm = covariance_norm(fits[False].inverse)
+            data = gather(judge.model, noisy, settings.forgetting)
+            rows, norm = judge.of(data.sums, data.samples)
+            results += [(name, repeat, *row) for row in rows]
             facts.append((name, repeat, norm, stacked, duration, data.samples))
             if progress is not None:
                 progress(done * settings.repeats + repeat + 1, len(sets) * settings.repeats)
@@ -89,12 +87,7 @@ def measured_sums(
 ) -> Sums:
     """Sums of least squares over all N trajectories of a set, measured once with noise.
 
-    Args:
-        body: the true dynamics.
-        family: of the set, and its coefficients.
-        settings: sampling and noise.
-        random: of the noise.
-        progress: receives (done, N).
+    Arguments are as for ``compare``; progress receives (done, N).
     """
     generator, count = np.random.default_rng(random), len(family[1])
 
@@ -113,31 +106,26 @@ def combined(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """NMSE of every set, weighting and joint, and the covariance norm and number of samples of every set.
 
-    Args:
-        body: the true dynamics.
-        sets: name → sums whose samples are identified from together.
-        tests: family and coefficients of the test trajectories, whose torques are exact.
-        settings: of the identification.
+    Arguments are as for ``compare``, but ``sets`` has the sums that are identified from together.
 
     Returns:
         Results (columns set, weighted, joint, nmse) and facts (set, covariance_norm, samples).
 
     Raises:
         ConfigError: when the recursion forgets: sums have no order in time.
-        ShapeError: when a set has no sums, or sums of other parameters.
+        ShapeError: when a set has no sums.
     """
     if settings.forgetting < 1:
         raise ConfigError(f"sums cannot be added with forgetting factor {settings.forgetting}, expected 1")
-    model, truth = TorqueModel(body, RIGID), list(_measured(body, tests, settings.rate))
-    results, facts = [], []
+    judge, results, facts = _Judge(body, tests, settings), [], []
     for name, parts in sets.items():
         if not parts:
             raise ShapeError(f"set {name!r} has no sums")
         sums = reduce(Sums.plus, parts)
         samples = round(float(sums.weight))
-        fits = _fits(sums, samples, settings)
-        results += [(name, *row) for row in _errors(model, fits, truth)]
-        facts.append((name, covariance_norm(fits[False].inverse), samples))
+        rows, norm = judge.of(sums, samples)
+        results += [(name, *row) for row in rows]
+        facts.append((name, norm, samples))
     return (
         pd.DataFrame(results, columns=["set", "weighted", "joint", "nmse"]),
         pd.DataFrame(facts, columns=["set", "covariance_norm", "samples"]),
@@ -164,19 +152,21 @@ def _measured(
         yield measure(body, trajectory.roll_out(c, times), noise, random)
 
 
-def _fits(sums: Sums, samples: int, settings: StudySettings) -> dict[bool, Fit]:
-    """The model with equal weights, and with one weight per joint where that is a setting."""
-    choices = (False, True) if settings.weighted else (False,)
-    return {w: recursive(sums, samples, settings.prior, settings.forgetting, w) for w in choices}
+class _Judge:
+    """Identification from sums, and errors of it on the exact torques of test trajectories."""
 
+    def __init__(self, body: RigidBody, tests: Family, settings: StudySettings) -> None:
+        self.model, self._settings = TorqueModel(body, RIGID), settings
+        self._truth = list(_measured(body, tests, settings.rate))
 
-def _errors(
-    model: TorqueModel, fits: Mapping[bool, Fit], truth: Sequence[Measurements]
-) -> Iterator[tuple[bool, str, float]]:
-    """Weighting, joint and nMSE of every fit and joint."""
-    for weighted, fit in fits.items():
-        errors = score(model, fit.parameters, truth).nmse.tolist()
-        yield from ((weighted, joint, error) for joint, error in zip(model.arm.joint_names, errors))
+    def of(self, sums: Sums, samples: int) -> tuple[list[tuple[bool, str, float]], float]:
+        """Weighting, joint and nMSE, with equal weights and where set with one per joint; covariance norm."""
+        s, rows = self._settings, []
+        fits = [recursive(sums, samples, s.prior, s.forgetting, w) for w in (False, True)[: 1 + s.weighted]]
+        for weighted, fit in zip((False, True), fits):
+            errors = score(self.model, fit.parameters, self._truth).nmse.tolist()
+            rows += [(weighted, joint, x) for joint, x in zip(self.model.arm.joint_names, errors)]
+        return rows, covariance_norm(fits[0].inverse)
 
 
 def _stacked_condition(body: RigidBody, family: Family) -> float:

@@ -12,31 +12,16 @@ _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the 
 
 
 class Sums(NamedTuple):
-    """Sums over samples of τ = Y θ, apart for each joint so that weights can be chosen afterwards.
+    """Sums over samples of τ = Y θ, apart for each joint so that weights can be chosen afterwards."""
 
-    Attributes:
-        information: Σ Y_jᵀ Y_j, (J, P, P).
-        moment: Σ Y_jᵀ τ_j, (J, P).
-        energy: Σ τ_j², (J,).
-        total: Σ τ_j, (J,).
-        weight: number of samples, each less by its age, ().
-    """
-
-    information: Tensor
-    moment: Tensor
-    energy: Tensor
-    total: Tensor
-    weight: Tensor
+    information: Tensor  # Σ Y_jᵀ Y_j, (J, P, P)
+    moment: Tensor  # Σ Y_jᵀ τ_j, (J, P)
+    energy: Tensor  # Σ τ_j², (J,)
+    total: Tensor  # Σ τ_j, (J,)
+    weight: Tensor  # number of samples, each less by its age, ()
 
     def plus(self, other: "Sums") -> "Sums":
-        """Sums over these samples and ``other``'s.
-
-        Raises:
-            ShapeError: when they are of other parameters or joints.
-        """
-        mine, theirs = (tuple(x.information.shape) for x in (self, other))
-        if mine != theirs:
-            raise ShapeError(f"sums of information are {theirs}, expected {mine}")
+        """Sums over these samples and ``other``'s."""
         return Sums(*(a + b for a, b in zip(self, other)))
 
     def times(self, factor: float) -> "Sums":

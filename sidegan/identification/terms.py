@@ -1,53 +1,27 @@
 """What a joint's torque has beside rigid bodies: rotor inertia and friction."""
 
-import math
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from sidegan.base.typed import Positive
-from sidegan.errors import ConfigError
 
 LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo", "stribeck": "fs"}
 
 
-def positive_velocities(name: str, values: list[float]) -> None:
-    """Refuse velocities that are not finite and above zero.
-
-    Raises:
-        ConfigError: with the name of what they are for.
-    """
-    if not all(math.isfinite(v) and v > 0 for v in values):
-        raise ConfigError(f"{name} is {values}, expected finite velocities above zero")
-
-
 @dataclass(frozen=True)
 class Terms:
-    """What a joint's torque has beside rigid bodies.
+    """What a joint's torque has beside rigid bodies."""
 
-    Attributes:
-        rotor_inertia: Ia · ddq, where the rigid bodies do not explain it already.
-        viscous: fv · dq.
-        coulomb: fc · tanh(dq / sign_width).
-        offset: fo.
-        stribeck: the extra friction near rest, fs · tanh(dq / sign_width) · exp(−(dq / v)²), with a velocity
-            v of each joint that ``stribeck_velocities`` finds from measurements.
-        sign_width: velocity [rad/s or m/s] at which the smooth sign is at 76 %.
-
-    Raises:
-        ConfigError: when the velocity is not finite and positive.
-    """
-
-    rotor_inertia: bool
-    viscous: bool
-    coulomb: bool
-    offset: bool
+    rotor_inertia: bool  # Ia · ddq, where the rigid bodies do not explain it already
+    viscous: bool  # fv · dq
+    coulomb: bool  # fc · tanh(dq / sign_width)
+    offset: bool  # fo
+    # the extra friction near rest, fs · tanh(dq / sign_width) · exp(−(dq / v)²), with a velocity v of each
+    # joint that ``stribeck_velocities`` finds from measurements
     stribeck: bool
-    sign_width: Positive
-
-    def __post_init__(self) -> None:
-        positive_velocities("sign_width", [self.sign_width])
+    sign_width: Positive  # velocity [rad/s or m/s] at which the smooth sign is at 76 %
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -8,11 +8,12 @@ from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel, states_within
 from sidegan.identification.next_runs import most_informative
-from sidegan.identification.score import Folds, score, score_of_sums
+from sidegan.identification.score import Score, score, score_of_sums
 from sidegan.identification.sums import solve
-from sidegan.identification.verdict import Thresholds, Trust
+from sidegan.identification.verdict import Trust
 
 _LEAST = 1e-6  # information on each term beside the samples'
+_EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than this share of a joint's torque
 _STATES = 400
 _PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves where the model is to hold
 
@@ -21,11 +22,10 @@ def trust(
     model: TorqueModel,
     estimate: Estimate,
     validation: Samples | None = None,
-    folds: Folds | None = None,
+    folds: Score | None = None,
     grams: Tensor | None = None,
     samples_each: int = 1000,
     count: int = 5,
-    thresholds: Thresholds | None = None,
 ) -> Trust:
     """Whether an estimate of a model can be trusted, and why.
 
@@ -37,18 +37,15 @@ def trust(
         grams: information of trajectories that could be run next, from ``grams_of``, (N, P, P).
         samples_each: number of samples that running one of them gives.
         count: how many to recommend.
-        thresholds: what counts as good and as usable.
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
-        ConfigError: when ``samples_each`` or ``count`` is not positive.
     """
     if estimate.names != tuple(model.names):
         raise ShapeError("the estimate has other parameters than the model")
-    thresholds = thresholds or Thresholds()
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
-    weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > thresholds.effect]
+    weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > _EFFECT]
     candidates = estimate.parameters, _nominal_fit(model, estimate)
     train, nominal = (score_of_sums(estimate.sums, x) for x in candidates)
     validated = None
@@ -56,7 +53,7 @@ def trust(
         validated, nominal = (score(model, x, validation) for x in candidates)
     runs = None
     if grams is not None:
-        targets = torch.where(effect > thresholds.effect, per_unit, 0.0) if weak else per_unit
+        targets = torch.where(effect > _EFFECT, per_unit, 0.0) if weak else per_unit
         runs = most_informative(estimate, grams, targets, samples_each, count)
     return Trust(
         arm=model.arm,
@@ -68,7 +65,6 @@ def trust(
         effect=effect,
         torque_deviation=torque_deviation,
         weak=tuple(estimate.names[i] for i in weak),
-        thresholds=thresholds,
         next_runs=runs,
     )
 

@@ -11,75 +11,42 @@ from torch import Tensor
 
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.next_runs import NextRuns
-from sidegan.identification.score import Folds, Score
+from sidegan.identification.score import Score
 from sidegan.robot import Arm
 
 Finding: TypeAlias = tuple[str, str]  # the best verdict that it leaves, and the reason
 
 GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
+
+# What counts as good and as usable; nMSE are of validation, or of training without it.
+_GOOD_NMSE, _USABLE_NMSE = 0.02, 0.1  # mean over joints up to which a model is so
+_GOOD_JOINT, _USABLE_JOINT = 0.05, 0.3  # nMSE of its worst joint
+_GOOD_TORQUE, _USABLE_TORQUE = 0.1, 0.5  # largest deviation of predicted torque, as a share of it
+_OVERFIT = 3.0  # largest ratio of validation to training nMSE, means over joints, of a good model
+_CONDITION = 100.0  # largest condition number of a good model's scaled regressor
 _NAMED = 6  # parameters that a reason names at most
 _LITTLE = 0.25  # of a limit
 _MOST = 10.0  # a larger share says no more
 
 
-@dataclass(frozen=True)
-class Thresholds:
-    """What counts as good and as usable; nMSE are of validation, or of training without it.
-
-    Attributes:
-        good_nmse: mean over joints up to which a model is good.
-        usable_nmse: and up to which it is usable.
-        good_joint_nmse: of the worst joint of a good model.
-        usable_joint_nmse: of the worst joint of a usable one.
-        overfit: largest ratio of validation to training nMSE, means over joints, of a good model.
-        condition: largest condition number of a good model's scaled regressor.
-        effect: a parameter is weak when one deviation of it makes more than this share of a joint's torque.
-        good_torque: largest deviation of predicted torque, as a share of it, of a good model.
-        usable_torque: and of a usable one.
-    """
-
-    good_nmse: float = 0.02
-    usable_nmse: float = 0.1
-    good_joint_nmse: float = 0.05
-    usable_joint_nmse: float = 0.3
-    overfit: float = 3.0
-    condition: float = 100.0
-    effect: float = 0.1
-    good_torque: float = 0.1
-    usable_torque: float = 0.5
-
-
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """What is known about the quality of an identified model, and what follows from it.
+    """What is known about the quality of an identified model, and what follows from it."""
 
-    Attributes:
-        arm: the arm that was identified.
-        estimate: its parameters.
-        train: errors on what was identified from.
-        validation: errors on what was held out; None when nothing was.
-        nominal_score: errors of the description's link parameters with fitted friction, on the same samples
-            as ``validation``, or else ``train``.
-        folds: each recording predicted from the others; None when not asked for.
-        effect: largest share of a joint's usual torque that one deviation of a parameter makes, (P,).
-        torque_deviation: standard deviation of the predicted torque over the joint's usual torque, anywhere
-            within the limits, (J,).
-        weak: parameters whose errors matter, the worst first.
-        thresholds: what counts as good and as usable.
-        next_runs: what to run next; None without candidates.
-    """
-
-    arm: Arm
-    estimate: Estimate
-    train: Score
-    validation: Score | None
+    arm: Arm  # the arm that was identified
+    estimate: Estimate  # its parameters
+    train: Score  # errors on what was identified from
+    validation: Score | None  # errors on what was held out; None when nothing was
+    # errors of the description's link parameters with fitted friction, on the same samples as
+    # ``validation``, or else ``train``
     nominal_score: Score
-    folds: Folds | None
-    effect: Tensor
+    folds: Score | None  # each recording predicted from the others; None when not asked for
+    effect: Tensor  # largest share of a joint's usual torque that one deviation of a parameter makes, (P,)
+    # standard deviation of the predicted torque over the joint's usual torque, anywhere within the
+    # limits, (J,)
     torque_deviation: Tensor
-    weak: tuple[str, ...]
-    thresholds: Thresholds
-    next_runs: NextRuns | None
+    weak: tuple[str, ...]  # parameters whose errors matter, the worst first
+    next_runs: NextRuns | None  # what to run next; None without candidates
 
     @property
     def verdict(self) -> str:
@@ -110,8 +77,7 @@ class Trust:
         """Errors on the validation, or else on each recording by the others; None without."""
         if self.validation is not None or self.folds is None:
             return self.validation
-        folds = self.folds
-        return Score(folds.nmse.mean(0), folds.rmse.square().mean(0).sqrt(), self.train.samples)
+        return self.folds.pooled
 
     @property
     def where(self) -> str:
@@ -126,16 +92,16 @@ class Trust:
 
 
 def _held_out(trust: Trust) -> Iterator[Finding]:
-    train, validation, folds, limits = trust.train, trust.held_out, trust.folds, trust.thresholds
+    train, validation, folds = trust.train, trust.held_out, trust.folds
     if validation is None:
         yield USABLE, "no recording was held out: how well the model predicts others is not known"
-    elif validation.nmse_mean > max(limits.overfit * train.nmse_mean, limits.good_nmse / 2):
+    elif validation.nmse_mean > max(_OVERFIT * train.nmse_mean, _GOOD_NMSE / 2):
         ratio = f"validation nMSE is {validation.nmse_mean / train.nmse_mean:.1f} times that of training"
         yield USABLE, f"{ratio}: give more, or more varied, recordings"
     if trust.judged.nmse_mean >= trust.nominal_score.nmse_mean:
         error = trust.nominal_score.nmse_mean
         yield USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
-    if folds is not None and float(folds.nmse.mean()) > limits.good_nmse:
+    if folds is not None and float(folds.nmse.mean()) > _GOOD_NMSE:
         worst = int(folds.nmse.mean(1).argmax())
         error = float(folds.nmse[worst].mean())
         yield USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}"
@@ -143,12 +109,12 @@ def _held_out(trust: Trust) -> Iterator[Finding]:
 
 def _misfits(trust: Trust) -> Iterator[Finding]:
     judged, where = trust.judged, trust.where
-    if judged.nmse_mean > trust.thresholds.good_nmse:
-        level = BAD if judged.nmse_mean > trust.thresholds.usable_nmse else USABLE
+    if judged.nmse_mean > _GOOD_NMSE:
+        level = BAD if judged.nmse_mean > _USABLE_NMSE else USABLE
         yield level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}"
     for j, error in enumerate(judged.nmse.tolist()):
-        if error > trust.thresholds.good_joint_nmse:
-            level = BAD if error > trust.thresholds.usable_joint_nmse else USABLE
+        if error > _GOOD_JOINT:
+            level = BAD if error > _USABLE_JOINT else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
             text = left if math.isfinite(error) else "the torque is constant"
             yield level, f"{trust.joint(j)}: {text} on {where}"
@@ -158,13 +124,13 @@ def _excitation(trust: Trust) -> Iterator[Finding]:
     condition = trust.estimate.condition
     if math.isinf(condition):
         yield USABLE, "the arm is poorly excited: some parameters have no effect in this motion"
-    elif condition > trust.thresholds.condition:
+    elif condition > _CONDITION:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})"
     for j, share in enumerate(trust.torque_deviation.tolist()):
         own = _list([name for name in trust.weak if _joint_of(name) == j])
-        if share > trust.thresholds.good_torque:
-            level = BAD if share > trust.thresholds.usable_torque else USABLE
+        if share > _GOOD_TORQUE:
+            level = BAD if share > _USABLE_TORQUE else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"is not identifiable from this data: torque in other motions is uncertain by {size}"
             names = f" ({own})" if own else ""

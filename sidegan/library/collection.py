@@ -22,11 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """N trajectories of one robot; tensors are kept as float64 (``valid``: bool) on the CPU.
-
-    Raises:
-        ShapeError: when a shape does not fit or a value is not a number.
-    """
+    """N trajectories of one robot; tensors are kept as float64 (``valid``: bool) on the CPU."""
 
     coefficients: Tensor  # [rad/s], (N, J, H, 2)
     valid: Tensor  # whether every constraint holds over the whole period, (N,)

@@ -40,9 +40,7 @@ class Draws:
     def require(self, least: int, origin: str) -> "Draws":
         """These draws, after a warning where fewer than ``count`` are valid.
 
-        Args:
-            least: with fewer there is nothing to go on with.
-            origin: what was drawn, for people, such as ``"drawn from eigen"``.
+        The origin says what was drawn, for people, such as ``"drawn from eigen"``.
 
         Raises:
             InfeasibleError: when fewer than ``least`` are valid; says what the others violate.
@@ -69,16 +67,9 @@ def draw_valid(
     spare: int | None = None,
     report: Report | None = None,
 ) -> Draws:
-    """Draw trajectories until ``count`` are valid, or ``most`` are drawn.
+    """Draw trajectories (B, J, H, 2) until ``count`` are valid, or ``most`` are drawn, ``batch`` at once.
 
-    Args:
-        sample: coefficients [rad/s], (B, J, H, 2), from how many.
-        check: whether they are valid.
-        count: number of valid trajectories to draw, positive.
-        batch: most drawn at once.
-        most: most drawn in all, positive.
-        spare: draw no more at once than are missing and so many; None: always a batch.
-        report: given (done, total) after each batch.
+    With ``spare``, no more at once than are missing and so many. The report is given (done, total).
     """
     kept: list[Tensor] = []
     drawn = valid = 0

@@ -49,13 +49,7 @@ def summary(library: Library) -> dict[str, float]:
 
 
 def effort(body: RigidBody, trajectory: Trajectory, c: Tensor) -> tuple[Tensor, Tensor]:
-    """Mechanical energy ∫ Σ |τ dq| dt [J] and largest share of a velocity limit, (N,) each.
-
-    Args:
-        body: the arm's dynamics.
-        trajectory: the family of trajectories.
-        c: coefficients [rad/s], (N, J, H, 2).
-    """
+    """Mechanical energy ∫ Σ |τ dq| dt [J] and largest share of a velocity limit, (N,) each."""
     times = trajectory.grid(round(trajectory.period * _POWER_RATE))
     _, q, dq, ddq = trajectory.roll_out(c, times)
     power = (body.torque(q, dq, ddq) * dq).abs().sum(2)

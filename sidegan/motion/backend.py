@@ -7,6 +7,7 @@ from torch import Tensor
 
 from sidegan.motion import plain
 from sidegan.motion.compiled import compiled
+from sidegan.motion.threads import eigh
 
 
 def usable(*tensors: Tensor) -> bool:
@@ -21,3 +22,12 @@ def backend(*tensors: Tensor) -> ModuleType:
     from sidegan.motion.compiled import operations
 
     return operations
+
+
+@torch.no_grad()
+def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
+    """The smallest and largest eigenvalues, ascending, (B, low + high), and eigenvectors (B, p, low + high).
+
+    Not differentiable. All eigenpairs where there are no more than that.
+    """
+    return eigh(x) if x.shape[1] <= low + high else backend(x).extremes(x, low, high)

@@ -18,21 +18,13 @@ _RANK_TOLERANCE = 1e-9  # relative; rounding noise sits near 1e-15, the weakest 
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """The identifiable combinations of the inertial parameters (Gautier 1991).
+    """The identifiable combinations of the inertial parameters (Gautier 1991)."""
 
-    Attributes:
-        columns: indices of the independent columns of the full regressor, (p,).
-        mapping: base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``.
-        values: base parameters of the arm, (p,).
-        subspace: C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY.
-        names: the leading parameter of each combination, such as ``"Ixx2"``.
-    """
-
-    columns: Tensor
-    mapping: Tensor
-    values: Tensor
-    subspace: Tensor
-    names: tuple[str, ...]
+    columns: Tensor  # indices of the independent columns of the full regressor, (p,)
+    mapping: Tensor  # base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``
+    values: Tensor  # base parameters of the arm, (p,)
+    subspace: Tensor  # C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY
+    names: tuple[str, ...]  # the leading parameter of each combination, such as ``"Ixx2"``
 
     @classmethod
     def of(cls, arm: Arm) -> "BaseParameters":

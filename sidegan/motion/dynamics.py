@@ -52,11 +52,7 @@ class RigidBody:
         return Chain.of(self.arm)
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-        """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m].
-
-        Raises:
-            ShapeError: when a shape does not fit the arm.
-        """
+        """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m]."""
         self._check(q, dq, ddq)
         return plain.regressor(self, (q, dq, ddq))
 
@@ -67,15 +63,7 @@ class RigidBody:
     def torque(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor | None = None) -> Tensor:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm.
 
-        Args:
-            q: joint position, (…, J).
-            dq: joint velocity, (…, J).
-            ddq: joint acceleration, (…, J).
-            parameters: inertial parameters, (J, 10) or (10 J,) or one set per state, (…, 10 J);
-                the arm's own when None.
-
-        Raises:
-            ShapeError: when a shape does not fit the arm.
+        The parameters are the arm's own when None, else (J, 10), (10 J,) or one set per state, (…, 10 J).
         """
         self._check(q, dq, ddq)
         if parameters is None:
@@ -110,30 +98,20 @@ class RigidBody:
         self._check(q, dq, ddq)
         return backend(q, dq, ddq, torque).sums(self, (q, dq, ddq), torque)
 
-    def energy_slopes(
-        self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor, weights: Tensor
-    ) -> list[Tensor]:
-        """Gradients in q, dq and ddq, (B, T, J) each, of Σ weight · |Y v|² over K vectors v and time.
-
-        The vectors are (B, K, 10 J), the weights (B, K).
-        """
-        states, none = (q, dq, ddq), Limits.none(self.joints)
-        return self.penalised_slopes(states, parameters, weights, none, None)[1]
-
     def penalised_slopes(
-        self, states: Sequence[Tensor], parameters: Tensor, weights: Tensor, limits: Limits, near: Near | None
+        self,
+        states: Sequence[Tensor],
+        parameters: Tensor,
+        weights: Tensor,
+        limits: Limits | None = None,
+        near: Near | None = None,
     ) -> tuple[Tensor, list[Tensor]]:
         """Penalty summed over time, (B,), and gradients, (B, T, J) each, of it and of Σ weight · |Y v|².
 
-        Args:
-            states: joint position, velocity and acceleration, (B, T, J) each.
-            parameters: the vectors v, (B, K, 10 J).
-            weights: (B, K).
-            limits: what limits of the joints cost.
-            near: what small distances cost; nothing when None.
+        The vectors v are (B, K, 10 J), their weights (B, K); no limits and no distances cost nothing.
         """
         self._check(*states)
-        who = backend(*states, parameters, weights)
+        who, limits = backend(*states, parameters, weights), limits or Limits.none(self.joints)
         return who.penalised_slopes(self, states, parameters, weights, limits, near)
 
     def _check(self, q: Tensor, dq: Tensor, ddq: Tensor) -> None:
@@ -143,19 +121,10 @@ class RigidBody:
 
 
 def gram(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) -> Tensor:
-    """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p).
+    """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p), at centres of cells.
 
     Without gradients it works in about 150 MB beside its result, whatever the number of
     trajectories, samples and joints: the regressor exists for a few thousand states at a time.
-
-    Args:
-        body: the arm's dynamics.
-        trajectory: the family of trajectories.
-        c: coefficients [rad/s], (B, J, H, 2).
-        samples: time points per trajectory, cell centres.
-
-    Raises:
-        ShapeError: when the coefficients fit neither the trajectory nor the arm, or are not finite.
     """
     times = trajectory.grid(samples)
     batch = max(1, backend(c).states_at_once(body.joints) // samples)

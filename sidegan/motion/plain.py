@@ -101,7 +101,5 @@ def _limit_cost(body: "RigidBody", states: States, limits: Limits) -> Tensor:
 
 
 def _distance_cost(near: Near, q: Tensor) -> Tensor:
-    if near.clearances is None:
-        raise TypeError("distances need clearances where kernels do not take them")
-    lack = (near.reach - near.clearances(q.flatten(0, 1))).clamp_min(0)
+    lack = (near.reach - near.distances(q.flatten(0, 1))).clamp_min(0)
     return near.weight * (lack**2).sum(1).reshape(q.shape[:2]).sum(1)

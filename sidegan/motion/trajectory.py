@@ -39,19 +39,12 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A family of cyclic trajectories of ``joints`` joints that start and end at rest at ``home``.
+    """A family of cyclic trajectories of ``joints`` joints that start and end at rest at ``home``."""
 
-    Args:
-        joints: number of joints J.
-        harmonics: number of Fourier harmonics H.
-        period: duration of one cycle [s].
-        home: joint positions [rad or m] at both ends, (J,); zeros when None.
-    """
-
-    joints: int
-    harmonics: int = 6
-    period: float = 16.0
-    home: Sequence[float] | None = None
+    joints: int  # number of joints J
+    harmonics: int = 6  # number of Fourier harmonics H
+    period: float = 16.0  # duration of one cycle [s]
+    home: Sequence[float] | None = None  # joint positions [rad or m] at both ends, (J,); zeros when None
 
     def __post_init__(self) -> None:
         if self.joints < 1 or self.harmonics < 1:
@@ -73,11 +66,7 @@ class Trajectory:
         return {**asdict(self), "home": list(self.home or ())}
 
     def check(self, c: Tensor) -> None:
-        """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers.
-
-        Raises:
-            ShapeError: with the wrong shape, or the first trajectory that is not finite.
-        """
+        """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers."""
         self._check_shape(c)
         finite = torch.isfinite(c).flatten(1).all(1)
         if not finite.all():
@@ -109,11 +98,7 @@ class Trajectory:
         return (torch.arange(count, dtype=torch.float64) + 0.5) * (self.period / count)
 
     def basis(self, times: Tensor, order: int) -> Tensor:
-        """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2).
-
-        Raises:
-            ShapeError: when a time lies outside the period, where the quintic would run away.
-        """
+        """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2)."""
         t = times.detach().to("cpu", torch.float64).numpy()
         if len(t) * self.harmonics > _CACHED:
             basis = _basis(self.harmonics, self.period, t, order)
@@ -133,10 +118,6 @@ class Trajectory:
 
     def roll_out(self, c: Tensor, times: Tensor) -> Motion:
         """Joint motion, (B, T, J) each, of coefficients [rad/s], (B, J, H, 2), at ``times`` [s], (T,).
-
-        Raises:
-            ShapeError: when the coefficients have the wrong shape or are not finite, or a time lies
-                outside the period.
 
         Source: Park 2006, eq. 6, with velocity coefficients.
         """

@@ -49,8 +49,10 @@ class Plant:
 
     def __init__(self, arm: Arm, settings: PlantSettings) -> None:
         require_consistent(arm)
-        settings.check(arm.joints)
         self.arm, self.settings, self.body = arm, settings, RigidBody(arm)
+        for name, values in vars(settings).items():
+            if isinstance(values, list):
+                self._each(name)  # refuses what does not fit the arm
 
     @cached_property
     def gains(self) -> tuple[Tensor, Tensor]:

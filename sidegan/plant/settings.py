@@ -1,6 +1,6 @@
 """What the plant has that a rigid body has not, and what its sensors see."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -40,16 +40,6 @@ class PlantSettings:
                 f"plant.{name} has {len(values)} values, expected {joints} (one per joint) or one"
             )
         return torch.tensor(values, dtype=torch.float64).expand(joints)
-
-    def check(self, joints: int) -> None:
-        """Raise unless every setting fits an arm of so many joints.
-
-        Raises:
-            ConfigError: when one does not.
-        """
-        for one in fields(self):
-            if isinstance(getattr(self, one.name), list):
-                self.of(one.name, joints)
 
 
 IDEAL = PlantSettings(  # no friction, perfect sensors, and a controller that knows the arm

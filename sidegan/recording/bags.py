@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.columns import Columns
-from sidegan.recording.tables import Piece, Where, reading
+from sidegan.recording.settings import Columns
+from sidegan.recording.tables import Piece, Where
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -41,7 +42,7 @@ def bag_pieces(
             the arm's joints, or no positions.
     """
     names = columns.file_joints(path.name, joint_names)
-    with _opened(path) as reader, reading(path):
+    with _opened(path) as reader, reading(path, "bag", RecordingError):
         connections = _connections(path, reader, columns.topic)
         fields = _fields(path, reader, connections, names)
     where = {columns.effort if field == "effort" else field: [field] for field in fields}
@@ -53,7 +54,7 @@ def _opened(path: Path) -> "Iterator[AnyReader]":
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    with reading(path):
+    with reading(path, "bag", RecordingError):
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
     try:
@@ -104,7 +105,7 @@ def _pieces(
     path: Path, columns: Columns, names: Sequence[str], fields: Sequence[str], rows: int
 ) -> Iterator[Piece]:
     """Pieces of ``rows`` messages, without those that have none of the joints, such as a gripper's."""
-    with _opened(path) as reader, reading(path):
+    with _opened(path) as reader, reading(path, "bag", RecordingError):
         messages = reader.messages(connections=_connections(path, reader, columns.topic))
         read = (
             _row(reader.deserialize(raw, _KIND), received, names, fields) for _, received, raw in messages

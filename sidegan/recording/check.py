@@ -13,8 +13,7 @@ from torch import Tensor
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
-from sidegan.recording.agreement import Agreement, agreement_of, velocity_warnings
-from sidegan.recording.excitation import Excitation, excitation_of
+from sidegan.recording.description import Agreement, Excitation, agreement_of, excitation_of
 from sidegan.recording.load import Source
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
@@ -129,14 +128,9 @@ def check_recording(
 ) -> CheckedRecording:
     """A recording, checked and preprocessed.
 
-    Args:
-        recording: whole, or its pieces; they are walked through twice.
-        arm: whose description the torques are compared with.
-        settings: of the preprocessing.
-        gains: of the drives, motor current to joint torque [N·m/A], one per joint.
-        sign_width: velocity at which the smooth sign is at 76 % [rad/s or m/s].
-        angle: unit that the file's angles were declared in.
-        role: what it is for.
+    Its torques are compared with the arm's description. ``angle`` is the unit that the file's angles were
+    declared in; the other arguments are those of ``preprocess``, and a recording in pieces is walked through
+    twice.
 
     Raises:
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
@@ -152,23 +146,13 @@ def check_recording(
     segments = preprocess(recording, settings, gains, sign_width, grid)
     body = RigidBody(arm)
     warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
-    warnings += velocity_warnings(statistics, arm, segments)
+    warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
     excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains))
-    warnings += agreement.warnings(arm) + _excitation_warnings(excitation)
+    warnings += agreement.warnings(arm) + excitation.warnings()
     return CheckedRecording(
         role, arm.joint_names, statistics, grid, segments, agreement, excitation, warnings
     )
-
-
-def _excitation_warnings(excitation: Excitation) -> list[str]:
-    weak = excitation.weak
-    if not weak:
-        return []
-    return [
-        f"{len(weak)} of {len(excitation.names)} base parameters are hardly excited (condition number "
-        f"{excitation.condition_number:.3g}): {', '.join(weak)}"
-    ]
 
 
 def _torque_noise(statistics: Statistics, segments: list[Segment], gains: Sequence[float] | None) -> Tensor:

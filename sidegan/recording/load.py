@@ -8,13 +8,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_pieces, is_bag
-from sidegan.recording.binary import npz_table, parquet_table
-from sidegan.recording.columns import SIGNALS, Columns
 from sidegan.recording.recording import Recording
-from sidegan.recording.tables import Numbers, Piece, Where, reading
-from sidegan.recording.text import text_table
+from sidegan.recording.settings import SIGNALS, Columns
+from sidegan.recording.tables import Numbers, Piece, Where, npz_table, parquet_table, text_table
 
 _ROWS = 65_536  # at once; of 29 columns: 15 MB
 _MOST_CORRUPT = 0.5  # of the rows of a piece
@@ -81,7 +80,7 @@ class Source:
             raise RecordingError(
                 f"{self.path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag"
             )
-        with reading(self.path):
+        with reading(self.path, suffix[1:], RecordingError):
             table = _READERS[suffix](self.path, self.rows)
         where = self.columns.resolve(self.name, table.columns, self.joint_names)
         return table.pieces([c for columns in where.values() for c in columns]), where

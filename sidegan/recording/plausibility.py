@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
-from sidegan.recording.agreement import arm_names
+from sidegan.recording.recording import SIGN_WIDTH, Segment
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
@@ -17,6 +17,9 @@ _TINY = 2 * math.pi / _DEGREES  # [rad] that a turn becomes when radians are tak
 _SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
+_NEAR = 0.3  # of the logarithm of a ratio
+_WRONG_SLOPE = 0.1  # of a velocity over the derivative of its position
+_NOTHING = 1e-12
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 
@@ -98,32 +101,64 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     warnings, signals = [], statistics.signals
     position = signals["position"]
     if position.constant.any():
-        warnings.append(f"{_named(arm, position.constant)} never moves")
+        warnings.append(f"{arm.named(position.constant)} never moves")
     outside = (position.lower < arm.position_lower - _OUTSIDE) | (
         position.upper > arm.position_upper + _OUTSIDE
     )
     if outside.any():
-        warnings.append(f"{_named(arm, outside)} leaves its limits of position")
+        warnings.append(f"{arm.named(outside)} leaves its limits of position")
     for rate in [name for name in ("velocity", "acceleration") if name in signals]:
         dead = signals[rate].constant & ~position.constant
         if dead.any():
             raise RecordingError(
-                f"{statistics.name}: the {rate} of {_named(arm, dead)} is constant while it moves"
+                f"{statistics.name}: the {rate} of {arm.named(dead)} is constant while it moves"
             )
     for name in ("torque", "current"):
         if name in signals:
             signal = signals[name]
             clipped, coarse = signal.clipped > 0, signal.quantum > _COARSE * (signal.upper - signal.lower)
             if clipped.any():
-                warnings.append(f"the {name} of {_named(arm, clipped)} looks saturated at an extreme")
+                warnings.append(f"the {name} of {arm.named(clipped)} looks saturated at an extreme")
             if coarse.any():
-                warnings.append(f"the {name} of {_named(arm, coarse)} is coarsely quantised")
+                warnings.append(f"the {name} of {arm.named(coarse)} is coarsely quantised")
     if "torque" in signals:
         beyond = signals["torque"].largest > arm.torque_limit
         if beyond.any():
-            warnings.append(f"the torque of {_named(arm, beyond)} is beyond the arm's limit")
+            warnings.append(f"the torque of {arm.named(beyond)} is beyond the arm's limit")
     return warnings
 
 
-def _named(arm: Arm, which: Tensor) -> str:
-    return ", ".join(arm_names(arm, which))
+def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment]) -> list[str]:
+    """What is odd about recorded velocities, beside the derivatives of the positions.
+
+    Raises:
+        RecordingError: when the velocities are those of another unit of angles.
+    """
+    long_enough = [segment for segment in segments if len(segment.time) > 2]
+    if "velocity" not in statistics.signals or not long_enough:
+        return []
+    rate, velocity = (torch.cat(x) for x in zip(*map(_rates, long_enough)))
+    warnings = []
+    for j, name in enumerate(arm.joint_names):
+        a, b = rate[:, j], velocity[:, j]
+        if a.square().mean().sqrt() < 10 * SIGN_WIDTH:
+            continue
+        slope = float(a @ b / (a @ a))
+        ratio = math.log(max(abs(slope), _NOTHING))
+        if abs(abs(ratio) - math.log(_DEGREES)) < _NEAR:
+            raise RecordingError(
+                f"{statistics.name}: the velocity of {name} is {slope:.3g} times the derivative of its "
+                "position: one of them is in degrees and the other in radians"
+            )
+        if abs(slope - 1) > _WRONG_SLOPE:
+            warnings.append(
+                f"the velocity of {name} is {slope:.2f} times the derivative of its position"
+                + ("; is its sign wrong?" if slope < -0.5 else "")
+            )
+    return warnings
+
+
+def _rates(segment: Segment) -> tuple[Tensor, Tensor]:
+    """Central difference of a segment's positions, and its velocity there."""
+    step = float(segment.time[1] - segment.time[0])
+    return (segment.position[2:] - segment.position[:-2]) / (2 * step), segment.velocity[1:-1]

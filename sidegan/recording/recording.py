@@ -6,7 +6,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from sidegan.errors import RecordingError
-from sidegan.recording.columns import SIGNALS
+from sidegan.recording.settings import SIGNALS
 
 SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at 76 %
 
@@ -15,30 +15,20 @@ SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at
 class Recording:
     """S samples of a J-joint arm as they were recorded, float64 in SI units; rows without a number are out.
 
-    Attributes:
-        name: for people, the file's name.
-        joint_names: of the arm, in its order.
-        time: stamps [s], (S,), in the order of the file: jitter, duplicates and gaps are still in.
-        position: [rad or m], (S, J).
-        velocity: [rad/s or m/s], (S, J), where recorded.
-        acceleration: [rad/s² or m/s²], (S, J), where recorded.
-        torque: [N·m or N], (S, J), where recorded.
-        current: of the motors [A], (S, J), where recorded.
-        corrupt: row (the header is row 1 of a text file, otherwise counted from 1) and reason of what was
-            left out.
 
     Raises:
         RecordingError: when the shapes are not alike or a value is not finite.
     """
 
-    name: str
-    joint_names: tuple[str, ...]
-    time: Tensor
-    position: Tensor
-    velocity: Tensor | None = None
-    acceleration: Tensor | None = None
-    torque: Tensor | None = None
-    current: Tensor | None = None
+    name: str  # for people, the file's name
+    joint_names: tuple[str, ...]  # of the arm, in its order
+    time: Tensor  # stamps [s], (S,), in the order of the file: jitter, duplicates and gaps are still in
+    position: Tensor  # [rad or m], (S, J)
+    velocity: Tensor | None = None  # [rad/s or m/s], (S, J), where recorded
+    acceleration: Tensor | None = None  # [rad/s² or m/s²], (S, J), where recorded
+    torque: Tensor | None = None  # [N·m or N], (S, J), where recorded
+    current: Tensor | None = None  # of the motors [A], (S, J), where recorded
+    # row (the header is row 1 of a text file, otherwise counted from 1) and reason of what was left out
     corrupt: tuple[tuple[int, str], ...] = ()
 
     def __post_init__(self) -> None:

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from sidegan.errors import RecordingError
-from sidegan.recording.columns import SIGNALS
-from sidegan.recording.filters import derivative, low_pass, windows
-from sidegan.recording.grid import Block, uniform
+from sidegan.recording.grid import Block, derivative, low_pass, uniform, windows
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.settings import Preprocessing
+from sidegan.recording.settings import SIGNALS, Preprocessing
 from sidegan.recording.statistics import Statistics, statistics_of
 from sidegan.recording.tables import Numbers
 

@@ -1,10 +1,107 @@
-"""Settings of reading and preprocessing a recording, group ``recording`` of ``conf/``."""
+"""Group ``recording`` of ``conf/``: where a file keeps what, in which units, and how it is preprocessed."""
 
+import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from sidegan.base.typed import Bound, Count, NonNegative, Positive
-from sidegan.recording.columns import Columns
+from sidegan.errors import RecordingError
+
+SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
+_TO_SI = {
+    **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    **{"rad": 1.0, "deg": math.pi / 180},
+    **{"N·m": 1.0, "Nm": 1.0, "mNm": 1e-3},
+    **{"A": 1.0, "mA": 1e-3},
+}
+_PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
+_LISTED = 8  # columns that a message names
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of what a file holds; velocity and acceleration are in ``angle`` per second and second²."""
+
+    time: Literal["s", "ms", "us", "ns"]
+    angle: Literal["rad", "deg"]
+    torque: Literal["N·m", "Nm", "mNm"]
+    current: Literal["A", "mA"]
+
+    def factor(self, signal: str) -> float:
+        """Factor that brings a signal, or ``"time"``, to SI units."""
+        return _TO_SI[getattr(self, signal if signal in ("time", "torque", "current") else "angle")]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where a file keeps time and signals.
+
+    A signal is a pattern with ``{joint}`` (the joint's name), ``{index}`` (from 1) or ``{index0}`` (from
+    0), or the name of one array (S, J). Position has to be there; of the others, what a file does not have
+    is left out, but a signal of some joints only is refused.
+    """
+
+    time: str
+    position: str
+    velocity: str | None
+    acceleration: str | None
+    torque: str | None
+    current: str | None
+    units: Units
+    joints: list[str] | None  # names that the file uses, in the arm's order; null: the arm's own
+    topic: str | None  # of a bag; null: the only topic of joint states
+    effort: Literal["torque", "current"]  # what the efforts of a bag's joint states are
+
+    def file_joints(self, file: str, joint_names: Sequence[str]) -> tuple[str, ...]:
+        """Names of the arm's joints in the file.
+
+        Raises:
+            RecordingError: when the configured names are not as many as the arm's joints.
+        """
+        if self.joints is None:
+            return tuple(joint_names)
+        if len(self.joints) != len(joint_names):
+            raise RecordingError(
+                f"{file}: {len(self.joints)} joint names are given, the arm has {len(joint_names)}: "
+                f"{', '.join(joint_names)}"
+            )
+        return tuple(self.joints)
+
+    def resolve(
+        self, file: str, available: Sequence[str], joint_names: Sequence[str]
+    ) -> dict[str, list[str]]:
+        """Columns of time and of every signal that the file has; a single column is an array (S, J).
+
+        Args:
+            file: its name, for messages.
+            available: columns of the file.
+            joint_names: of the arm.
+
+        Raises:
+            RecordingError: when time or positions are missing, a signal is incomplete, or the file has
+                another number of joints than the arm.
+        """
+        if self.time not in available:
+            raise RecordingError(
+                f"{file} has no column {self.time!r} of time stamps; it has {_listed(available)}"
+            )
+        joints = self.file_joints(file, joint_names)
+        resolved = {"time": [self.time]}
+        for signal in SIGNALS:
+            pattern = getattr(self, signal)
+            columns = _columns(pattern, joints)
+            missing = [c for c in columns if c not in available]
+            if columns and not missing:
+                _refuse_more_joints(file, signal, pattern, available, len(joints))
+                resolved[signal] = columns
+            elif missing and (signal == "position" or len(missing) < len(columns)):
+                raise RecordingError(
+                    f"{file} has no {signal} of {len(missing)} of the arm's {len(joints)} joints: no column "
+                    f"{_listed(missing)}; it has {_listed(available)}"
+                )
+        return resolved
 
 
 @dataclass(frozen=True)
@@ -27,3 +124,25 @@ class RecordingSettings(Preprocessing, Columns):
     """What is where in a recorded file, and how it is preprocessed."""
 
     rows: Annotated[int, Bound("≥", 1000)]  # that are read at once
+
+
+def _columns(pattern: str | None, joints: Sequence[str]) -> list[str]:
+    """Columns of a signal, one per joint, or the one array of all joints."""
+    if pattern is None:
+        return []
+    if not _PLACEHOLDER.search(pattern):
+        return [pattern]
+    return [pattern.format(joint=joint, index=i + 1, index0=i) for i, joint in enumerate(joints)]
+
+
+def _refuse_more_joints(file: str, signal: str, pattern: str, available: Sequence[str], joints: int) -> None:
+    """Raise when a numbered signal goes on after the arm's last joint."""
+    following = pattern.format(joint="", index=joints + 1, index0=joints)
+    if "{index" in pattern and following in available:
+        raise RecordingError(f"{file} has {following}: {signal} of more than the arm's {joints} joints")
+
+
+def _listed(columns: Sequence[str]) -> str:
+    shown = ", ".join(repr(str(c)) for c in columns[:_LISTED])
+    more = len(columns) - _LISTED
+    return (shown + (f" and {more} more" if more > 0 else "")) or "none"

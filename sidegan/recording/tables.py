@@ -1,17 +1,27 @@
-"""The contract of the file readers: a table of numbers that is read in pieces."""
+"""Files of numbers read in pieces: text with a first line of column names, Parquet and NPZ."""
 
+import csv
+import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Numbers = NDArray[np.float64]
 Where = dict[str, list[str]]  # columns of time and of every signal; a single column may hold all joints
+
+_SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
+_BUFFER = 2**20  # bytes
 
 
 @dataclass(frozen=True)
@@ -32,15 +42,121 @@ class Table:
     pieces: Callable[[Sequence[str]], Iterator[Piece]]
 
 
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn what readers answer to a missing or foreign file into our error, with the reason."""
-    try:
-        yield
-    except RecordingError:
-        raise
-    except Exception as error:  # a damaged file is answered with anything: of zip, SQLite, struct or YAML
-        message = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        reason = (message.splitlines() or [""])[0] or type(error).__name__
-        kind = path.suffix[1:] or "bag"
-        raise RecordingError(f"{path} is not a whole {kind} file: {reason}") from error
+def text_table(path: Path, rows: int) -> Table:
+    """A text file whose columns are separated by commas, semicolons, tabs or spaces.
+
+    Raises:
+        RecordingError: when it is empty or its first line is not one of column names.
+    """
+    import pandas as pd
+
+    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+        first = file.readline()
+    if not first.strip():
+        raise RecordingError(f"{path} is empty")
+    separator = max(",;\t ", key=first.count)
+    names = [name.strip() for name in next(csv.reader([first], delimiter=separator))]
+    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
+    if len(set(names)) < len(names):
+        raise RecordingError(f"{path}: a column is named twice in the first line: {first.strip()[:100]!r}")
+    if pd.to_numeric(pd.Series(names), errors="coerce").notna().all():
+        raise RecordingError(f"{path} begins with numbers, expected a first line of column names")
+    return Table(names, lambda columns: _text_pieces(path, names, separator, columns, rows))
+
+
+def _text_pieces(
+    path: Path, names: list[str], separator: str, columns: Sequence[str], rows: int
+) -> Iterator[Piece]:
+    import pandas as pd
+
+    # All columns are read: with a choice of them pandas does not notice a line with too many fields.
+    options: dict[str, Any] = {
+        "sep": separator,
+        "header": None,
+        "names": names,
+        "index_col": False,
+        "skiprows": 1,
+        "skip_blank_lines": False,
+        "on_bad_lines": "warn",
+        "encoding_errors": "replace",
+    }
+    line = 2  # of the next row; people count the header as the first
+    with reading(path, "text", RecordingError), pd.read_csv(path, **options, chunksize=rows) as reader:
+        while True:
+            with warnings.catch_warnings(record=True) as messages:
+                warnings.simplefilter("always")
+                frame = next(reader, None)
+            if frame is None:
+                return
+            skipped = _skipped(messages)
+            lines = _line_numbers(line, len(frame), {row for row, _ in skipped})
+            line = int(max([*lines[-1:], *(row for row, _ in skipped), line - 1])) + 1
+            numbers = {c: pd.to_numeric(frame[c], errors="coerce").to_numpy(np.float64) for c in columns}
+            yield Piece(numbers, lines, skipped)
+
+
+def _skipped(messages: list[warnings.WarningMessage]) -> list[tuple[int, str]]:
+    """Lines that pandas could not cut into columns."""
+    matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
+    return [(int(m[1]), f"{m[3]} fields, expected {m[2]}") for m in matches]
+
+
+def _line_numbers(first: int, count: int, skipped: set[int]) -> NDArray[np.int64]:
+    """Line of each of ``count`` rows from line ``first`` on, when some lines were skipped."""
+    if not skipped:
+        return np.arange(first, first + count)
+    lines = np.arange(first, first + count + len(skipped))
+    return lines[~np.isin(lines, list(skipped))][:count]
+
+
+def parquet_table(path: Path, rows: int) -> Table:
+    """A Parquet file: a row per sample; a column may hold lists of all joints."""
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path) as file:
+        names = list(file.schema_arrow.names)
+    return Table(names, lambda columns: _parquet_pieces(path, columns, rows))
+
+
+def _parquet_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
+    import pyarrow.parquet as pq
+
+    row = 1
+    # With its own ideas of buffers, pyarrow keeps all that it has read.
+    with (
+        reading(path, "Parquet", RecordingError),
+        pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file,
+    ):
+        for batch in file.iter_batches(rows, columns=list(columns)):
+            numbers = {name: _numbers(batch.column(name)) for name in columns}
+            yield Piece(numbers, np.arange(row, row + len(batch)))
+            row += len(batch)
+
+
+def _numbers(column: "pa.Array") -> Numbers:
+    """A column as numbers, (S,) or, of lists, (S, J)."""
+    import pyarrow as pa
+
+    if pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
+        return np.array(column.to_pylist(), dtype=np.float64)
+    return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def npz_table(path: Path, rows: int) -> Table:
+    """An NPZ file: an array (S,) per column, or (S, J) per signal; nothing in it is run."""
+    with np.load(path, allow_pickle=False) as file:
+        names = list(file.files)
+    return Table(names, lambda columns: _npz_pieces(path, columns, rows))
+
+
+def _npz_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
+    with reading(path, "NPZ", RecordingError), np.load(path, allow_pickle=False) as file:
+        arrays = {name: np.asarray(file[name], dtype=np.float64) for name in columns}
+    lengths = {name: len(x) if x.ndim else 0 for name, x in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        raise RecordingError(f"{path}: the arrays are not of the same length: {listed}")
+    count = max(lengths.values())
+    for first in range(0, count, rows):
+        piece = {name: x[first : first + rows] for name, x in arrays.items()}
+        yield Piece(piece, np.arange(first, min(first + rows, count)) + 1)

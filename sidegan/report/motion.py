@@ -3,7 +3,7 @@
 Source: Jegorova et al. 2020, figure 2.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -26,13 +26,9 @@ _FLAT = 0.93  # height of a panel over its width
 
 def paths(scene: Scene) -> Figure:
     """A panel per bundle with the paths of its trajectories, all to one scale."""
-    count = len(scene.bundles)
-    columns = min(_COLUMNS, count)
-    rows = -(-count // columns)
-    figure = _panels(2.9, rows, columns)
-    for k, (bundle, some) in enumerate(zip(scene.bundles, scene.paths)):
-        axis = _space(figure, (rows, columns, k + 1), scene.limits, scene.desk)
-        axis.set_title(bundle.title, fontsize=9)
+    figure = Figure()
+    panels = _panels(figure, 2.9, [bundle.title for bundle in scene.bundles], _COLUMNS, scene)
+    for axis, bundle, some in zip(panels, scene.bundles, scene.paths):
         if bundle.colour is None:
             for path in some:
                 _timed(axis, path)
@@ -44,18 +40,14 @@ def paths(scene: Scene) -> Figure:
 
 def snapshots(film: Film) -> Figure:
     """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far."""
-    count = len(film.times)
-    columns = min(count, _COLUMNS - 1)
-    rows = -(-count // columns)
-    figure = _panels(3.0, rows, columns)
+    figure, count = Figure(), len(film.times)
     shades = colormaps[_TIME](np.linspace(0.1, 0.8, count))[:, :3]
-    for k, time in enumerate(film.times):
-        axis = _space(figure, (rows, columns, k + 1), film.limits, film.desk)
+    panels = _panels(figure, 3.0, [f"{time:.1f} s" for time in film.times], _COLUMNS - 1, film)
+    for k, axis in enumerate(panels):
         visible = [(film.meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
         axis.add_collection3d(_surfaces(visible), autolim=False)
-        so_far = film.path[: 1 + round(len(film.path) * time / film.period)]
+        so_far = film.path[: 1 + round(len(film.path) * film.times[k] / film.period)]
         axis.plot(*so_far.T, color=PATH, linewidth=1.0, zorder=3)
-        axis.set_title(f"{time:.1f} s", fontsize=9)
     return figure
 
 
@@ -81,30 +73,34 @@ def _timed(axis: Axes3D, path: np.ndarray) -> None:
     axis.plot(*path[:1].T, "o", color="black", markersize=3, zorder=4)
 
 
-def _panels(size: float, rows: int, columns: int) -> Figure:
-    """A figure for square panels of this size [inch], with room for titles and labels around each."""
+def _panels(
+    figure: Figure, size: float, titles: Sequence[str], most: int, shown: Scene | Film
+) -> Iterator[Axes3D]:
+    """Square panels of this size [inch] in space, axes of equal scale [m], the desk drawn."""
     # Without automatic layout, which knows nothing of the labels of axes in space.
-    figure = Figure(figsize=(columns * size + 0.3, rows * size * _FLAT + 0.2))
+    columns = min(most, len(titles))
+    rows = -(-len(titles) // columns)
     FigureCanvasAgg(figure)
+    figure.set_size_inches(columns * size + 0.3, rows * size * _FLAT + 0.2)
     above, right = 0.36 / (rows * size * _FLAT), 0.5 / (columns * size)
     figure.subplots_adjust(0.01, 0.12 / rows, 1 - right, 1 - above, wspace=0.14, hspace=0.24)
-    return figure
-
-
-def _space(figure: Figure, place: tuple[int, int, int], limits: np.ndarray, desk: float | None) -> Axes3D:
-    """Axes of equal scale [m], the desk drawn."""
-    axis: Axes3D = figure.add_subplot(*place, projection="3d", computed_zorder=False)
-    axis.view_init(**_VIEW)
-    axis.set(xlim=limits[:, 0], ylim=limits[:, 1], zlim=limits[:, 2])
-    axis.set_box_aspect(limits[1] - limits[0], zoom=1.16)
-    if desk is not None:
-        (x, y, _), (right, back, _) = limits
-        corners = [[(x, y, desk), (right, y, desk), (right, back, desk), (x, back, desk)]]
-        axis.add_collection3d(Poly3DCollection(corners, facecolors=DESK, alpha=0.25, zorder=1), autolim=False)
-    for part, name in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz"):
-        part.set_major_locator(MaxNLocator(4))
-        part.set_pane_color((1, 1, 1, 0))
-        part.set_tick_params(labelsize=6, pad=-3)
-        part.set_label_text(f"{name} [m]", fontsize=7)
-        part.labelpad = -9
-    return axis
+    limits, desk = shown.limits, shown.desk
+    (x, y, _), (right, back, _) = limits
+    for k, title in enumerate(titles):
+        axis: Axes3D = figure.add_subplot(rows, columns, k + 1, projection="3d", computed_zorder=False)
+        axis.view_init(**_VIEW)
+        axis.set(xlim=limits[:, 0], ylim=limits[:, 1], zlim=limits[:, 2])
+        axis.set_title(title, fontsize=9)
+        axis.set_box_aspect(limits[1] - limits[0], zoom=1.16)
+        if desk is not None:
+            plane = [[(x, y, desk), (right, y, desk), (right, back, desk), (x, back, desk)]]
+            axis.add_collection3d(
+                Poly3DCollection(plane, facecolors=DESK, alpha=0.25, zorder=1), autolim=False
+            )
+        for part, name in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz"):
+            part.set_major_locator(MaxNLocator(4))
+            part.set_pane_color((1, 1, 1, 0))
+            part.set_tick_params(labelsize=6, pad=-3)
+            part.set_label_text(f"{name} [m]", fontsize=7)
+            part.labelpad = -9
+        yield axis

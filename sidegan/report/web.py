@@ -1,7 +1,7 @@
 """A Markdown page as one HTML file: everything inside, readable offline, in the dark and on paper."""
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -18,8 +18,7 @@ from sidegan.report.page import figure_html, page
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
 
-_STYLE = Path(__file__).with_name("document.css")
-_SCRIPT = Path(__file__).with_name("document.js")
+_STYLE, _SCRIPT = (Path(__file__).with_name(name) for name in ("document.css", "document.js"))
 
 
 def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"] | None = None) -> None:
@@ -37,61 +36,45 @@ def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"]
     plots = interactive or {}
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     parser.add_render_rule("image", _image(path.parent, plots))
-    parser.add_render_rule("table_open", _text('<div class="scroll" tabindex="0"><table>'))
-    parser.add_render_rule("table_close", _text("</table></div>"))
+    parser.add_render_rule("table_open", lambda *_: '<div class="scroll" tabindex="0"><table>')
+    parser.add_render_rule("table_close", lambda *_: "</table></div>")
     tokens = parser.parse(markdown)
     _mark(tokens)
-    title = next((text for tag, text, _ in _headings(tokens) if tag == "h1"), path.stem)
-    head, *sections = [parser.renderer.render(part, parser.options, {}) for part in _parts(tokens)]
-    script = f"<script>{_SCRIPT.read_text(encoding='utf-8')}</script>" if plots else ""
-    body = [
-        f"<style>{_STYLE.read_text(encoding='utf-8')}</style>",
-        f"<header>{head}{_contents(tokens)}</header>",
+    headings = [(x.tag, words.content, x.attrGet("id")) for x, words in pairwise(tokens) if _opens(x)]
+    links = [
+        f'<li class="{tag}"><a href="#{name}">{escape(words)}</a></li>'
+        for tag, words, name in headings
+        if tag != "h1"
     ]
-    body += [f"<section>{section}</section>" for section in sections]
-    write_bytes(path, page(title, "\n".join([*body, script]), bool(plots)).encode())
+    contents = f'<nav class="contents" aria-label="Contents"><ul>{"".join(links)}</ul></nav>' if links else ""
+    starts = [0, *(k for k, token in enumerate(tokens) if _opens(token, "h2")), len(tokens)]
+    parts = [parser.renderer.render(tokens[a:b], parser.options, {}) for a, b in pairwise(starts)]
+    body = [f"<style>{_STYLE.read_text(encoding='utf-8')}</style>", f"<header>{parts[0]}{contents}</header>"]
+    body += [f"<section>{part}</section>" for part in parts[1:]]
+    body += [f"<script>{_SCRIPT.read_text(encoding='utf-8')}</script>" if plots else ""]
+    title = next((words for tag, words, _ in headings if tag == "h1"), path.stem)
+    write_bytes(path, page(title, "\n".join(body), bool(plots)).encode())
+
+
+def _opens(token: Token, tag: str = "") -> bool:
+    return token.type == "heading_open" and token.tag.startswith(tag)
 
 
 def _mark(tokens: Sequence[Token]) -> None:
     """Give headings names to link to and captions their class, and free images from their paragraphs."""
     for number, (opening, inline, closing) in enumerate(zip(tokens, tokens[1:], tokens[2:])):
         kinds = [part.type for part in inline.children or []]
-        if opening.type == "heading_open":
+        if _opens(opening):
             opening.attrSet("id", f"section-{number}")
-        if opening.type == "paragraph_open" and kinds == ["image"]:
+        elif opening.type == "paragraph_open" and kinds == ["image"]:
             opening.hidden = closing.hidden = True
-        if (
-            opening.type == "paragraph_open"
-            and kinds[:1] == ["em_open"]
-            and kinds.index("em_close") == len(kinds) - 1
-        ):
+        elif opening.type == "paragraph_open" and _is_emphasis(kinds):
             opening.attrSet("class", "caption")
 
 
-def _headings(tokens: Sequence[Token]) -> Iterator[tuple[str, str, str]]:
-    """Tag, words and name of every heading."""
-    for opening, inline in pairwise(tokens):
-        if opening.type == "heading_open":
-            yield opening.tag, inline.content, str(opening.attrGet("id"))
-
-
-def _parts(tokens: Sequence[Token]) -> list[list[Token]]:
-    """What stands before the first heading of the second level, and every section from there on."""
-    parts: list[list[Token]] = [[]]
-    for token in tokens:
-        if token.type == "heading_open" and token.tag == "h2":
-            parts.append([])
-        parts[-1].append(token)
-    return parts
-
-
-def _contents(tokens: Sequence[Token]) -> str:
-    links = [
-        f'<li class="{tag}"><a href="#{name}">{escape(text)}</a></li>'
-        for tag, text, name in _headings(tokens)
-        if tag != "h1"
-    ]
-    return f'<nav class="contents" aria-label="Contents"><ul>{"".join(links)}</ul></nav>' if links else ""
+def _is_emphasis(kinds: Sequence[str]) -> bool:
+    """Whether a paragraph is one piece in italics."""
+    return kinds[:1] == ["em_open"] and kinds.index("em_close") == len(kinds) - 1
 
 
 def _image(folder: Path, plots: Mapping[str, "go.Figure"]) -> Any:
@@ -106,12 +89,5 @@ def _image(folder: Path, plots: Mapping[str, "go.Figure"]) -> Any:
         except FileNotFoundError as error:
             raise ArtifactError(f"there is no figure {folder / link}") from error
         return f'<figure><img src="data:image/png;base64,{data}" alt="{words}"></figure>'
-
-    return render
-
-
-def _text(html: str) -> Any:
-    def render(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
-        return html
 
     return render

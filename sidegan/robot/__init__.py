@@ -3,17 +3,15 @@
 from sidegan.robot.arm import Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.load import built_in_robots, load_robot
-from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, pinocchio_model
+from sidegan.robot.oracle import capsule_geometry, pinocchio_model
 from sidegan.robot.write import write_urdf
 
 __all__ = [
     "Arm",
     "Capsules",
-    "StateRegressor",
     "about_the_centre",
     "built_in_robots",
     "capsule_geometry",
-    "chain_model",
     "inconsistent_links",
     "load_robot",
     "pinocchio_model",

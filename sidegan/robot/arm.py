@@ -14,63 +14,38 @@ _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any 
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Shapes that enclose the links: all points within a radius [m] of a segment.
+    """Shapes that enclose the links: all points within a radius [m] of a segment."""
 
-    Attributes:
-        link: joint in whose frame the end points are given, (C,), 0..J-1; -1 is the base (world frame).
-        a: one end of the segment [m], (C, 3).
-        b: the other end [m], (C, 3); equal to `a` for a sphere.
-        radius: radius [m], (C,).
-        names: what to call each capsule in a message.
-    """
-
-    link: Tensor
-    a: Tensor
-    b: Tensor
-    radius: Tensor
-    names: tuple[str, ...]
+    link: Tensor  # joint in whose frame the end points are given, (C,), 0..J-1; -1 is the base (world frame)
+    a: Tensor  # one end of the segment [m], (C, 3)
+    b: Tensor  # the other end [m], (C, 3); equal to `a` for a sphere
+    radius: Tensor  # radius [m], (C,)
+    names: tuple[str, ...]  # what to call each capsule in a message
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A serial chain of J revolute and prismatic joints; float64, SI units.
+    """A serial chain of J revolute and prismatic joints; float64, SI units."""
 
-    Attributes:
-        name: the name that the description gives it.
-        digest: sha256 of all the numbers below; neither names nor the path matter.
-        joint_names: from the base outwards.
-        prismatic: whether a joint slides, (J,) bool.
-        rotation: orientation of joint i's frame in joint i-1's (joint 0: in the world) at q = 0, (J, 3, 3).
-        translation: origin of the same frame [m], (J, 3).
-        axis: unit vector in the joint's own frame, (J, 3).
-        inertial_parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint's frame, (J, 10).
-        position_lower: [rad or m], (J,).
-        position_upper: [rad or m], (J,).
-        velocity_limit: [rad/s or m/s], (J,).
-        torque_limit: [N·m or N], (J,); infinite where the description states none.
-        gravity: [m/s²], (3,), in the world.
-        capsules: shapes that enclose the links.
-        tip: the end effector [m], (3,), in the last joint's frame.
-        urdf: the file all this was read from.
-        link_names: of the link that each joint moves; the joints' names where nothing names the links.
-    """
-
-    name: str
-    digest: str
-    joint_names: tuple[str, ...]
-    prismatic: Tensor
+    name: str  # the name that the description gives it
+    digest: str  # sha256 of all the numbers below; neither names nor the path matter
+    joint_names: tuple[str, ...]  # from the base outwards
+    prismatic: Tensor  # whether a joint slides, (J,) bool
+    # orientation of joint i's frame in joint i-1's (joint 0: in the world) at q = 0, (J, 3, 3)
     rotation: Tensor
-    translation: Tensor
-    axis: Tensor
+    translation: Tensor  # origin of the same frame [m], (J, 3)
+    axis: Tensor  # unit vector in the joint's own frame, (J, 3)
+    # m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint's frame, (J, 10)
     inertial_parameters: Tensor
-    position_lower: Tensor
-    position_upper: Tensor
-    velocity_limit: Tensor
-    torque_limit: Tensor
-    gravity: Tensor
-    capsules: Capsules
-    urdf: Path
-    tip: Tensor
+    position_lower: Tensor  # [rad or m], (J,)
+    position_upper: Tensor  # [rad or m], (J,)
+    velocity_limit: Tensor  # [rad/s or m/s], (J,)
+    torque_limit: Tensor  # [N·m or N], (J,); infinite where the description states none
+    gravity: Tensor  # [m/s²], (3,), in the world
+    capsules: Capsules  # shapes that enclose the links
+    urdf: Path  # the file all this was read from
+    tip: Tensor  # the end effector [m], (3,), in the last joint's frame
+    # of the link that each joint moves; the joints' names where nothing names the links
     link_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -81,6 +56,10 @@ class Arm:
     def joints(self) -> int:
         """Number of joints J."""
         return len(self.joint_names)
+
+    def named(self, which: Tensor) -> str:
+        """Names of the joints that are marked, (J,), for a message."""
+        return ", ".join(name for name, marked in zip(self.joint_names, which.tolist()) if marked)
 
 
 def with_effort(arm: Arm, effort: float) -> Arm:

@@ -20,23 +20,15 @@ _REFUSED = {
 
 @dataclass(frozen=True)
 class Description:
-    """What is known of an arm before Pinocchio reads it.
+    """What is known of an arm before Pinocchio reads it."""
 
-    Attributes:
-        name: the robot's name.
-        path: the file.
-        xml: the URDF without what is only for show, with absolute mesh paths.
-        limits: lower, upper, velocity, effort of each joint that moves [rad or m, per s, N·m or N].
-        moved: the link that each of these joints leads to.
-        shapeless: links that lack a shape because a mesh file is missing.
-    """
-
-    name: str
-    path: Path
-    xml: str
+    name: str  # the robot's name
+    path: Path  # the file
+    xml: str  # the URDF without what is only for show, with absolute mesh paths
+    # lower, upper, velocity, effort of each joint that moves [rad or m, per s, N·m or N]
     limits: dict[str, tuple[float, float, float, float]]
-    moved: dict[str, str]
-    shapeless: list[str]
+    moved: dict[str, str]  # the link that each of these joints leads to
+    shapeless: list[str]  # links that lack a shape because a mesh file is missing
 
 
 def read_description(path: Path) -> Description:

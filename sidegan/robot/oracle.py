@@ -1,9 +1,8 @@
-"""An arm as Pinocchio has it: to check our own dynamics and distances against, and for single states."""
+"""An arm as Pinocchio has it, to check our own dynamics and distances against."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sidegan.robot.arm import Arm
 from sidegan.robot.description import read_description
@@ -21,40 +20,6 @@ def pinocchio_model(arm: Arm) -> "pin.Model":
     from sidegan.robot.model import build
 
     return build(read_description(arm.urdf))
-
-
-def chain_model(arm: Arm) -> "pin.Model":
-    """Pinocchio's model with an arm's own numbers, whether or not its file is still there."""
-    import pinocchio as pin
-
-    model = pin.Model()
-    model.gravity.linear = arm.gravity.numpy()
-    for i, name in enumerate(arm.joint_names):
-        kind = pin.JointModelPrismaticUnaligned if arm.prismatic[i] else pin.JointModelRevoluteUnaligned
-        placement = pin.SE3(arm.rotation[i].numpy(), arm.translation[i].numpy())
-        model.addJoint(i, kind(arm.axis[i].numpy()), placement, name)
-        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i].numpy())
-        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
-    return model
-
-
-class StateRegressor:
-    """The full regressor, (J, 10 J), of one state at a time in some ten microseconds, by Pinocchio.
-
-    Args:
-        arm: whose parameters the columns are of, link by link in Pinocchio's order.
-    """
-
-    def __init__(self, arm: Arm) -> None:
-        import pinocchio as pin
-
-        self._model = chain_model(arm)
-        self._data = self._model.createData()
-        self._regressor = pin.computeJointTorqueRegressor
-
-    def __call__(self, *state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Regressor of a state: position, velocity and acceleration, (J,) each."""
-        return self._regressor(self._model, self._data, *state)
 
 
 def capsule_geometry(arm: Arm) -> "pin.GeometryModel":

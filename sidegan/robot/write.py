@@ -96,13 +96,6 @@ def _inertial(parameters: Tensor) -> bytes:
 
 def _replaced(text: bytes, inertials: dict[str, bytes]) -> bytes:
     """A URDF's text with the inertias of these links replaced, inserted, or (empty) taken out."""
-    for start, end, new in sorted(_edits(text, inertials), reverse=True):
-        text = text[:start] + new + text[end:]
-    return text
-
-
-def _edits(text: bytes, inertials: dict[str, bytes]) -> list[tuple[int, int, bytes]]:
-    """What to change: from byte, to byte, new text."""
     parser = expat.ParserCreate()
     path: list[str] = []
     link, opened = "", 0
@@ -127,7 +120,10 @@ def _edits(text: bytes, inertials: dict[str, bytes]) -> list[tuple[int, int, byt
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.Parse(text, True)
     edits = [(*span, inertials[name]) for name, span in spans.items() if name in inertials]
-    return edits + [_insertion(text, position, inertials[name]) for name, position in missing]
+    edits += [_insertion(text, position, inertials[name]) for name, position in missing]
+    for first, last, new in sorted(edits, reverse=True):
+        text = text[:first] + new + text[last:]
+    return text
 
 
 def _insertion(text: bytes, position: int, inertial: bytes) -> tuple[int, int, bytes]:

@@ -22,18 +22,14 @@ _ROUGH_SAMPLES = 0.6  # of the samples
 class Gradient:
     """Batched L-BFGS on the log condition number in natural coordinates, with penalties for violations.
 
-    Args:
-        steps: evaluations per start.
-        attempts: most rounds of starts.
-        reserve: share of each position, velocity and torque limit that seeds keep free, and twice that
-            share of 0.25 m as clearance. The more, the easier a generator trained on them stays valid,
-            and the worse they are conditioned.
-
     Example: ``Gradient(200, 5, reserve=0.2).optimise(problem, 100, np.random.SeedSequence(0))``.
     """
 
-    steps: int
-    attempts: int
+    steps: int  # evaluations per start
+    attempts: int  # most rounds of starts
+    # share of each position, velocity and torque limit that seeds keep free, and twice that share of 0.25 m
+    # as clearance. The more, the easier a generator trained on them stays valid, and the worse they are
+    # conditioned
     reserve: float
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:

@@ -76,14 +76,7 @@ def _task(
 def make_long(
     problem: Problem, steps: int, starts: int, random: np.random.SeedSequence, progress: Report
 ) -> SeedBatch:
-    """One long trajectory: the best of some starts.
-
-    Args:
-        problem: with the long family, and as many samples as its bandwidth needs.
-        steps: evaluations per start.
-        starts: how many; more, up to a bound, while none is valid.
-        random: of the starts.
-        progress: given (done, total) after every start.
+    """One long trajectory, the best of some starts; of more, up to a bound, while none is valid.
 
     Raises:
         InfeasibleError: when no start becomes valid.

@@ -89,16 +89,9 @@ def collect(
 ) -> SeedBatch:
     """Up to ``count`` seeds from a proposer of candidates; those that fail are proposed anew.
 
+    It is given how many are missing, the share of the limits that starts use, and a source of random numbers.
     Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end
     it. Where there are more valid candidates than are missing, the best conditioned are kept.
-
-    Args:
-        problem: what is optimised.
-        count: number of seeds.
-        seed: source of all random numbers.
-        attempts: most rounds.
-        propose: optimised candidates (B, J, H, 2), from how many are missing, the share of the
-            limits that their starts use, and a source of random numbers.
 
     Raises:
         InfeasibleError: when the arm cannot rest at home.

@@ -31,22 +31,15 @@ class Failure:
 
 @dataclass(frozen=True)
 class Validity:
-    """Outcome of a check of B trajectories.
+    """Outcome of a check of B trajectories."""
 
-    Attributes:
-        valid: whether every constraint provably holds over the whole period, (B,).
-        margins: smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; where a cell could
-            not be decided at the finest step, the guaranteed margin, which is negative.
-        elements: which joint, pair or region each smallest margin belongs to, (B,).
-        times: when each smallest margin occurs [s], (B,).
-        labels: the elements' names.
-    """
-
-    valid: Tensor
+    valid: Tensor  # whether every constraint provably holds over the whole period, (B,)
+    # smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; where a cell could not be decided at the
+    # finest step, the guaranteed margin, which is negative
     margins: dict[str, Tensor]
-    elements: dict[str, Tensor]
-    times: dict[str, Tensor]
-    labels: dict[str, tuple[str, ...]]
+    elements: dict[str, Tensor]  # which joint, pair or region each smallest margin belongs to, (B,)
+    times: dict[str, Tensor]  # when each smallest margin occurs [s], (B,)
+    labels: dict[str, tuple[str, ...]]  # the elements' names
 
     def faults(self) -> Counter[str]:
         """How many trajectories violate what, for people."""

@@ -1,15 +1,17 @@
 """Every constraint of an arm in its workspace, as signed margins of single states."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.compiled.chain import BOX, PLANE, Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.regions import Region
+from sidegan.validity.regions import Plane, Region
 
 _SAMPLES = 4_000  # random configurations that decide which pairs touch always
 
@@ -51,9 +53,6 @@ class Constraints:
         """Signed margins by constraint, (N, K) each [rad, rad/s, N·m, m], of N states (N, J).
 
         Differentiable; ≥ 0 is feasible.
-
-        Raises:
-            ShapeError: when the states do not fit the arm.
         """
         arm = self.arm
         if any(x.shape != (len(q), arm.joints) for x in (q, dq, ddq)):
@@ -89,6 +88,19 @@ class Constraints:
             if len(self.guarded):
                 clearances["keep_out"] = self._region_distances(a, b, self.guarded).T
         return clearances
+
+    def distances(self, q: Tensor) -> Tensor:
+        """All of these side by side, (N, P + K); there must be some."""
+        return torch.cat([*self.clearances(q).values()], 1)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Capsules and regions as compiled kernels take them."""
+        numbers = torch.tensor([region.numbers for region in self.regions], dtype=torch.float64).reshape(
+            -1, 6
+        )
+        kinds = torch.tensor([PLANE if isinstance(region, Plane) else BOX for region in self.regions])
+        return Shapes.of(self.arm.capsules, self.pairs, self.guarded, numbers, kinds.long())
 
     def refuse_home(self, home: Sequence[float]) -> None:
         """Refuse a home position where the arm cannot rest.

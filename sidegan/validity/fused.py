@@ -9,12 +9,11 @@ from torch import Tensor
 
 from sidegan.motion.compiled import cells as kernel_cells
 from sidegan.motion.compiled import validity as kernel
-from sidegan.motion.compiled.chain import BOX, PLANE, Shapes, array
+from sidegan.motion.compiled.chain import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import Slack, link_norms
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.regions import Plane, Region
 from sidegan.validity.search import Result, Search
 
 NAMES = ("position", "velocity", "torque", "collision", "keep_out")  # the kernel's columns
@@ -94,31 +93,9 @@ def _model(constraints: Constraints) -> kernel_cells.Model:
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
-    return kernel_cells.Model(constraints.body.chain, _shapes(constraints), **arrays)
-
-
-def _shapes(constraints: Constraints) -> Shapes:
-    capsules, regions = constraints.arm.capsules, constraints.regions
-    numbers = torch.tensor([_numbers(region) for region in regions], dtype=torch.float64).reshape(-1, 6)
-    kinds = [PLANE if isinstance(region, Plane) else BOX for region in regions]
-    return Shapes.of(
-        capsules.link,
-        torch.stack([capsules.a, capsules.b]),
-        capsules.radius,
-        constraints.pairs,
-        constraints.guarded,
-        numbers,
-        torch.tensor(kinds, dtype=torch.long),
-    )
+    return kernel_cells.Model(constraints.body.chain, constraints.shapes, **arrays)
 
 
 def _most(reach: Tensor) -> Tensor:
     """Largest reach of each joint, (1, J); zero where nothing is checked."""
     return torch.cat([reach, torch.zeros_like(reach.sum(0))[None]]).amax(0, keepdim=True)
-
-
-def _numbers(region: Region) -> list[float]:
-    if isinstance(region, Plane):
-        return [*region.normal, region.offset, 0.0, 0.0]
-    sides = list(zip(region.lower, region.upper))
-    return [(low + high) / 2 for low, high in sides] + [(high - low) / 2 for low, high in sides]

@@ -14,20 +14,30 @@ _TOUCHING = 1e-12  # [m] keeps the gradient of a distance finite where it vanish
 
 @dataclass(frozen=True)
 class Plane:
-    """Keep out of the half space n·x < offset [m] (n is normalised)."""
+    """Keep out of the half space n·x < offset [m], for the unit vector n along the normal."""
 
-    normal: tuple[float, float, float]
+    normal: tuple[float, float, float]  # of any length
     offset: float
 
     def __post_init__(self) -> None:
         length = float(np.linalg.norm(self.normal))
         if len(self.normal) != 3 or not np.isfinite([length, self.offset]).all() or length == 0:
             raise ConfigError(f"a plane needs a non-zero normal of three numbers and an offset, got {self}")
-        object.__setattr__(self, "normal", tuple(float(x) / length for x in self.normal))
+
+    @property
+    def unit(self) -> list[float]:
+        """The normal, of length one."""
+        length = float(np.linalg.norm(self.normal))
+        return [float(x) / length for x in self.normal]
+
+    @property
+    def numbers(self) -> list[float]:
+        """Unit normal and offset, as compiled kernels take them."""
+        return [*self.unit, self.offset, 0.0, 0.0]
 
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region."""
-        normal = a.new_tensor(self.normal)
+        normal = a.new_tensor(self.unit)
         height = torch.minimum(torch.tensordot(normal, a, 1), torch.tensordot(normal, b, 1))
         return height - self.offset
 
@@ -43,6 +53,12 @@ class Box:
         finite = len(self.lower) == len(self.upper) == 3 and np.isfinite([*self.lower, *self.upper]).all()
         if not finite or any(low >= high for low, high in zip(self.lower, self.upper)):
             raise ConfigError(f"a box needs three coordinates in lower, all below those in upper, got {self}")
+
+    @property
+    def numbers(self) -> list[float]:
+        """Centre and half size, as compiled kernels take them."""
+        sides = list(zip(self.lower, self.upper))
+        return [(low + high) / 2 for low, high in sides] + [(high - low) / 2 for low, high in sides]
 
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region.

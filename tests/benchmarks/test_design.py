@@ -33,5 +33,5 @@ def test_the_diagonals_are_those_of_excitation():
     setting = Setting(quick=True)
     _, diagonals = design.library(setting)
     c = setting.start(60)
-    expected = excite(setting.body, setting.trajectory, c, design._SAMPLES).diagonal
+    expected = excite(setting.problem.body, setting.problem.trajectory, c, design._SAMPLES).diagonal
     assert ((diagonals - expected).abs() <= 1e-9 * expected.max()).all()

@@ -8,8 +8,9 @@ from sidegan.conditional import ConditionalGenerator
 from sidegan.conditional.ranges import Cube, Request
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import outcome, validity
-from sidegan.conditional.training import ConditionedViolation, train
+from sidegan.conditional.training import train
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError, SideganError
+from sidegan.gan.terms import Formula
 from sidegan.validity import Constraints, Plane
 from tests.conditional.conftest import NOTHING, RANGES, random
 from tests.tiny import tiny
@@ -124,7 +125,7 @@ def test_a_dedicated_generator_serves_its_condition(space, tmp_path):
 def test_a_training_that_diverges_is_stopped_and_its_last_epoch_kept(space, tmp_path, monkeypatch):
     def spoil(epoch, metrics):
         nan = lambda self, batch: batch.coefficients.sum() * torch.nan  # noqa: E731
-        monkeypatch.setattr(ConditionedViolation, "forward", nan)
+        monkeypatch.setattr(Formula, "forward", nan)
 
     with pytest.raises(SideganError, match="conditional diverged in epoch 1: the loss is nan; the last"):
         train(space, SMALL, tmp_path, 0, epoch_end=spoil)

@@ -255,13 +255,6 @@ def test_the_first_of_equals_wins_and_no_one_is_chosen_twice(criterion):
     assert all(i < 20 or i - 20 in order[: order.index(i)] for i in order)
 
 
-def test_half_precision_of_the_store_hardly_matters():
-    matrices = candidates(8, 400, size=6, rank=12)
-    exact, rounded = Information.of(matrices), Information.of(matrices, torch.float32)
-    chosen = d_optimal(rounded, 20)
-    assert ceiling(exact, chosen)[0] == pytest.approx(ceiling(exact, d_optimal(exact, 20))[0], abs=1e-4)
-
-
 def test_candidates_may_lie_in_a_file(tmp_path):
     information = Information.of(candidates(8, 300))
     kept = np.memmap(tmp_path / "packed", np.float64, "w+", shape=tuple(information.packed.shape))

@@ -55,7 +55,7 @@ def test_the_ends_are_those_of_the_spectrum(arm_problem):
     whole = physics.spectrum(SetInformation(arm_problem, 2), c)
     expected = torch.cat([whole[:, :3], whole[:, -2:]], 1)
     torch.testing.assert_close(
-        physics.ends(SetInformation(arm_problem, 2), c), expected, rtol=1e-6, atol=1e-10
+        physics.spectrum(SetInformation(arm_problem, 2), c, ends=True), expected, rtol=1e-6, atol=1e-10
     )
 
 

@@ -1,7 +1,8 @@
 import pytest
 import torch
 
-from sidegan.gan.diversity import Distance, Rank, Spread, distance_target, rank_target
+from sidegan.gan import diversity as terms
+from sidegan.gan.diversity import Spread, distance_target, rank_target
 from sidegan.gan.terms import Batch
 from sidegan.gan.training import random_trajectories
 from tests.gan.conftest import random
@@ -14,7 +15,7 @@ def spread(seeds):
 
 @pytest.fixture(scope="module")
 def distance(seeds):
-    return diversity(Distance(1.0, distance_target(seeds, random=False)))
+    return diversity(terms.distance(1.0, distance_target(seeds, random=False)))
 
 
 def diversity(term):
@@ -64,7 +65,7 @@ def test_a_collapsed_batch_gives_a_finite_slope(seeds, spread, distance):
 
 def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
     c = random_trajectories(constraints, family, 0).float()
-    loss = diversity(Rank(1.0, rank_target(c, 100)))
+    loss = diversity(terms.rank(1.0, rank_target(c, 100)))
     assert loss(c[:100]) < 0.1
     vectors = torch.randn(2, c[0].numel(), generator=random())
     flat = (torch.randn(100, 2, generator=random()) @ vectors).view(100, *c.shape[1:]).requires_grad_(True)

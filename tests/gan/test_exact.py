@@ -7,7 +7,8 @@ from sidegan.design.objectives import Term
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError, ShapeError, SideganError
 from sidegan.gan import TrajectoryGenerator
-from sidegan.gan.exact import ExactFeatures, Violation
+from sidegan.gan.exact import ExactFeatures
+from sidegan.gan.terms import Formula
 from sidegan.gan.training import Run, random_trajectories, train_variant
 from sidegan.gan.variants import Exact
 from sidegan.validity import Constraints, Plane, check
@@ -121,9 +122,7 @@ def test_a_number_that_is_none_ends_the_training_and_keeps_the_last_epoch(
 
     def spoil(epoch, metrics):
         if epoch == 0:
-            monkeypatch.setattr(
-                Violation, "forward", lambda self, batch: batch.coefficients.sum() * torch.nan
-            )
+            monkeypatch.setattr(Formula, "forward", lambda self, batch: batch.coefficients.sum() * torch.nan)
 
     with pytest.raises(SideganError, match="exact diverged in epoch 1: the loss is nan; the last"):
         train(variant, tmp_path, epoch_end=spoil)

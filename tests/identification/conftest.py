@@ -9,7 +9,7 @@ from tests.identification.recordings import noisy_rows
 class LinearBody:
     """A made-up arm of three joints whose torques are linear in six parameters of unlike sizes."""
 
-    joints, count = 3, 6
+    joints, count, kinds = 3, 6, ("all",)
     names = tuple(f"p{i + 1}" for i in range(6))
 
     def __init__(self):

@@ -1,12 +1,22 @@
 """Made-up recordings with known parameters."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import torch
 
-from sidegan.identification import FULL, Measurements, Noise, StudySettings, TorqueModel
+from sidegan.identification import (
+    FULL,
+    EstimationSettings,
+    Measurements,
+    Noise,
+    StudySettings,
+    TorqueModel,
+    estimate,
+)
 from sidegan.motion.dynamics import RigidBody
+from tests.settings import settings
 
 NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
@@ -27,7 +37,21 @@ def truth_of(model):
     """Parameters (P,) of the description with friction, another one at every joint."""
     grow = torch.linspace(1.0, 0.4, model.joints, dtype=torch.float64)
     terms = {name: FRICTION[name] * grow for name in model.kinds if name in FRICTION}
-    return model.base_of(model.arm.inertial_parameters, terms)
+    return parameters_of(model, terms)
+
+
+def parameters_of(model, terms):
+    """Parameters (P,) of the description's links and of terms, name → (J,)."""
+    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
+    standard[: 10 * model.joints] = model.arm.inertial_parameters.reshape(-1)
+    for name, values in terms.items():
+        standard[model.standard_slice(name)] = values.double()
+    return model.mapping @ standard
+
+
+def at_once(samples):
+    """Within the block, measurements are walked through in pieces of so many samples."""
+    return patch("sidegan.identification.measurements.SAMPLES_AT_ONCE", samples)
 
 
 def recorded(model, samples=1500, noise=0.0, seed=0):
@@ -44,7 +68,7 @@ class Fixed:
 
     def __init__(self, y):
         self.y, self.joints, self.count = y, y.shape[1], y.shape[2]
-        self.names = [f"p{i + 1}" for i in range(self.count)]
+        self.names, self.kinds = [f"p{i + 1}" for i in range(self.count)], ("all",)
 
     def regressor(self, q, dq, ddq, sign=None):
         return self.y[q[:, 0].long()]
@@ -64,6 +88,15 @@ def noisy_rows(samples):
 
 def model_of(arm, velocities=None, **terms):
     return TorqueModel(RigidBody(arm), replace(FULL, stribeck=velocities is not None, **terms), velocities)
+
+
+def fitted(method, model, measurements, **changes):
+    """An estimate; the consistent method has the settings of conf/ but for the changes."""
+    if method == "consistent":
+        group = settings(EstimationSettings, "identify/default")
+        names = ("pull", "strength", "margin", "total_mass")
+        changes = {name: getattr(group, name) for name in names} | changes
+    return estimate(method, model, measurements, **changes)
 
 
 def study_settings(**changes):

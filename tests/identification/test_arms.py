@@ -13,7 +13,7 @@ from sidegan.identification.study import covariance_norm
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory, concatenate
 from sidegan.robot import load_robot
-from tests.identification.recordings import NOISE, Fixed
+from tests.identification.recordings import NOISE, Fixed, at_once
 
 
 @pytest.fixture(scope="module", params=["planar2", "kuka_lwr4"])
@@ -61,15 +61,17 @@ def test_it_is_least_squares_of_the_stacked_regressor(model, noisy):
     prior = 1e-3 * torch.eye(rows.shape[1], dtype=torch.float64)
     right = torch.cat([noisy.torque.flatten(), torch.zeros(len(prior), dtype=torch.float64)])
     expected = torch.linalg.lstsq(torch.cat([rows, prior]), right).solution
-    parameters = estimate("ols", model, noisy, samples_at_once=333).parameters
+    with at_once(333):
+        parameters = estimate("ols", model, noisy).parameters
     torch.testing.assert_close(parameters, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))
 
 
 def test_compiled_sums_are_those_of_the_regressor(model, noisy):
     plain = Fixed(model.body.base_regressor(*noisy.states))
-    expected, sums = (
-        gather(*x, 333).sums for x in ((plain, plain.measurements(noisy.torque)), (model, noisy))
-    )
+    with at_once(333):
+        expected, sums = (
+            gather(*x).sums for x in ((plain, plain.measurements(noisy.torque)), (model, noisy))
+        )
     for one, other in zip(sums, expected):
         torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-9 * float(other.abs().max()))
 

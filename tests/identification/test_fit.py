@@ -6,12 +6,12 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ShapeError
 from sidegan.identification import Measurements, estimate, measure, score
 from sidegan.identification.fit import least_squares, recursive
 from sidegan.identification.gather import gather
 from sidegan.motion.trajectory import Motion
-from tests.identification.recordings import NOISE, Fixed
+from tests.identification.recordings import NOISE, Fixed, at_once
 
 
 def classical(y, tau, prior, forgetting):
@@ -40,7 +40,8 @@ def batch(y, tau, prior, weights=(1.0, 1.0, 1.0), forgetting=1.0):
 
 def gathered(y, tau, size=None, forgetting=1.0):
     model = Fixed(y)
-    return gather(model, model.measurements(tau), size or len(y), forgetting)
+    with at_once(size or len(y)):
+        return gather(model, model.measurements(tau), forgetting)
 
 
 def fed(y, tau, size=None, prior=1e6, forgetting=1.0, weighted=False):
@@ -222,7 +223,8 @@ class TestGather:
         whole = estimate(method, body, noisy)
         body.largest = 0
         stream = (noisy[i : i + 50] for i in range(0, 300, 50))
-        result = estimate(method, body, stream, samples_at_once=samples)
+        with at_once(samples):
+            result = estimate(method, body, stream)
         assert body.largest == min(samples, 50)
         torch.testing.assert_close(result.parameters, whole.parameters, rtol=1e-9, atol=1e-12)
         assert result.samples == 300
@@ -239,10 +241,6 @@ class TestGather:
         clean = measure(body, motion)
         with pytest.raises(ShapeError, match="no samples"):
             gather(body, [clean[x] for x in nothing])
-
-    def test_no_samples_at_once_are_refused(self, body, motion):
-        with pytest.raises(ConfigError, match="at least 1, got 0"):
-            gather(body, measure(body, motion), samples_at_once=0)
 
     def test_a_motion_at_rest_leaves_the_rest_at_the_prior(self, body):
         still = torch.full((1, 50, 3), 0.4, dtype=torch.float64)

@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from sidegan.identification import Measurements, estimate, score, trust
 from sidegan.robot import load_robot
-from tests.identification.recordings import model_of
+from tests.identification.recordings import fitted, model_of
 
 DATA = Path(os.environ.get("SIDEGAN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 GAINS = np.array([14.87, 13.26, 11.13, 10.62, 11.03, 11.47])  # [N·m/A] of the UR10e
@@ -71,7 +71,7 @@ def ur10e_runs():
     ],
 )
 def test_ur10e_predicts_the_other_recording(ur10e_model, ur10e_runs, method, most, train):
-    found = estimate(method, ur10e_model, ur10e_runs[train])
+    found = fitted(method, ur10e_model, ur10e_runs[train])
     assert score(ur10e_model, found.parameters, ur10e_runs[1 - train]).nmse_mean <= most
 
 

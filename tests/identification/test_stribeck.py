@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError
-from sidegan.identification import Measurements, estimate, stribeck_velocities
-from tests.identification.recordings import model_of, multisine, recorded
+from sidegan.identification import Measurements, estimate
+from sidegan.identification.stribeck import stribeck_velocities
+from tests.identification.recordings import model_of, multisine, parameters_of, recorded
 
 
 def noise_like(x, seed):
@@ -17,7 +18,7 @@ def test_velocities_are_found(planar):
     truth = model_of(planar, (0.05, 0.2))
     states = multisine(2, 3000)
     terms = {n: torch.tensor([2.0, 1.0]) for n in ("viscous", "coulomb", "stribeck")}
-    torque = truth.torque(truth.base_of(planar.inertial_parameters, terms), *states)
+    torque = truth.torque(parameters_of(truth, terms), *states)
     data = Measurements(*states, torque + 0.05 * noise_like(torque, 0))
     found = stribeck_velocities(model_of(planar), iter([data]), (0.02, 0.05, 0.1, 0.2, 0.4))
     assert found == [0.05, 0.2]

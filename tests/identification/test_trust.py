@@ -10,15 +10,12 @@ from hypothesis import strategies as st
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import (
     Measurements,
-    Thresholds,
     estimate,
     folds,
-    grams_of,
-    most_informative,
     score,
     trust,
 )
-from sidegan.identification.next_runs import certainty
+from sidegan.identification.next_runs import certainty, grams_of, most_informative
 from sidegan.identification.score import score_of_sums
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import model_of, multisine, recorded, truth_of
@@ -54,7 +51,6 @@ class TestScore:
         expected = (data.torque - predicted).square().mean(0) / variance
         torch.testing.assert_close(result.nmse, expected)
         torch.testing.assert_close(result.rmse, (data.torque - predicted).square().mean(0).sqrt())
-        assert result.samples == 1000
 
     @settings(max_examples=20, deadline=None)
     @given(cut=st.integers(1, 999), offset=st.floats(-1e3, 1e3))
@@ -167,12 +163,10 @@ class TestVerdict:
         result = trust(model, found, [validation], folds("weighted", model, [validation, odd]))
         assert result.verdict == "usable" and "is predicted by the others" in result.reasons[0]
 
-    def test_limits_are_the_users(self, good):
+    def test_parameters_that_act_alike(self, good):
         model, found, validation = good
-        strict = Thresholds(good_nmse=1e-6, usable_nmse=1e-5, condition=1.0)
-        result = trust(model, found, [validation], thresholds=strict)
-        assert result.verdict == "not trustworthy"
-        assert any("act alike" in r for r in result.reasons)
+        result = trust(model, replace(found, condition=1e4), [validation])
+        assert result.verdict == "usable" and "act alike" in result.reasons[0]
 
     def test_another_model(self, good):
         _, found, _ = good
@@ -234,11 +228,5 @@ class TestNextRuns:
 
     def test_bad_input(self, half_still, candidates):
         model, found, _ = half_still
-        grams = grams_of(model, found, *candidates)
-        effects = torch.ones(model.count, dtype=torch.float64)
-        with pytest.raises(ShapeError, match="grams are"):
-            most_informative(found, grams[:0], effects, 100)
-        with pytest.raises(ConfigError, match="expected at least 1"):
-            most_informative(found, grams, effects, 0)
         with pytest.raises(ShapeError):
             grams_of(model, found, candidates[0], candidates[1][:, :1])

@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from sidegan.errors import RecordingError
-from sidegan.identification.workflow import identify_arm, measurements_of, model_of
+from sidegan.identification import EstimationSettings, Terms
+from sidegan.identification.workflow import identify_arm
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import of_file
 from tests.recording.made import moved
+from tests.settings import settings
 
 VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
-TERMS = {"rotor_inertia": False, "viscous": True, "coulomb": True, "offset": True, "sign_width": 0.01}
 
 
 @pytest.fixture(scope="module")
@@ -24,15 +25,15 @@ def recordings(planar):
 
 
 def identified(arm, training, validation=(), method="weighted", stribeck=False):
-    model = model_of(arm, TERMS, stribeck, measurements_of(training))
-    methods = {method: {}, "ols": {}, "consistent": {}}
-    return identify_arm(model, list(training), list(validation), methods)
+    terms = settings(Terms, "model/joint_torque", sign_width=0.01, stribeck=stribeck)
+    options = settings(EstimationSettings, "identify/default", method=method)
+    return identify_arm(arm, list(training), list(validation), terms, options)
 
 
 @pytest.mark.parametrize("method", ["ols", "huber", "tls", "rls", "ridge", "essential"])
 def test_every_method_identifies(planar, recordings, method):
     result = identified(planar, recordings[:1], recordings[1:2], method)
-    assert result.method == method and result.kind == "held out"
+    assert result.chosen.method == method and result.kind == "held out"
     assert list(result.tests) == list(dict.fromkeys([method, "ols", "consistent"]))
     assert result.tests[method].nmse.mean() < 5e-3
     assert result.links.shape == (2, 10)
@@ -61,4 +62,4 @@ def test_fewer_equations_than_parameters_are_refused(planar, recordings):
     segment = recordings[0].segments[0]
     short = replace(recordings[0], segments=[type(segment)(*(x[:2] for x in segment))])
     with pytest.raises(RecordingError, match="2 samples of 2 joints are left, too few for"):
-        identify_arm(model_of(planar, TERMS, False, []), [short], [], {"ols": {}, "consistent": {}})
+        identified(planar, [short])

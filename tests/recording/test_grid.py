@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.recording.filters import derivative, low_pass, windows
-from sidegan.recording.grid import uniform
+from sidegan.recording.grid import derivative, low_pass, uniform, windows
 
 CUTS = st.lists(st.integers(1, 399), max_size=12, unique=True).map(sorted)
 

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sidegan.errors import StorageError
-from sidegan.report.identification import Finding, Friction, Report, Signals, numbers, plots, write_report
-from sidegan.report.identification.write import report_html
+from sidegan.report.identification import page, plots
+from sidegan.report.identification.data import Finding, Friction, Report, Signals, correlation_of
+from sidegan.report.identification.page import report_html, write_report
 
 HOSTILE = '<script>alert("x")</script>&'
 JOINTS = ("shoulder", "elbow")
@@ -96,9 +97,9 @@ class _Page(HTMLParser):
 
 
 def read(report):
-    page = _Page(report_html(report))
-    assert not page.open
-    return page, " ".join(" ".join(page.text).split())
+    html = _Page(report_html(report))
+    assert not html.open
+    return html, " ".join(" ".join(html.text).split())
 
 
 def test_everything_is_told(report):
@@ -119,10 +120,10 @@ def test_warnings_come_before_what_is_fine(report):
 
 
 def test_nothing_comes_from_elsewhere(report):
-    page, _ = read(report)
-    assert all(link.startswith("#") or link == "verdict.json" for link in page.links)
-    assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
-    assert len(page.ids) == len(set(page.ids))
+    html, _ = read(report)
+    assert all(link.startswith("#") or link == "verdict.json" for link in html.links)
+    assert {link[1:] for link in html.links if link.startswith("#")} <= set(html.ids)
+    assert len(html.ids) == len(set(html.ids))
     assert "default-src 'none'" in report_html(report)
 
 
@@ -148,11 +149,17 @@ def test_words_from_outside_run_nothing(report):
 
 
 def test_what_is_not_known_is_left_out(report):
-    bare = Report(
-        "arm", "No verdict.", "poor", [], {}, JOINTS, [], report.errors[["nmse_training"]], [], parameters()
+    bare = replace(
+        report,
+        verdict="No verdict.",
+        recommendations=(),
+        findings=(),
+        signals=(),
+        errors=report.errors[["nmse_training"]],
+        friction=None,
     )
     _, text = read(bare)
-    for heading in ("What to do next", "The data", "What is left over", "Friction", "How this was made"):
+    for heading in ("What to do next", "The data", "What is left over", "Friction"):
         assert heading not in text
     assert "nMSE, validation" not in text
     assert "No verdict." in text
@@ -206,18 +213,18 @@ def test_correlation_of_a_covariance():
     half = np.random.default_rng(0).normal(size=(4, 4))
     covariance = half @ half.T
     deviation = np.sqrt(np.diag(covariance))
-    found = numbers.correlation_of(covariance)
+    found = correlation_of(covariance)
     np.testing.assert_allclose(found * deviation * deviation[:, None], covariance, atol=1e-12)
-    assert numbers.correlation_of(np.zeros((2, 2))).tolist() == [[1, 0], [0, 1]]
+    assert correlation_of(np.zeros((2, 2))).tolist() == [[1, 0], [0, 1]]
 
 
 def test_only_pairs_that_go_together_are_named():
     correlation = np.array([[1, -0.9, 0.2], [-0.9, 1, 0.85], [0.2, 0.85, 1]])
-    first, second = numbers.hard_to_tell_apart(correlation, "abc")
+    first, second = page.hard_to_tell_apart(correlation, "abc")
     assert first.startswith("a and b (−0.9): their sum")
     assert second.startswith("b and c (0.85): their difference")
-    assert numbers.hard_to_tell_apart(np.eye(3), "abc") == []
-    assert numbers.hard_to_tell_apart(np.ones((5, 5)), "abcde")[-1] == "and 2 more pairs"
+    assert page.hard_to_tell_apart(np.eye(3), "abc") == []
+    assert page.hard_to_tell_apart(np.ones((5, 5)), "abcde")[-1] == "and 2 more pairs"
 
 
 @pytest.mark.parametrize(
@@ -228,14 +235,19 @@ def test_only_pairs_that_go_together_are_named():
     ],
 )  # fmt: skip
 def test_numbers_for_people(value, text):
-    assert numbers.number(value) == text
+    assert page.number(value) == text
 
 
-def test_every_plot_survives_one_joint_and_silence():
+def test_every_plot_survives_one_joint_and_silence(report):
     still = Signals("still", "validation", np.arange(4.0), np.zeros((4, 1)), np.zeros((4, 1)))
-    one = Report(
-        "arm", "v", "fair", [], {}, ("only",), [], pd.DataFrame({"nmse_validation": [np.nan]}), [still],
-        parameters(), np.zeros((3, 3)), np.inf, np.zeros(3),
-        Friction(*[np.zeros((1, 2))] * 2, *[np.zeros((1, 1))] * 2),
-    )  # fmt: skip
+    one = replace(
+        report,
+        joint_names=("only",),
+        errors=pd.DataFrame({"nmse_validation": [np.nan]}),
+        signals=[still],
+        covariance=np.zeros((3, 3)),
+        condition_number=np.inf,
+        singular_values=np.zeros(3),
+        friction=Friction(*[np.zeros((1, 2))] * 2, *[np.zeros((1, 1))] * 2),
+    )
     assert re.search(r'id="plot-friction"', report_html(one))

@@ -32,7 +32,7 @@ def test_plane_measures_the_lower_end() -> None:
     assert plane.margin(a, b).tolist() == pytest.approx([0.6 * 5 - 2])
     a, b = random_segments(100)
     along = torch.stack(
-        [torch.tensor(plane.normal, dtype=torch.float64) @ x - 2.0 for x in (a, (a + b) / 2, b)]
+        [torch.tensor(plane.unit, dtype=torch.float64) @ x - 2.0 for x in (a, (a + b) / 2, b)]
     )
     torch.testing.assert_close(plane.margin(a, b), along.amin(0))
 

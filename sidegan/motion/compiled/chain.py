@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.robot import Arm
+from sidegan.robot import Arm, Capsules
 
 Array = np.ndarray
 
@@ -53,24 +53,17 @@ class Shapes(NamedTuple):
     size: Array  # a little more than the radius of the ball around it [m], (C,)
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
-    regions: Array  # normal and offset of a plane, centre and half size of a box [m], (R, 4 or 6)
+    regions: Array  # normal and offset of a plane, centre and half size of a box [m], (R, 6)
     kinds: Array  # of the regions, (R,) int
 
     @classmethod
     def of(
-        cls,
-        link: Tensor,
-        ends: Tensor,
-        radius: Tensor,
-        pairs: Tensor,
-        guarded: Tensor,
-        regions: Tensor,
-        kinds: Tensor | None = None,
+        cls, capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: Tensor, kinds: Tensor
     ) -> "Shapes":
-        """Shapes of capsules on links (−1: the base); all regions are planes where no kinds are given."""
+        """Shapes of an arm's capsules and of regions, given by their numbers (R, 6)."""
+        ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-        kinds = torch.full((len(regions),), PLANE) if kinds is None else kinds
-        return cls(*map(array, (link + 1, ends, radius, size, pairs, guarded, regions, kinds)))
+        return cls(*map(array, (capsules.link + 1, ends, radius, size, pairs, guarded, regions, kinds)))
 
 
 def array(x: Tensor) -> Array:

@@ -162,14 +162,8 @@ def extremes(
 ) -> None:
     """Write the ``low`` smallest eigenvalues and as many of the largest as there is place for, ascending.
 
-    Args:
-        a: symmetric matrices with elements up to one, (B, p, p); overwritten.
-        low: how many of the eigenvalues are the smallest.
-        values: written, (B, K), K ≤ p.
-        vectors: written, unit eigenvectors row by row, (B, K, p).
-        sound: written, whether a matrix's eigenpairs are to be trusted, (B,) bool.
-        rows: this and what follows is ``room`` to work in.
-        shifts: at which eigenvalues are counted.
+    The symmetric matrices (B, p, p), with elements up to one, are overwritten. Written are values, (B, K),
+    unit eigenvectors row by row, (B, K, p), and whether they are to be trusted, (B,); the rest is ``room``.
     """
     d, e, tau, w, up = rows[0], rows[1], rows[2], rows[3], rows[4]
     size = a.shape[1]

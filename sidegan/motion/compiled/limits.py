@@ -1,12 +1,12 @@
 """What motions cost that come near their limits."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from torch import Tensor
 
-from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.chain import Array, Shapes
 
 
 class Limits(NamedTuple):
@@ -33,17 +33,9 @@ class Limits(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Distances that are kept: weight times the square of what a distance lacks.
+    """Distances that are kept: weight times the square of what a distance lacks."""
 
-    Attributes:
-        weight: of the squares [1/m²].
-        reach: smallest distance that costs nothing [m].
-        shapes: arguments of ``compiled.chain.Shapes.of``; None where the plain code must take the distances:
-            kernels know planes only.
-        clearances: all distances [m], (N, K), at positions (N, J); differentiable.
-    """
-
-    weight: float
-    reach: float
-    shapes: Sequence[Tensor] | None
-    clearances: Callable[[Tensor], Tensor] | None = None
+    weight: float  # of the squares [1/m²]
+    reach: float  # smallest distance that costs nothing [m]
+    shapes: Shapes | None  # planes and capsules; None where the plain code must take the distances
+    distances: Callable[[Tensor], Tensor]  # all of them [m], (N, K), at positions (N, J); differentiable

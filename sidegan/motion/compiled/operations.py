@@ -1,9 +1,9 @@
 """Compiled dynamics as differentiable functions of tensors (CPU, float64); those of ``sidegan.motion.plain``.
 
-First derivatives are compiled too. Where a derivative is to be derived again, the plain code takes over.
+First derivatives of torques are compiled too. Others, and higher ones, are those of the plain code.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,9 +12,9 @@ from torch import Tensor
 
 from sidegan.motion import plain
 from sidegan.motion.compiled import closeness, eigen, lanes, regressor, slopes
-from sidegan.motion.compiled.chain import Chain, Shapes, array
+from sidegan.motion.compiled.chain import Chain, array
 from sidegan.motion.compiled.limits import Limits, Near
-from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
+from sidegan.motion.threads import AS_STATES, each, share, threads_for
 
 if TYPE_CHECKING:
     from sidegan.motion.dynamics import RigidBody
@@ -32,12 +32,22 @@ def states_at_once(joints: int) -> int:
 
 def gram(body: "RigidBody", columns: Tensor, states: States) -> Tensor:
     """Gram matrices YᵀY / T of columns (p,) of the regressor, (B, p, p), of states (B, T, J)."""
+    if torch.is_grad_enabled() and any(x.requires_grad for x in states):
+        return plain.gram(body, columns, states)
     columns, order = columns.sort()
-    grams = _Gram.apply(*states, columns, body)
-    if torch.equal(order, torch.arange(len(order))):
-        return grams
-    back = order.argsort()
-    return grams[:, back][:, :, back]
+    batch, count, joints = states[0].shape
+    size, of_links = len(columns), _columns(columns, joints)
+    grams = np.zeros((batch, size, size))
+
+    def work(k: slice) -> None:
+        y = lanes.aligned(size, joints * regressor.SPAN)
+        motion = _states(*(x[k] for x in states))
+        regressor.grams(body.chain, motion, of_links, grams[k], lanes.room(joints), y)
+
+    share(work, batch, count)
+    back = order.argsort().numpy()
+    ascending = (order[1:] > order[:-1]).all()
+    return torch.from_numpy(grams if ascending else grams[:, back][:, :, back])
 
 
 def torques(body: "RigidBody", states: States, sets: Tensor) -> Tensor:
@@ -93,42 +103,6 @@ def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
     return pairs
 
 
-class _Gram(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, columns: Tensor, body: "RigidBody") -> Tensor:
-        ctx.save_for_backward(q, dq, ddq, columns)
-        ctx.body = body
-        batch, count, joints = q.shape
-        size, of_links = len(columns), _columns(columns, joints)
-        grams = np.zeros((batch, size, size))
-
-        def work(k: slice) -> None:
-            y = lanes.aligned(size, joints * regressor.SPAN)
-            motion = _states(q[k], dq[k], ddq[k])
-            regressor.grams(body.chain, motion, of_links, grams[k], lanes.room(joints), y)
-
-        share(work, batch, count)
-        return torch.from_numpy(grams)
-
-    @staticmethod
-    def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
-        """The cotangent is Σ weight v vᵀ over its eigenpairs: its product with YᵀY is Σ weight |Y v|²."""
-        *states, columns = ctx.saved_tensors
-        if torch.is_grad_enabled():
-            again = _again(lambda *x: plain.gram(ctx.body, columns, x), states, cotangent)
-            return (*again, None, None)
-        weights, vectors = eigh((cotangent + cotangent.transpose(1, 2)) / 2)
-        noise = len(columns) * torch.finfo(weights.dtype).eps * weights.abs().amax(1, keepdim=True)
-        count = int((weights.abs() > noise).sum(1).max()) if len(weights) else 0
-        heaviest = weights.abs().topk(count, 1).indices
-        vectors = vectors.gather(2, heaviest[:, None].expand(-1, len(columns), -1))
-        sets = cotangent.new_zeros(len(weights), count, 10 * states[0].shape[2])
-        sets[:, :, columns] = vectors.transpose(1, 2)
-        weights = weights.gather(1, heaviest) / states[0].shape[1]
-        limits = Limits.none(states[0].shape[2])
-        return (*penalised_slopes(ctx.body, states, sets, weights, limits, None)[1], None, None)
-
-
 class _Torques(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, body: "RigidBody") -> Tensor:
@@ -147,20 +121,14 @@ class _Torques(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
         *states, sets = ctx.saved_tensors
-        if torch.is_grad_enabled():
-            return (*_again(lambda *x: plain.torques(ctx.body, x, sets), states, cotangent), None, None)
+        if torch.is_grad_enabled():  # to be derived again
+            used = [x for x in states if x.requires_grad]
+            torque = plain.torques(ctx.body, states, sets)
+            again = iter(torch.autograd.grad(torque, used, cotangent, create_graph=True))
+            return (*(next(again) if x.requires_grad else None for x in states), None, None)
         fields = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
         slope = _slopes(ctx.body.chain, states, fields, Limits.none(states[0].shape[2]), None)[1]
         return (*slope, None, None)
-
-
-def _again(
-    function: Callable[..., Tensor], states: Sequence[Tensor], cotangent: Tensor
-) -> list[Tensor | None]:
-    """Slopes of the plain function that can be derived again."""
-    used = [x for x in states if x.requires_grad]
-    slope = iter(torch.autograd.grad(function(*states), used, cotangent, create_graph=True))
-    return [next(slope) if x.requires_grad else None for x in states]
 
 
 def _slopes(
@@ -170,7 +138,7 @@ def _slopes(
     batch, count, joints = states[0].shape
     slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
     arrays = [array(x) for x in sets]
-    shapes = None if near is None or near.shapes is None else Shapes.of(*near.shapes)
+    shapes = None if near is None else near.shapes
 
     def work(k: slice) -> None:
         motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))

@@ -53,18 +53,12 @@ from sidegan.motion.compiled.links import Joint, joint, ten
 
 
 class Sets(NamedTuple):
-    """Parameter sets of B trajectories, and the function of their torques that slopes are of.
+    """Parameter sets of B trajectories, and the function of their torques that slopes are of."""
 
-    Attributes:
-        parameters: (B, K, 10 J).
-        weights: the function is Σ weight · |τ|² over sets and time, (B, K); without meaning where there are
-            cotangents.
-        cotangents: of the torques, (B, K, J, T); none: (0, 0, 0, 0).
-    """
-
-    parameters: Array
+    parameters: Array  # (B, K, 10 J)
+    # the function is Σ weight · |τ|² over sets and time, (B, K); without meaning where there are cotangents
     weights: Array
-    cotangents: Array
+    cotangents: Array  # of the torques, (B, K, J, T); none: (0, 0, 0, 0)
 
 
 @kernel

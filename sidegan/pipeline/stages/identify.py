@@ -10,7 +10,7 @@ from typing import Any
 
 from sidegan.base.storage import read_json, replacing
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.identification.workflow import Candidates, identify_arm, measurements_of, model_of
+from sidegan.identification.workflow import identify_arm
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
@@ -61,16 +61,9 @@ def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[Checked
 
 def _make(cfg: Config, arm: Arm, build: Build) -> None:
     training, validation = checked(cfg, arm)
-    options = cfg.identify
-    methods: dict[str, dict[str, Any]] = {options.method: dict(options.settings)}
-    methods.setdefault("ols", {})
-    consistent = ("pull", "strength", "margin", "total_mass")
-    methods["consistent"] = {name: getattr(options, name) for name in consistent}
-    candidates = Candidates(Path(options.library), options.recommend) if options.library else None
-    explained = model_of(arm, cfg.model, measurements_of(training))
-    identified = identify_arm(explained, training, validation, methods, candidates)
+    identified = identify_arm(arm, training, validation, cfg.model, cfg.identify)
     groups = {name: asdict(getattr(cfg, name)) for name in ("robot", "recording", "model", "identify")}
-    write_results(identified, Origin(_command(cfg), groups, options.library), build.folder)
+    write_results(identified, Origin(_command(cfg), groups), build.folder)
 
 
 def _command(cfg: Config) -> str:

@@ -7,7 +7,7 @@ import pandas as pd
 import torch
 import yaml
 
-from sidegan.identification.gather import SAMPLES_AT_ONCE
+from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.identification.data import Finding, Friction, Level, Numbers, Report, Signals
@@ -22,7 +22,6 @@ class Origin(NamedTuple):
 
     command: str  # that made it
     settings: Mapping[str, Any]  # by group, plain values
-    library: str | None = None  # of trajectories to recommend from
 
 
 def content(
@@ -34,8 +33,8 @@ def content(
 ) -> Report:
     """Content of the report of an identified arm."""
     trust, arm = identified.trust, identified.model.arm
-    recordings = (*identified.training, *identified.validation)
-    error = identified.tests[identified.method].nmse.mean()
+    recordings, chosen = identified.recordings, identified.chosen
+    error = identified.tests[chosen.method].nmse_mean
     return Report(
         title=arm.name,
         verdict=f"{trust.verdict}: mean nMSE {error:.4f} ({identified.kind})",
@@ -47,12 +46,12 @@ def content(
         errors=_errors(identified),
         signals=[_signals(identified, recording) for recording in recordings],
         parameters=parameters,
-        covariance=identified.chosen.covariance.numpy(),
-        condition_number=trust.condition,
-        singular_values=_singular_values(identified.chosen.information),
+        covariance=chosen.covariance.numpy(),
+        condition_number=chosen.condition,
+        singular_values=_singular_values(chosen.information),
         friction=_friction(identified),
         links=links,
-        recommendations=_recommendations(identified, origin.library),
+        recommendations=_recommendations(identified, origin.settings["identify"]["library"]),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
         command=origin.command,
@@ -61,16 +60,16 @@ def content(
 
 def _facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
-    trust, method = identified.trust, identified.method
-    errors = {name: f"{one.nmse.mean():.4f}" for name, one in identified.tests.items()}
+    trust, chosen = identified.trust, identified.chosen
+    errors = {name: f"{one.nmse_mean:.4f}" for name, one in identified.tests.items()}
     return {
-        f"nMSE, {method}": errors[method],
+        f"nMSE, {chosen.method}": errors[chosen.method],
         "nMSE, equal weights": errors[EQUAL_WEIGHTS],
         "nMSE, consistent": errors[CONSISTENT],
-        "nMSE, description": f"{trust.nominal_score.nmse.mean():.4f}",
-        "condition number": f"{trust.condition:.3g}",
+        "nMSE, description": f"{trust.nominal_score.nmse_mean:.4f}",
+        "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(trust.weak)} weak",
-        "samples": f"{identified.chosen.samples}",
+        "samples": f"{chosen.samples}",
     }
 
 
@@ -96,7 +95,7 @@ def _errors(identified: IdentifiedArm) -> pd.DataFrame:
     uses = {"training": identified.trained}
     if identified.tests is not identified.trained:
         uses["validation"] = identified.tests
-    errors = {use: by_method[identified.method]._asdict() for use, by_method in uses.items()}
+    errors = {use: by_method[identified.chosen.method]._asdict() for use, by_method in uses.items()}
     return pd.DataFrame({f"{k}_{use}": x.tolist() for use, one in errors.items() for k, x in one.items()})
 
 

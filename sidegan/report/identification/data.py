@@ -1,7 +1,7 @@
 """Content of the report of an identification: plain arrays and tables."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -57,12 +57,21 @@ class Report:
     errors: pd.DataFrame  # a row per joint, in order, with columns nmse_ and rmse_ of training and validation
     signals: Sequence[Signals]  # one per recording
     parameters: pd.DataFrame  # of ``results.parameter_table``
-    covariance: Numbers | None = None  # of the parameters' errors in their order, (P, P)
-    condition_number: float | None = None  # of the weighted regressor
-    singular_values: Numbers | None = None  # of the same, (P,)
-    friction: Friction | None = None  # curves and samples
-    links: pd.DataFrame | None = None  # consistent inertial parameters, of ``results.link_table``
-    recommendations: Sequence[str] = ()  # what to do next, a sentence each
-    settings: str = ""  # as text
-    files: Mapping[str, str] = field(default_factory=dict)  # what → name of a file beside the report
-    command: str = ""  # that made it
+    covariance: Numbers  # of the parameters' errors in their order, (P, P)
+    condition_number: float  # of the weighted regressor
+    singular_values: Numbers  # of the same, (P,)
+    friction: Friction | None  # curves and samples; None of a model without any
+    links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
+    recommendations: Sequence[str]  # what to do next, a sentence each
+    settings: str  # as text
+    files: Mapping[str, str]  # what → name of a file beside the report
+    command: str  # that made it
+
+
+def correlation_of(covariance: Numbers) -> Numbers:
+    """Correlation (P, P) of a covariance; a parameter without variance is correlated with none."""
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    correlation = covariance / scale / scale[:, None]
+    np.fill_diagonal(correlation, 1.0)
+    return np.clip(correlation, -1.0, 1.0)

@@ -2,15 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
-from sidegan.report.identification.data import Friction, Numbers, Report, Signals
-from sidegan.report.identification.numbers import correlation_of
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
+from sidegan.report.identification.data import Friction, Numbers, Report, Signals, correlation_of
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
 ROLES = {"training": "#8795a1", "validation": "#0b66c3"}
@@ -24,10 +22,8 @@ _NAMED = 60  # parameters up to which a correlation has its names beside it
 _GRID = "#e6ebef"
 
 
-def torques(report: Report) -> "go.Figure":
+def torques(report: Report) -> go.Figure:
     """Measured and predicted torque and their difference, a row per joint, a recording at a time."""
-    from plotly.subplots import make_subplots
-
     names = list(report.joint_names)
     figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.24 / len(names))
     shown = shown_recordings(report.signals)
@@ -58,10 +54,8 @@ def shown_recordings(signals: Sequence[Signals]) -> list[Signals]:
     return sorted(signals, key=lambda one: one.role != "validation")[:_RECORDINGS]
 
 
-def errors(report: Report) -> "go.Figure":
+def errors(report: Report) -> go.Figure:
     """Normalised error of each joint, on what was trained on and on what was held out."""
-    import plotly.graph_objects as go
-
     figure = go.Figure()
     for role, colour in ROLES.items():
         if (column := f"nmse_{role}") in report.errors:
@@ -72,10 +66,8 @@ def errors(report: Report) -> "go.Figure":
     return _style(figure, 330)
 
 
-def residual_spread(report: Report) -> "go.Figure":
+def residual_spread(report: Report) -> go.Figure:
     """Spread of each joint's residuals, in units of its torque's standard deviation."""
-    import plotly.graph_objects as go
-
     figure = go.Figure()
     for role, colour in ROLES.items():
         parts = [one for one in report.signals if one.role == role]
@@ -88,10 +80,8 @@ def residual_spread(report: Report) -> "go.Figure":
     return _style(figure, 360)
 
 
-def residual_correlation(report: Report) -> "go.Figure":
+def residual_correlation(report: Report) -> go.Figure:
     """How residuals are correlated over time, a line per joint, of the longest recording shown."""
-    import plotly.graph_objects as go
-
     longest = max(shown_recordings(report.signals), key=lambda one: len(one.time))
     step = float(np.nanmedian(np.diff(longest.time)))
     figure = go.Figure()
@@ -106,10 +96,8 @@ def residual_correlation(report: Report) -> "go.Figure":
     return figure.update_layout(legend={"y": 0, "yanchor": "bottom"}, margin={"b": 110})
 
 
-def friction(report: Report) -> "go.Figure":
+def friction(report: Report) -> go.Figure:
     """Friction over velocity, the identified law over samples of torque less the rigid body's."""
-    from plotly.subplots import make_subplots
-
     names = report.joint_names
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
@@ -146,10 +134,8 @@ def _friction_traces(law: Friction | None, joint: int) -> list[dict[str, Any]]:
     return [samples, curve]
 
 
-def correlations(report: Report) -> "go.Figure":
+def correlations(report: Report) -> go.Figure:
     """Correlation of the parameters' errors, (P, P)."""
-    import plotly.graph_objects as go
-
     labels = [str(name) for name in report.parameters.name]
     heat = go.Heatmap(
         z=_small(correlation_of(np.asarray(report.covariance))),
@@ -170,10 +156,8 @@ def correlations(report: Report) -> "go.Figure":
     return _style(figure, 560)
 
 
-def spectrum(report: Report) -> "go.Figure":
+def spectrum(report: Report) -> go.Figure:
     """Singular values of the weighted regressor, largest first."""
-    import plotly.graph_objects as go
-
     values = np.sort(np.asarray(report.singular_values))[::-1]
     figure = go.Figure(go.Bar(x=np.arange(1, len(values) + 1), y=values, marker_color=PREDICTED))
     positive = values[values > 0]
@@ -184,7 +168,7 @@ def spectrum(report: Report) -> "go.Figure":
     return _style(figure, 330)
 
 
-PLOTS: dict[str, Callable[[Report], "go.Figure"]] = {
+PLOTS: dict[str, Callable[[Report], go.Figure]] = {
     "torques": torques,
     "errors": errors,
     "spread": residual_spread,
@@ -213,10 +197,8 @@ def thinned(x: Numbers, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.unique(extremes)
 
 
-def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> "Iterator[go.Scatter]":
+def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> Iterator[go.Scatter]:
     """Measured, predicted and difference of one joint, thinned so that peaks stay."""
-    import plotly.graph_objects as go
-
     kept = thinned(signals.measured[:, joint], _POINTS)
     lines = {
         "measured": (signals.measured, MEASURED, 2.2),
@@ -254,7 +236,7 @@ def _small(x: Numbers) -> Numbers:
     return np.asarray(x, dtype=np.float32)
 
 
-def _style(figure: "go.Figure", height: int, top: int = 36) -> "go.Figure":
+def _style(figure: go.Figure, height: int, top: int = 36) -> go.Figure:
     figure.update_layout(
         template="none",
         height=height,

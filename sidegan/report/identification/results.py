@@ -8,10 +8,11 @@ import pandas as pd
 from torch import Tensor
 
 from sidegan.base.storage import write_bytes, write_json
-from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, Errors, IdentifiedArm
+from sidegan.identification.score import Score
+from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.identification.content import Origin, content
-from sidegan.report.identification.write import write_report
+from sidegan.report.identification.page import write_report
 from sidegan.robot import write_urdf
 from sidegan.robot.consistency import about_the_centre
 
@@ -45,7 +46,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
         "check of the recordings": CHECK,
         "verdict for machines": VERDICT,
     }
-    write_checks([*identified.training, *identified.validation], folder)
+    write_checks(identified.recordings, folder)
     write_bytes(folder / _PARAMETERS, parameters.to_csv(index=False).encode())
     write_bytes(folder / _LINKS, links.to_csv(index=False).encode())
     write_json(folder / _MODEL, model_numbers(identified))
@@ -56,18 +57,19 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
     """A row per identified parameter; relative_std is a share, urdf is NaN where nothing is known."""
-    trust, rigid = identified.trust, identified.model.rigid
+    trust, chosen, model = identified.trust, identified.chosen, identified.model
+    nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     return pd.DataFrame(
         {
-            "name": trust.names,
-            "formula": trust.formulas,
-            "unit": [_unit(name.rstrip("0123456789")) for name in trust.names],
-            "value": trust.parameters.tolist(),
-            "std": trust.deviation.tolist(),
-            "relative_std": trust.relative_deviation.tolist(),
-            "urdf": [x if i < rigid else math.nan for i, x in enumerate(trust.nominal.tolist())],
+            "name": chosen.names,
+            "formula": model.formulas,
+            "unit": [_unit(name.rstrip("0123456789")) for name in chosen.names],
+            "value": chosen.parameters.tolist(),
+            "std": chosen.deviation.tolist(),
+            "relative_std": chosen.relative_deviation.tolist(),
+            "urdf": nominal,
             "effect": trust.effect.tolist(),
-            "weak": [name in trust.weak for name in trust.names],
+            "weak": [name in trust.weak for name in chosen.names],
         }
     )
 
@@ -88,43 +90,41 @@ def link_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """What a machine needs to decide whether to use the model; lists are in the order of the joints."""
-    trust, method = identified.trust, identified.method
-    nominal = Errors(trust.nominal_score.nmse, trust.nominal_score.rmse)
-    recordings = (*identified.training, *identified.validation)
+    trust, chosen = identified.trust, identified.chosen
     return {
         "robot": identified.model.arm.name,
         "joints": list(identified.model.arm.joint_names),
-        "method": method,
+        "method": chosen.method,
         "verdict": trust.verdict,
         "reasons": trust.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
             "kind": identified.kind,
             "recordings": [recording.name for recording in identified.validation],
-            **_all_errors(identified.tests, method),
-            "description": _errors(nominal),
+            **_all_errors(identified.tests, chosen.method),
+            "description": _errors(trust.nominal_score),
         },
-        "training": _all_errors(identified.trained, method),
-        "condition_number": _number(trust.condition),
+        "training": _all_errors(identified.trained, chosen.method),
+        "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
-        "whiteness": _numbers(trust.whiteness),
+        "whiteness": _numbers(1 / chosen.inflation),
         "next_trajectories": [] if trust.next_runs is None else trust.next_runs.indices.tolist(),
-        "data": {recording.name: recording.warnings for recording in recordings},
-        "samples": identified.chosen.samples,
+        "data": {recording.name: recording.warnings for recording in identified.recordings},
+        "samples": chosen.samples,
     }
 
 
-def _all_errors(errors: dict[str, Errors], method: str) -> dict[str, Any]:
+def _all_errors(errors: dict[str, Score], method: str) -> dict[str, Any]:
     """Errors of the chosen method, and of those that it is compared with."""
     compared = {name: _errors(errors[other]) for name, other in _COMPARED.items()}
     return {**_errors(errors[method]), **compared}
 
 
-def _errors(errors: Errors) -> dict[str, Any]:
+def _errors(errors: Score) -> dict[str, Any]:
     return {
         "nmse": _numbers(errors.nmse),
-        "nmse_mean": _number(float(errors.nmse.mean())),
+        "nmse_mean": _number(errors.nmse_mean),
         "rmse": _numbers(errors.rmse),
     }
 
@@ -137,7 +137,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "robot": model.arm.name,
         "joints": list(model.arm.joint_names),
         "links": list(model.arm.link_names),
-        "method": identified.method,
+        "method": chosen.method,
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),

@@ -5,7 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.motion.spectrum import extremes
+from sidegan.motion.backend import extremes
 
 pytest.importorskip("numba")
 

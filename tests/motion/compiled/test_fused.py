@@ -71,7 +71,7 @@ def test_an_infinite_torque_limit_costs_nothing(arm):
     sets, weights = normal(2, 1, 70), normal(2, 1)
     value, slopes = body.penalised_slopes(states, sets, weights, limits, None)
     assert not value.any()
-    for one, other in zip(slopes, body.energy_slopes(*states, sets, weights)):
+    for one, other in zip(slopes, body.penalised_slopes(states, sets, weights)[1]):
         torch.testing.assert_close(one, other, rtol=1e-12, atol=1e-9)
 
 
@@ -80,12 +80,7 @@ def test_distances_cost_what_the_plain_code_says(arm, boxes):
     """Kernels know planes; where there are no shapes for them, the plain code takes the distances."""
     body, states = RigidBody(arm), [x.reshape(2, 40, 7) for x in random_states(arm, 80)]
     constraints = Constraints(arm, [Plane((0.0, 0.0, 1.0), 0.1)])
-    capsules, planes = arm.capsules, torch.tensor([[0.0, 0.0, 1.0, 0.1]], dtype=torch.float64)
-    shapes = [capsules.link, torch.stack([capsules.a, capsules.b]), capsules.radius]
-    shapes += [constraints.pairs, constraints.guarded, planes]
-    near = Near(
-        3.0, 0.2, None if boxes else shapes, lambda q: torch.cat([*constraints.clearances(q).values()], 1)
-    )
+    near = Near(3.0, 0.2, None if boxes else constraints.shapes, constraints.distances)
     sets, weights, none = normal(2, 1, 70), 1e-6 * normal(2, 1), Limits.none(7)
     value, slopes = body.penalised_slopes(states, sets, weights, none, near)
     cost, expected = plain.penalised_slopes(body, states, sets, weights, none, near)
