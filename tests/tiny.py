@@ -65,6 +65,7 @@ SMALL = {
         "beyond.finish=3",
         "beyond.sizes=[10]",
         "beyond.repeats=2",
+        "discussion.sizes=[10]",  # no subset that the reproduction makes: the page shows what there is
         "beyond.epoch=2",
         "~beyond.targets.another_arm",
         "~beyond.targets.higher_desk",

@@ -12,6 +12,7 @@ from experiments.beyond_words import summary
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library.measure import effort
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages import stage, transfer
 from sidegan.pipeline.stages.best import GREEDY, OPTIMAL, all_pools, best_sets
 from sidegan.pipeline.stages.library import library
@@ -23,7 +24,7 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import FACTS, Task
 from sidegan.pipeline.tracking import Tracker
-from tests.tiny import tiny
+from tests.tiny import composed, tiny
 
 PAGE = "beyond"
 
@@ -213,7 +214,7 @@ def _tip_height(arm, q):
 
 
 def test_the_panda_sized_arm_rests_at_its_home_and_can_be_excited():
-    cfg = tiny("robot=kuka_lwr4", "workspace=desk", "trajectory.harmonics=6", experiment="beyond")
+    cfg = validate(composed("+experiment=beyond", "robot=kuka_lwr4", "workspace=desk"))
     task = Task(cfg, Store.__new__(Store))
     there = transfer.Elsewhere(task, cfg.beyond.targets["another_arm"], None)
     assert there.arm.joints == 7 and there.constraints.body.parameters_count >= 40

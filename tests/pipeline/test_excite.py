@@ -13,11 +13,11 @@ GENERATED = ("gan=exact", "stages=[gan,library,excite]", "excite=[exact]", "gan.
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(outputs, tmp_path_factory):
     """Folder of a run that made trajectories to execute."""
-    root = tmp_path_factory.mktemp("excite")
-    run_stages(tiny(f"outputs={root}", experiment="excite"), root / "run", "excite")
-    return root / "run"
+    folder = tmp_path_factory.mktemp("excite")
+    run_stages(tiny(f"outputs={outputs}", experiment="excite"), folder, "excite")
+    return folder
 
 
 def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
@@ -48,14 +48,14 @@ def test_the_table_says_what_each_asks_of_the_arm(folder):
     assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
 
 
-def test_a_generator_may_be_the_pool(tmp_path):
+def test_a_generator_may_be_the_pool(outputs, tmp_path):
     options = (*GENERATED, "library.draws=5000", "library.polish=5", "library.count=8")
-    config = tiny(f"outputs={tmp_path}", *options, experiment="excite")
-    run_stages(config, tmp_path / "run", "excite")
-    assert Library.load(tmp_path / "run" / "library.parquet").source == ["exact"] * 6
+    config = tiny(f"outputs={outputs}", *options, experiment="excite")
+    run_stages(config, tmp_path, "excite")
+    assert Library.load(tmp_path / "library.parquet").source == ["exact"] * 6
     with pytest.raises(ConfigError, match=r"selection\.count is 9, but exact hold 8 trajectories"):
-        many = tiny(f"outputs={tmp_path}", *options, "selection.count=9", experiment="excite")
-        run_stages(many, tmp_path / "run", "excite")
+        many = tiny(f"outputs={outputs}", *options, "selection.count=9", experiment="excite")
+        run_stages(many, tmp_path, "excite")
 
 
 def test_pools_that_are_not_there_are_refused(tmp_path):

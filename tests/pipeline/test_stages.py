@@ -8,6 +8,7 @@ from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stage import finite, words
+from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.pools import pools
@@ -22,12 +23,17 @@ from tests.tiny import tiny
 
 
 @pytest.fixture(scope="module")
-def once(tmp_path_factory):
-    """Root of a whole tiny experiment."""
-    root = tmp_path_factory.mktemp("outputs")
-    config = tiny(f"outputs={root}")
-    run_stages(config, root / "runs" / "first", "first")
-    return root
+def once(outputs, tmp_path_factory):
+    """Folder of a run of a whole tiny experiment."""
+    folder = tmp_path_factory.mktemp("once")
+    run_stages(tiny(f"outputs={outputs}"), folder, "first")
+    return folder
+
+
+@pytest.fixture
+def made(once, outputs):
+    """The task of that run."""
+    return task(outputs)
 
 
 def task(root, *overrides):
@@ -35,33 +41,34 @@ def task(root, *overrides):
     return Task(config, Store(root))
 
 
-def artifacts(root):
-    """Every artifact's folder with the time its stamp was written."""
-    return {path.parent: path.stat().st_mtime_ns for path in root.glob("*/*/stamp.json")}
+def artifacts(made):
+    """Every artifact's folder, by stage, with what tells whether it was made anew."""
+    folders = {name: map(made.store.require, stage(name).artifacts(made)) for name in made.cfg.stages}
+    return {name: {folder: folder.stat().st_ino for folder in part} for name, part in folders.items()}
 
 
-def stamp_files(root, stage):
-    return sorted(path.parent.name for path in root.glob(f"{stage}/*/stamp.json"))
-
-
-def test_every_stage_leaves_its_artifacts(once):
-    counts = {
+def test_every_stage_leaves_its_artifacts(made, outputs):
+    counts = {name: len(part) for name, part in artifacts(made).items()}
+    assert counts == {
         "seeds": 1,
-        "surrogates": 1,
+        "surrogates": 2,  # with the generator whose output they learn from
         "gan": 3,
         "library": 3,
         "random": 1,
         "long": 2,
         "selection": 5,
         "identification": 7,
+        "plant": 7,
+        "table": 0,
     }
-    assert {stage: len(stamp_files(once, stage)) for stage in counts} == counts
-    assert not list(once.glob("*/*.work")) and not list(once.glob("*/.*.tmp"))
+    for part in artifacts(made).values():
+        for folder in part:
+            assert not list(folder.parent.glob(f"{folder.name}.work"))
+            assert not list(folder.parent.glob(f".{folder.name}*.tmp"))
 
 
 def test_the_experiment_leaves_table_1_and_its_figures(once):
-    folder = once / "runs" / "first"
-    table = pd.read_csv(folder / "table1.csv", index_col=0)
+    table = pd.read_csv(once / "table1.csv", index_col=0)
     assert list(table.columns) == [
         "single long, 3 harmonics",
         "single long, 12 harmonics",
@@ -73,21 +80,19 @@ def test_the_experiment_leaves_table_1_and_its_figures(once):
     ]
     assert table.loc["Simulator"].str.contains("±").all()
     for name in ("table1.md", "joints.csv", "sets.csv", "generators.md", "training.png", "nmse.png"):
-        assert (folder / name).stat().st_size > 0
+        assert (once / name).stat().st_size > 0
 
 
-def test_a_second_run_makes_nothing_and_prints_the_same(once, capsys):
-    before = artifacts(once)
-    run_stages(tiny(f"outputs={once}"), once / "runs" / "second", "second")
-    assert artifacts(once) == before
-    tables = [(once / "runs" / run / "table1.csv").read_bytes() for run in ("first", "second")]
-    assert tables[0] == tables[1]
+def test_a_second_run_makes_nothing_and_prints_the_same(once, made, outputs, tmp_path, capsys):
+    before = artifacts(made)
+    run_stages(tiny(f"outputs={outputs}"), tmp_path, "second")
+    assert artifacts(made) == before
+    assert (tmp_path / "table1.csv").read_bytes() == (once / "table1.csv").read_bytes()
     out = capsys.readouterr().out
     assert "Table I" in out and "seeds + eigen" in out
 
 
-def test_the_libraries_hold_what_is_valid(once):
-    made = task(once)
+def test_the_libraries_hold_what_is_valid(made):
     for name in made.cfg.gan:
         trajectories, report = made.load(library(made, name, 0)), made.report(library(made, name, 0))
         assert len(trajectories) == made.cfg.library.count
@@ -95,8 +100,7 @@ def test_the_libraries_hold_what_is_valid(once):
         assert 0 < report["valid_share"] <= 1 and report["drawn"] >= len(trajectories)
 
 
-def test_the_selections_are_of_seeds_and_libraries(once):
-    made = task(once)
+def test_the_selections_are_of_seeds_and_libraries(made):
     seeds = made.load(seed_set(made))
     rows = {tuple(row) for row in seeds.coefficients.flatten(1).tolist()}
     for pool in pools(made)[1:]:
@@ -106,8 +110,7 @@ def test_the_selections_are_of_seeds_and_libraries(once):
             assert (tuple(row) in rows) == (source != pool.name or pool.name == "seeds")
 
 
-def test_the_generators_are_the_arms_own(once):
-    made = task(once)
+def test_the_generators_are_the_arms_own(made):
     path = made.store.require(generator(made, "eigen", 0))
     loaded = TrajectoryGenerator.load(path / "generator.pt", made.arm)
     assert loaded.trajectory == made.trajectory and loaded.variant == "eigen"
@@ -117,8 +120,7 @@ def test_the_generators_are_the_arms_own(once):
         TrajectoryGenerator.load(path / "generator.pt", load_robot("kuka_lwr4"))
 
 
-def test_the_sets_last_equally_long_in_the_facts(once):
-    made = task(once)
+def test_the_sets_last_equally_long_in_the_facts(made):
     facts = pd.concat(
         [made.frame(identification(made, one), "facts.parquet") for one in excitation_sets(made)]
     )
@@ -147,23 +149,23 @@ def test_a_stage_without_its_inputs_names_what_is_missing(stage, missing, tmp_pa
     assert f"run stage {missing.split('/')[0]} first" in str(error.value)
 
 
-def test_a_changed_seed_set_is_named_as_the_difference(once):
-    config = tiny(f"outputs={once}", "stages=[selection]", "seeds.steps=21")
+def test_a_changed_seed_set_is_named_as_the_difference(made, outputs, tmp_path):
+    config = tiny(f"outputs={outputs}", "stages=[selection]", "seeds.steps=21")
     with pytest.raises(ArtifactError, match=r"settings\.seeds\.steps is 20, not 21"):
-        run_stages(config, once / "runs" / "other", "other")
+        run_stages(config, tmp_path, "other")
 
 
-def test_a_change_of_one_variant_makes_that_variant_anew(once):
-    before = artifacts(once)
-    config = tiny(f"outputs={once}", "stages=[gan]", "gan.diagonal.weights.distance=3")
-    run_stages(config, once / "runs" / "third", "third")
-    made = set(artifacts(once)) - set(before)
-    assert [folder.name.startswith("planar2-diagonal") for folder in made] == [True]
+def test_a_change_of_one_variant_makes_that_variant_anew(made, outputs, tmp_path):
+    before, change = artifacts(made), "gan.diagonal.weights.distance=3"
+    run_stages(tiny(f"outputs={outputs}", "stages=[gan]", change), tmp_path, "third")
+    after = artifacts(task(outputs, "stages=[gan]", change))
+    (new,) = set(after["gan"]) - set(before["gan"])
+    assert new.name.startswith("planar2-diagonal")
 
 
-def test_a_library_that_stays_short_is_told(once, caplog):
-    config = tiny(f"outputs={once}", "stages=[library]", "gan=vanilla", "library.batch=5", "library.draws=10")
-    run_stages(config, once / "runs" / "short", "short")
+def test_a_library_that_stays_short_is_told(made, outputs, tmp_path, caplog):
+    few = ("stages=[library]", "gan=vanilla", "library.batch=5", "library.draws=10")
+    run_stages(tiny(f"outputs={outputs}", *few), tmp_path, "short")
     assert "in 10 draws, 40 were wanted" in caplog.text
 
 
@@ -180,24 +182,24 @@ def test_reports_hold_only_what_json_can_say():
     assert words({"a": 1.23456, "b": 2}) == "a 1.235, b 2"
 
 
-def test_an_exact_variant_needs_no_surrogates_and_gets_its_rows(tmp_path):
-    config = tiny(f"outputs={tmp_path}", "gan=exact", "gan.exact.exact.samples=20", "library.draws=3000")
-    run_stages(config, tmp_path / "run", "exact")
-    assert not stamp_files(tmp_path, "surrogates")
-    table = pd.read_csv(tmp_path / "run" / "table1.csv", index_col=0)
+EXACT = ("gan=exact", "gan.exact.exact.samples=20")
+
+
+def test_an_exact_variant_needs_no_surrogates_and_gets_its_rows(made, outputs, tmp_path):
+    exact = task(outputs, *EXACT, "library.draws=3000")
+    run_stages(exact.cfg, tmp_path, "exact")
+    assert not artifacts(exact)["surrogates"]
+    table = pd.read_csv(tmp_path / "table1.csv", index_col=0)
     assert any("exact" in column for column in table.columns)
-    stamp = json.loads(next(tmp_path.glob("gan/*/stamp.json")).read_text())
-    assert "seeds" not in stamp["inputs"]
+    (folder,) = artifacts(exact)["gan"]
+    assert "seeds" not in json.loads((folder / "stamp.json").read_text())["inputs"]
 
 
-def test_polished_libraries_are_better(tmp_path):
-    stages = "stages=[seeds,surrogates,gan,library]"
+def test_polished_libraries_are_better(outputs, tmp_path):
     median = {}
     for steps in (0, 15):
-        config = tiny(
-            f"outputs={tmp_path}", "gan=exact", stages, f"library.polish={steps}", "library.count=20"
-        )
-        run_stages(config, tmp_path / "run", "polish")
-        made = Task(config, Store(tmp_path))
-        median[steps] = made.load(library(made, "exact", 0)).fitness.median()
+        polish = (f"library.polish={steps}", "library.count=20")
+        exact = task(outputs, *EXACT, "stages=[gan,library]", *polish)
+        run_stages(exact.cfg, tmp_path, "polish")
+        median[steps] = exact.load(library(exact, "exact", 0)).fitness.median()
     assert median[15] < 0.7 * median[0]

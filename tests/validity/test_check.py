@@ -198,8 +198,10 @@ def test_result_depends_neither_on_the_batch_nor_on_the_chunks(
     monkeypatch.setattr(sys.modules["sidegan.validity.search"], "_STATES_AT_ONCE", 37)
     monkeypatch.setattr(sys.modules["sidegan.validity.check"], "_CELLS_AT_ONCE", 70)
     chunked = check(constraints, trajectory, c)
-    assert torch.equal(whole.valid, chunked.valid)
-    assert whole.valid.tolist() == [bool(v.valid) for v in single]
+    clear = torch.stack(list(whole.margins.values())).abs().amin(0) > 1e-9  # elsewhere rounding decides
+    assert clear.sum() > 6
+    assert torch.equal(whole.valid[clear], chunked.valid[clear])
+    assert torch.equal(whole.valid[clear], torch.cat([v.valid for v in single])[clear])
     for name, margin in whole.margins.items():
         torch.testing.assert_close(chunked.margins[name], margin)
         torch.testing.assert_close(torch.cat([v.margins[name] for v in single]), margin)
@@ -232,7 +234,8 @@ def test_single_precision_is_checked_in_double(arm: Arm, device: torch.device) -
     constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7, home=BENT)
     c = 0.05 * random_coefficients(trajectory, 10).float()
     single, double = check(constraints, trajectory, c.to(device)), check(constraints, trajectory, c.double())
-    assert torch.equal(single.valid.cpu(), double.valid)
+    clear = torch.stack(list(double.margins.values())).abs().amin(0) > 1e-9
+    assert clear.any() and torch.equal(single.valid.cpu()[clear], double.valid[clear])
     for name, margin in single.margins.items():
         assert margin.dtype == torch.float64 and margin.device.type == device.type
         torch.testing.assert_close(margin.cpu(), double.margins[name])
