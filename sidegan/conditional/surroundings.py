@@ -1,6 +1,8 @@
 """How far an arm is from what surrounds it, where the surroundings differ between trajectories."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -40,21 +42,22 @@ class Surroundings:
         farther from an obstacle than ``reach`` may be given as infinite, which is faster.
         """
         count, times, joints = q.shape
-        kinds = {
-            "plane": bool((condition.plane > -math.inf).any()),
-            "walls": bool((condition.walls < math.inf).any()),
-            "obstacle": bool((condition.obstacle[:, 3] > 0).any()),
+        requested = {
+            "plane": condition.plane > -math.inf,
+            "walls": condition.walls < math.inf,
+            "obstacle": condition.obstacle[:, 3] > 0,
         }
-        if not any(kinds.values()):
+        kinds = [kind for kind, rows in requested.items() if rows.any()]
+        if not kinds:
             return {}
         a, b = self._capsules(q.reshape(-1, joints).T.contiguous())
         a, b = (x.unflatten(2, (count, times)) for x in (a, b))  # (3, C, B, T)
-        distances = {
-            "plane": lambda: self._plane(a, b, condition),
-            "walls": lambda: self._walls(a, b, condition),
-            "obstacle": lambda: self._obstacle(a, b, condition, reach),
+        distances: dict[str, Callable[[Tensor, Tensor, Condition], Tensor]] = {
+            "plane": self._plane,
+            "walls": self._walls,
+            "obstacle": partial(self._obstacle, reach=reach),
         }
-        return {name: distances[name]().permute(1, 2, 0) for name, here in kinds.items() if here}
+        return {kind: distances[kind](a, b, condition).permute(1, 2, 0) for kind in kinds}
 
     def _plane(self, a: Tensor, b: Tensor, condition: Condition) -> Tensor:
         height = torch.minimum(a[2], b[2]) - self.radius[:, None, None] - condition.plane[:, None]

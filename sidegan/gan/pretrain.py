@@ -1,6 +1,7 @@
 """Training of the surrogates on exactly labelled samples, and how good they are on held-out ones."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from itertools import chain
 
 import torch
 from torch import Tensor, nn
@@ -92,7 +93,8 @@ def _train(
     optimiser = torch.optim.Adam(network.parameters(), 2e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 3e-3, total_steps=steps)
     network.train()
-    for step, rows in enumerate(_batches(count, epochs, generator)):
+    orders = (torch.randperm(count, generator=generator) for _ in range(epochs))
+    for step, rows in enumerate(chain.from_iterable(order.split(_BATCH) for order in orders)):
         optimiser.zero_grad()
         loss(rows).backward()
         optimiser.step()
@@ -101,8 +103,3 @@ def _train(
             progress(step + 1, steps)
     network.eval()
     network.requires_grad_(False)
-
-
-def _batches(count: int, epochs: int, generator: torch.Generator) -> Iterator[Tensor]:
-    for _ in range(epochs):
-        yield from torch.randperm(count, generator=generator).split(_BATCH)

@@ -29,7 +29,7 @@ def save_parts(path: Path, parts: Iterable[Library]) -> int:
     """
     import pyarrow.parquet as pq
 
-    rest = iter(parts)
+    rest = (part for part in parts if len(part))
     first = next(rest, None)
     if first is None:
         raise ShapeError("an empty library cannot be saved")
@@ -41,8 +41,6 @@ def save_parts(path: Path, parts: Iterable[Library]) -> int:
                 raise ShapeError(f"parts of a library differ: {first.family()} and {part.family()}")
             writer.write_table(part.table())
             count += len(part)
-        if not count:
-            raise ShapeError("an empty library cannot be saved")
     return count
 
 
@@ -53,7 +51,6 @@ class Diagonals(Sequence[Tensor]):
         self.path = path
         with _opened(path) as file:
             self._metadata, self._groups = file.metadata, file.num_row_groups
-            self._width = len(file.read_row_group(0, columns=["diagonal"])["diagonal"][0])
 
     def __len__(self) -> int:
         return self._groups
@@ -64,7 +61,7 @@ class Diagonals(Sequence[Tensor]):
         with _opened(self.path, self._metadata) as file:
             column = file.read_row_group(index, columns=["diagonal"])["diagonal"].combine_chunks()
         values = np.array(column.flatten().to_numpy(zero_copy_only=False))
-        return torch.from_numpy(values).reshape(-1, self._width)
+        return torch.from_numpy(values).reshape(len(column), -1)
 
 
 def take(path: Path, indices: Tensor | Sequence[int]) -> Library:
