@@ -44,7 +44,8 @@ def present(artifacts: BeyondArtifacts, folder: Path, tracker: Tracker) -> None:
 def _figures(artifacts: BeyondArtifacts) -> dict[str, "Figure"]:
     """Every figure of the page whose part was run, by name."""
     pools = artifacts.pools
-    seeds = pools[pools.name == SEEDS][list(_SHOWN)].mean().to_dict()
+    means = pools[pools.name == SEEDS][list(_SHOWN)].mean()
+    seeds = {key: float(means[key]) for key in _SHOWN}
     plain = metric_panels(_SHOWN)
     polish, few, transfers = artifacts.polish, artifacts.few, artifacts.transfers
     drawn = {}

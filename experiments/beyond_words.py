@@ -102,7 +102,7 @@ def choices(artifacts: BeyondArtifacts, summary: Mapping[str, Measures]) -> dict
     source = artifacts.source
     totals = {n: x["total"] for n, x in summary.items() if n != RANDOM and not np.isnan(x["total"])}
     quickest = min(totals, key=totals.__getitem__, default=None)
-    first = totals.get(quickest, np.nan)
+    first = totals[quickest] if quickest else np.nan
     ours, optimised = summary[source], summary[OPTIMISED]
     training, gain = trained_cpu(artifacts, source).mean(), optimised["each"] - ours["each"]
     return {
@@ -131,8 +131,8 @@ def _elsewhere(frame: pd.DataFrame) -> list[tuple[str, float, float, float]]:
     rows = []
     for target, part in frame.groupby("target", sort=False) if len(frame) else []:
         transfer, scratch = (part[part.way == way] for way in (TRANSFER, SCRATCH))
-        steps = [arrival(curve, final_condition(part))[0] for curve in (transfer, scratch)]
-        rows.append((called(str(target)), *steps, float(transfer.success.iloc[-1])))
+        ours, theirs = (arrival(curve, final_condition(part))[0] for curve in (transfer, scratch))
+        rows.append((called(str(target)), ours, theirs, float(transfer.success.iloc[-1])))
     return rows
 
 

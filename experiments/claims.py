@@ -195,14 +195,14 @@ class _Criteria:
     def faster(self) -> Finding:
         ours = comparisons.durations(self.artifacts).ours
         ratio = ours["seed"] / ours["generation"]
-        words = f"{seconds(ours['generation'])} against {seconds(ours['seed'])} ({number(ratio, ',.0f')} ×)"
+        words = f"{seconds(ours['generation'])} against {seconds(ours['seed'])} ({ratio:,.0f} ×)"
         faster = {"seeds_faster": number(PAPER["seconds"]["seed"] / ours["seed"], ",.0f")}
-        return Finding(_measured(ratio, ratio > _ORDERS), words, faster)
+        return _measured(ratio, ratio > _ORDERS, words, faster)
 
     def checked(self) -> Finding:
         rate = 1 / comparisons.durations(self.artifacts).ours["checked"]
         enough = rate >= 1 / PAPER["seconds"]["checked"]
-        return Finding(_measured(rate, enough), f"{number(rate, ',.0f')} /s")
+        return _measured(rate, enough, f"{rate:,.0f} /s")
 
     def _at(self, names: Iterable[str], key: str, epoch: int) -> Values:
         """A metric after an epoch, or the last one there is."""
@@ -236,8 +236,11 @@ def _by_training(histories: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
     return histories[histories.variant == name].pivot(index="epoch", columns="training", values=key)
 
 
-def _measured(value: float, holds: bool) -> str:
-    return UNKNOWN if np.isnan(value) else HOLDS if holds else NOT
+def _measured(value: float, holds: bool, words: str, numbers: dict[str, Any] | None = None) -> Finding:
+    """A finding from a value that may not have been measured."""
+    if np.isnan(value):
+        return Finding(UNKNOWN, UNKNOWN, numbers or {})
+    return Finding(HOLDS if holds else NOT, words, numbers or {})
 
 
 def _graded(each: Iterable[bool]) -> str:

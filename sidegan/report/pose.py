@@ -62,12 +62,7 @@ class Film(NamedTuple):
 
 
 def scene(arm: Arm, bundles: Sequence[Bundle], desk: float | None = 0.0) -> Scene:
-    """The end effector's path along every trajectory of some bundles.
-
-    Args:
-        arm: whose.
-        bundles: what is drawn together.
-        desk: height [m] of the desk to draw, none when None.
+    """The end effector's path along every trajectory of some bundles, above a desk of this height [m] if any.
 
     Raises:
         ShapeError: when there is nothing to draw, or a trajectory does not fit its family.
@@ -95,14 +90,9 @@ def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray
 def film(
     arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6, desk: float | None = 0.0
 ) -> Film:
-    """The arm at ``count`` instants spread over one period; the ends, where it is at home, are left out.
+    """The arm at ``count`` instants spread over one period, above a desk of this height [m] if any.
 
-    Args:
-        arm: whose.
-        family: of the trajectory.
-        coefficients: [rad/s], (1, J, H, 2).
-        count: number of instants.
-        desk: height [m] of the desk to draw, none when None.
+    The ends of the period, where the arm is at home, are left out. Coefficients [rad/s] are (1, J, H, 2).
 
     Raises:
         ShapeError: when there is not exactly one trajectory, it does not fit the family, or count is none.
@@ -122,10 +112,11 @@ def arm_mesh(arm: Arm, position: Tensor) -> Mesh:
     a, b = (ends[..., 0].T.numpy() for ends in capsule_axes(arm, position[:, None]))
     parts = [capsule_mesh(*capsule) for capsule in zip(a, b, arm.capsules.radius.tolist())]
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    if not parts:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 4), int))
     faces = [part.faces + start for part, start in zip(parts, starts)]
-    return Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
+    return Mesh(
+        np.concatenate([np.zeros((0, 3)), *(part.vertices for part in parts)]),
+        np.concatenate([np.zeros((0, 4), int), *faces]),
+    )
 
 
 def capsule_mesh(a: np.ndarray, b: np.ndarray, radius: float) -> Mesh:

@@ -26,19 +26,17 @@ def paths(scene: Scene) -> "go.Figure":
     """All paths in one space, bundles to show and hide by the legend: the first and the last are shown."""
     drawn = []
     for k, (bundle, some) in enumerate(zip(scene.bundles, scene.paths)):
-        shade = bundle.colour or PALETTE[k % len(PALETTE)]
-        path = _path(
-            np.concatenate(some), bundle.title.replace("\n", ", "), shade, 4 if len(some) == 1 else 1.5
-        )
+        shade, width = bundle.colour or PALETTE[k % len(PALETTE)], 4 if len(some) == 1 else 1.5
+        path = _path(np.concatenate(some), bundle.title.replace("\n", ", "), shade, width)
         shown = bundle.colour is None or k in (0, len(scene.bundles) - 1)
-        drawn.append(path.update(visible=True if shown else "legendonly"))
+        drawn.append(path | {"visible": True if shown else "legendonly"})
     return _space(drawn, scene.limits, scene.desk)
 
 
 def snapshots(film: Film) -> "go.Figure":
     """The arm's capsules and the path; a slider moves the arm along it."""
     drawn = [_path(film.path, "end effector", PATH, 3)]
-    drawn += [_surface(mesh).update(visible=k == 0) for k, mesh in enumerate(film.meshes)]
+    drawn += [_surface(mesh) | {"visible": k == 0} for k, mesh in enumerate(film.meshes)]
     figure = _space(drawn, film.limits, film.desk)
     steps = []
     for k, time in enumerate(film.times):
@@ -49,24 +47,26 @@ def snapshots(film: Film) -> "go.Figure":
     return figure
 
 
-def _path(path: np.ndarray, name: str, shade: str, width: float) -> Any:
-    import plotly.graph_objects as go
+def _path(path: np.ndarray, name: str, shade: str, width: float) -> dict[str, Any]:
+    places = dict(zip("xyz", path.T.round(_MILLIMETRE).astype(np.float32)))
+    return {
+        "type": "scatter3d",
+        **places,
+        "mode": "lines",
+        "name": name,
+        "line": {"color": shade, "width": width},
+    }
 
-    x, y, z = path.T.round(_MILLIMETRE).astype(np.float32)
-    return go.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, line={"color": shade, "width": width})
 
-
-def _surface(mesh: Mesh) -> Any:
-    import plotly.graph_objects as go
-
-    x, y, z = mesh.vertices.T.astype(np.float32)
-    i, j, k = np.concatenate([mesh.faces[:, [0, 1, 2]], mesh.faces[:, [0, 2, 3]]]).T.astype(np.int32)
+def _surface(mesh: Mesh) -> dict[str, Any]:
+    triangles = np.concatenate([mesh.faces[:, [0, 1, 2]], mesh.faces[:, [0, 2, 3]]]).T.astype(np.int32)
+    shape = dict(zip("xyzijk", [*mesh.vertices.T.astype(np.float32), *triangles]))
     light = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.2}
-    shape = {"x": x, "y": y, "z": z, "i": i, "j": j, "k": k}
-    return go.Mesh3d(**shape, color="#5b8db8", lighting=light, hoverinfo="skip", showlegend=False)
+    look = {"color": "#5b8db8", "lighting": light, "hoverinfo": "skip", "showlegend": False}
+    return {"type": "mesh3d", **shape, **look}
 
 
-def _space(drawn: list[Any], limits: np.ndarray, desk: float | None) -> "go.Figure":
+def _space(drawn: list[dict[str, Any]], limits: np.ndarray, desk: float | None) -> "go.Figure":
     """Traces in one space of equal scale [m], the desk behind them, drawn for any background."""
     import plotly.graph_objects as go
 
