@@ -187,7 +187,7 @@ def timing(frame: pd.DataFrame) -> Figure:
         axis.bar_label(bars, [seconds(x) for x in values], padding=3, fontsize=8)
         handles[name] = bars
     axis.set_xscale("log")
-    axis.set_xlim(low, high)
+    axis.set_xlim(float(low), float(high))
     axis.set_yticks(range(len(frame)), frame.what)
     axis.invert_yaxis()
     ticks = [tick for tick in _TIMES if low <= tick <= high]
