@@ -177,7 +177,8 @@ def timing(frame: pd.DataFrame) -> Figure:
         frame: columns ``what``, and ``ours`` and ``paper`` [s], positive; NaN where there is no duration.
     """
     there = frame[["paper", "ours"]].to_numpy(float)
-    low, high = float(np.nanmin(there)) / 3, float(np.nanmax(there)) * 12  # room for what is written beside the bars
+    # Room for what is written beside the bars.
+    low, high = float(np.nanmin(there)) / 3, float(np.nanmax(there)) * 12
     figure = blank(8.6, 0.62 * len(frame) + 1.1)
     axis = figure.subplots()
     handles = {}

@@ -8,7 +8,6 @@ import torch
 from experiments import beyond, beyond_goals, beyond_tables, beyond_words
 from experiments.artifacts_beyond import BeyondArtifacts
 from experiments.beyond_tables import arrival
-from experiments.beyond_words import summary
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library.measure import effort
 from sidegan.pipeline.run import run_stages
@@ -157,7 +156,7 @@ def test_goals_follow_from_the_numbers(artifacts, monkeypatch):
 
 
 def test_choices_follow_from_the_numbers(artifacts):
-    measures = summary(artifacts)
+    measures = beyond_words.summary(artifacts)
 
     def choices(name, **values):
         return beyond_words.choices(artifacts, measures | {name: measures[name] | values})
