@@ -59,7 +59,7 @@ def test_a_generator_may_be_the_pool(outputs, tmp_path):
 
 
 def test_pools_that_are_not_there_are_refused(tmp_path):
-    with pytest.raises(ConfigError, match="excite names 'gold', expected some of seeds, random, vanilla"):
+    with pytest.raises(ConfigError, match="excite names 'gold', expected some of random, seeds, vanilla"):
         config = tiny(f"outputs={tmp_path}", "excite=[gold]", "stages=[excite]", experiment="excite")
         run_stages(config, tmp_path / "run", "excite")
     with pytest.raises(ConfigError, match="expected one pool or more, each once"):

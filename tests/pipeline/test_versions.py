@@ -94,7 +94,7 @@ def test_every_maker_has_a_version_and_is_recorded(computed):
 
 def test_a_number_that_moves_is_noticed():
     then = {"a": 1.0, "b": 0.0, "c": 5.0}
-    assert moved({"a": 1.0 + 1e-6, "b": 1e-6, "c": 5.0}, then) == []
+    assert moved({"a": 1.0 + 1e-6, "b": 1e-13, "c": 5.0}, then) == []
     assert moved({"a": 1.1, "b": 0.1, "d": 1.0}, then) == ["a", "b", "c", "d"]
     assert moved({"success": 0.55, "nmse": 1.1e-5}, {"success": 0.5, "nmse": 1e-5}) == ["nmse"]
 
