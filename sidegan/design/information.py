@@ -29,8 +29,9 @@ class Information:
 
     def __post_init__(self) -> None:
         shape, kind = tuple(self.packed.shape), self.packed.dtype
-        if len(shape) != 2 or kind != torch.float64 or not self.size or shape[1] != _width(self.size):
+        if len(shape) != 2 or not kind.is_floating_point or not self.size or shape[1] != _width(self.size):
             raise ShapeError(f"packed information is {shape} {kind}, expected numbers (N, q (q + 1) / 2)")
+        object.__setattr__(self, "packed", self.packed.double())
         bad = ~torch.cat([part.isfinite().all(1) for part in self.packed.split(_AT_ONCE)])
         if bad.any():
             raise ShapeError(f"information of trajectory {int(bad.nonzero()[0])} is not finite")
