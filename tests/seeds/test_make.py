@@ -69,7 +69,7 @@ def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path, monkeypatc
 def test_the_long_trajectory_is_the_best_of_its_starts_whatever_the_time(planar_problem):
     problem = replace(planar_problem, trajectory=Trajectory(2, 6, 32.0), samples=64)
     shares = []
-    one = make_long(problem, 10, 1, np.random.SeedSequence(1), lambda done, total: shares.append((done, total)))
+    one = make_long(problem, 10, 1, np.random.SeedSequence(1), lambda *share: shares.append(share))
     assert one.attempts == 1 and shares == [(1, 1)]
     four = make_long(problem, 10, 4, np.random.SeedSequence(1), lambda *_: None)
     again = make_long(problem, 10, 4, np.random.SeedSequence(1), lambda *_: None)
