@@ -157,8 +157,8 @@ def test_a_run_killed_20_times_at_random_points_ends_like_an_undisturbed_one(tmp
     facts = json.loads(out)
     assert facts["interrupted"] >= 10, "most of the kills must hit a run at work"
     assert facts["equal"] == facts["completed"] >= 1, f"kill points of seed {seed}: {err}"
-    lock, *files = (Path(name).name for name in facts["files"])
-    assert lock.endswith(".lock")
+    lock, costs, *files = (Path(name).name for name in facts["files"])
+    assert lock.endswith(".lock") and costs.startswith("planar2-")
     assert files == ["report.json", "seeds.pt", "stamp.json"], "nothing is left of a killed run"
 
 
@@ -290,7 +290,10 @@ def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undi
     assert small_job.same(made, undisturbed)
     costs = json.loads((tmp_path / "costs" / "seeds" / f"{made.name}.json").read_text())
     assert 0.0 <= costs["seconds"] <= spent + 0.1
-    left = float(progress.describe().rpartition(", ")[2].removesuffix(" s left"))
+    monkeypatch.setattr("sidegan.base.progress._INTERVAL", 0.0)
+    progress(5)
+    (line,) = (x.message for x in caplog.records if x.message.startswith("steps: 5 of 10"))
+    left = float(line.rpartition(", ")[2].removesuffix(" s left"))
     assert left == pytest.approx(time.monotonic() - began, abs=0.5)
     assert "seeds: made" in caplog.text
 
