@@ -1,4 +1,6 @@
+import logging
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -43,6 +45,16 @@ def arm() -> Arm:
 def planar() -> Arm:
     """The planar arm of two links."""
     return load_robot("planar2")
+
+
+@pytest.fixture(autouse=True)
+def log_handlers() -> Iterator[None]:
+    """What a command adds to the log within a test goes with the test."""
+    before, level = logging.root.handlers[:], logging.root.level
+    yield
+    for handler in [one for one in logging.root.handlers if one not in before]:
+        logging.root.removeHandler(handler)
+    logging.root.setLevel(level)
 
 
 @pytest.fixture(scope="session")
