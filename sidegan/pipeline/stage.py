@@ -32,24 +32,26 @@ class Stage:
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
     artifacts = list(stage.artifacts(task))
-    missing = any(task.store.find(one) is None for one in artifacts)
+    missing = {one.digest for one in artifacts if task.store.find(one) is None}
     if missing and task.cfg.has("workspace", "trajectory"):
         _ = task.constraints  # an arm that cannot rest at home is refused before anything is written
     for wave in waves(artifacts):
-        _produce(name, task, wave)
+        _produce(name, task, wave, missing)
     for artifact in artifacts:
-        _record(artifact.title, artifact.metrics(task.store.require(artifact)), tracker)
+        metrics = artifact.metrics(task.store.require(artifact))
+        _record(artifact.title, metrics, task.store.costs(artifact), tracker)
     if stage.show is not None:
         stage.show(task, tracker)
 
 
-def _produce(name: str, task: Task, artifacts: list[Artifact]) -> None:
+def _produce(name: str, task: Task, artifacts: list[Artifact], missing: set[str]) -> None:
     """Make artifacts side by side, one process each; those that spread their own work one by one."""
-    missing = [one for one in artifacts if task.store.find(one) is None]
+    jobs: list[Job] = []
     for one in artifacts:
-        if one.alone or one not in missing:
+        if one.alone or one.digest not in missing:
             task.store.produce(one)
-    jobs: list[Job] = [partial(_make, task.store, one) for one in missing if not one.alone]
+        else:
+            jobs.append(partial(_make, task.store, one))
     if jobs:
         run_jobs(f"{name} (%)", jobs, task.cfg.parallel.workers)
 
@@ -58,12 +60,13 @@ def _make(store: Store, artifact: Artifact, report: Report) -> None:
     store.produce(artifact, report)
 
 
-def _record(title: str, metrics: Metrics, tracker: Tracker) -> None:
+def _record(title: str, metrics: Metrics, costs: Mapping[str, Any], tracker: Tracker) -> None:
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
-    if numbers:
-        log.info("%s: %s", title, words(numbers))
-        tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()})
+    spent = {key: float(x) for key, x in costs.items() if isinstance(x, int | float)}
+    tracker.log_metrics({f"{title}/{key}": x for key, x in (numbers | spent).items()})
+    if numbers or not series:
+        log.info("%s: %s", title, words(numbers | spent))
     for key, values in series.items():
         known = {i: x for i, x in enumerate(values) if x is not None}
         tracker.log_history({f"{title}/{key}": list(known.values())}, list(known))
