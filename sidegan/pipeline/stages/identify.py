@@ -13,7 +13,7 @@ from sidegan.identification.workflow import identify_arm
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.store import STAMP
+from sidegan.pipeline.store import STAMP, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import CheckedRecording, read_and_check
@@ -101,8 +101,7 @@ def _digest(path: Path) -> str:
         files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
         for one in files:
             digest.update(one.name.encode())
-            with one.open("rb") as file:
-                digest.update(hashlib.file_digest(file, "sha256").digest())
+            digest.update(bytes.fromhex(file_digest(one)))
     except FileNotFoundError as error:
         raise RecordingError(f"there is no file {path}") from error
     except OSError as error:
