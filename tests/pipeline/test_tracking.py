@@ -7,14 +7,7 @@ import pandas as pd
 import pytest
 
 from sidegan.pipeline.tracking import UNTRACKED, Origin, Tracker
-
-NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
-
-
-@pytest.fixture(scope="module")
-def root(tmp_path_factory):
-    """One database for all tests, since making one takes seconds."""
-    return tmp_path_factory.mktemp("outputs")
+from tests.pipeline.conftest import NOWHERE, client_of
 
 
 @pytest.fixture
@@ -23,12 +16,6 @@ def start(root, tmp_path):
         return Tracker(root, tmp_path, "exp1", more.pop("name", "exp1 eigen seed=1"), **more)
 
     return started
-
-
-def client_of(root):
-    from mlflow import MlflowClient
-
-    return MlflowClient(f"sqlite:///{root / 'mlflow.db'}")
 
 
 def untracked(folder):

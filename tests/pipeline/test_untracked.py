@@ -5,14 +5,7 @@ import pytest
 
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
 from sidegan.pipeline.untracked import main, send_kept
-
-NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
-
-
-@pytest.fixture(scope="module")
-def root(tmp_path_factory):
-    """One database for all tests, since making one takes seconds."""
-    return tmp_path_factory.mktemp("outputs")
+from tests.pipeline.conftest import NOWHERE, client_of
 
 
 @pytest.fixture
@@ -21,12 +14,6 @@ def folder(root, request):
     path = root / "runs" / request.node.name
     path.mkdir(parents=True)
     return path
-
-
-def client_of(root):
-    from mlflow import MlflowClient
-
-    return MlflowClient(f"sqlite:///{root / 'mlflow.db'}")
 
 
 def run_called(root, name):
