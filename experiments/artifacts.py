@@ -14,6 +14,7 @@ import pandas as pd
 from sidegan.base.storage import read_json
 from sidegan.gan import Variant
 from sidegan.library import Library
+from sidegan.pipeline.columns import OURS, columns, groups
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.conditional import STUDY, Conditions
@@ -24,13 +25,14 @@ from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
 from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
+from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.sensitivity import sensitivity
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
-from sidegan.pipeline.stages.training import generator
+from sidegan.pipeline.stages.training import generator, surrogates
 from sidegan.pipeline.task import FACTS, LIBRARY, REPORT, Task
 
 __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
@@ -49,6 +51,8 @@ class Artifacts:
         sensitivity: experiment 1 with other settings.
         density: samples of kernel density estimates, a row for each bandwidth.
         seeds: report of the seed set, with what it took.
+        random: report of the random valid trajectories.
+        surrogates: report of the surrogates that the eigen variant learns from.
         speed: measured speed of the first training of the eigen variant, and the machine.
 
     Raises:
@@ -62,6 +66,8 @@ class Artifacts:
     sensitivity = cached_property(lambda self: self.task.frame(sensitivity(self.task)))
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
+    random = cached_property(lambda self: self.report(random_set(self.task)))
+    surrogates = cached_property(lambda self: self.report(surrogates(self.task, self.cfg.gan["eigen"].data)))
     speed = cached_property(lambda self: self.costs(timing(self.task, "eigen")))
 
     @property
@@ -128,6 +134,12 @@ class Artifacts:
         sets = {"gradient": seed_set(self.task)} | {name: kind(self.task, name) for name in self.cfg.kinds}
         return {name: self._with_library(artifact) for name, artifact in sets.items()}
 
+    @property
+    def seed_seconds(self) -> float:
+        """CPU time of one seed [s]; not a number where that was not kept."""
+        whole = seed_set(self.task.with_settings(half=None))
+        return float(self.costs(whole)["cpu_seconds"]) / self.cfg.seeds.count
+
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""
         return self.task.load(library(self.task, name, training))
@@ -166,6 +178,49 @@ class Artifacts:
 
     def _with_library(self, artifact: Artifact) -> tuple[Report, Library]:
         return self.report(artifact), self.task.load(artifact)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns that differ in their seed set alone, whose trainings count together.
+
+    Attributes:
+        name: of the group.
+        title: of its first column, for people.
+        parts: what was made for each of its columns.
+    """
+
+    name: str
+    title: str
+    parts: dict[str, Artifacts]
+
+    @property
+    def first(self) -> Artifacts:
+        """What was made for its first column."""
+        return next(iter(self.parts.values()))
+
+    def frame(self, name: str) -> pd.DataFrame:
+        """A frame of ``Artifacts`` over all columns, each told by ``column``."""
+        frames = [getattr(part, name).assign(column=column) for column, part in self.parts.items()]
+        return pd.concat(frames, ignore_index=True)
+
+    def seeds(self, key: str) -> pd.Series:
+        """A number of the seed set, by column."""
+        return pd.Series({column: float(part.seeds[key]) for column, part in self.parts.items()})
+
+    def predictor(self, key: str) -> pd.Series:
+        """A number of the surrogates that the eigen variant learns from, by column."""
+        return pd.Series({column: float(part.surrogates[key]) for column, part in self.parts.items()})
+
+
+def comparison(task: Task) -> dict[str, Group]:
+    """What was made for every column of a task, by group."""
+    tasks, titles = columns(task), {OURS: "ours"}
+    titles |= {name: one.title for name, one in task.cfg.columns.items()} if len(tasks) > 1 else {}
+    return {
+        group: Group(group, titles[names[0]], {name: Artifacts(tasks[name]) for name in names})
+        for group, names in groups(task).items()
+    }
 
 
 class Conditional(NamedTuple):

@@ -40,7 +40,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(artifacts.generators), "Seeds and generators, true physics"),
     }
-    leave(folder, tracker, shown, {"training": training.figure(artifacts), "nmse": figures.errors(raw)})
+    progress = training.figure(artifacts.histories, artifacts.generators)
+    leave(folder, tracker, shown, {"training": progress, "nmse": figures.errors(raw)})
 
 
 def table1(raw: pd.DataFrame, plant: pd.DataFrame, over: list[str]) -> pd.DataFrame:

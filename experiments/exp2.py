@@ -39,8 +39,9 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
     """Improvement [%] over a reference set by training, repeat and joint."""
-    base = part[part["set"] == reference][["repeat", "joint", "nmse"]]
-    both = part[part["set"] == name].merge(base, on=["repeat", "joint"], suffixes=("", "_reference"))
+    keys = [key for key in ("column", "repeat", "joint") if key in part]
+    base = part[part["set"] == reference][[*keys, "nmse"]]
+    both = part[part["set"] == name].merge(base, on=keys, suffixes=("", "_reference"))
     return both.assign(improvement=100 * (1 - both.nmse / both.nmse_reference))
 
 
@@ -62,7 +63,7 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
         for replicas in config.replication.replicas:
             gain = improvement(part, name, f"seeds ×{replicas}")
             joints = gain.groupby("joint").improvement.mean()
-            trainings = gain.groupby("training").improvement.mean()
+            trainings = gain.groupby(_runs(gain)).improvement.mean()
             cells = rows.setdefault(tables.title(name), {})
             cells[f"×{replicas}"] = f"{joints.mean():.3g} ± {joints.std():.2g}"
             if len(trainings) > 1:
@@ -77,7 +78,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
     for name in tables.ordered(facts["set"].unique()):
         part = facts[facts["set"] == name]
         rows[tables.title(name)] = {
-            "‖diag P‖": tables.spread(part.groupby("training").covariance_norm.mean()),
+            "‖diag P‖": tables.spread(part.groupby(_runs(part)).covariance_norm.mean()),
             "samples": f"{part.samples.mean():.0f}",
             "paper": PAPER["table3"].get(name, "—"),
         }
@@ -89,7 +90,12 @@ def errors(results: pd.DataFrame) -> pd.DataFrame:
     rows: dict[str, dict[str, str]] = {}
     for name in tables.ordered(results["set"].unique()):
         own = results[results["set"] == name]
-        mean = {w: p.groupby(["training", "repeat"]).nmse.mean() for w, p in own.groupby("weighted")}
+        mean = {w: p.groupby([*_runs(p), "repeat"]).nmse.mean() for w, p in own.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
         rows[tables.title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")
+
+
+def _runs(frame: pd.DataFrame) -> list[str]:
+    """The columns that tell single trainings."""
+    return [key for key in ("column", "training") if key in frame]

@@ -1,5 +1,6 @@
 """The report on the whole paper: every figure and table beside ours, a verdict for each claim, and why."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,10 +8,12 @@ import pandas as pd
 from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, training
-from experiments.artifacts import SEEDS, Artifacts
+from experiments.artifacts import SEEDS, Artifacts, Group, comparison
 from experiments.pages import Page, publish
+from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.columns import OURS
 from sidegan.pipeline.stages.long import long_family
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, spatial, tables
@@ -25,78 +28,112 @@ if TYPE_CHECKING:  # slow to import
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 
 
-collect = Artifacts
+Groups = Mapping[str, Group]
+
+collect = comparison
 
 
-def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
+def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, ``reproduction.html``, tables, figures and metrics; record the page."""
-    numbers, shown = metrics(artifacts), _tables(artifacts)
-    judged, pictures = claims.claims(artifacts), _motion(artifacts)
+    artifacts = groups[OURS].first
+    judged, pictures = claims.claims(groups), _motion(artifacts)
     context = {
+        "groups": groups,
         "artifacts": artifacts,
         "cfg": artifacts.cfg,
         "paper": PAPER,
         "reliable": training.RELIABLE,
-        "verdicts": claims.counted(judged),
+        "confidence": CONFIDENCE,
+        "claims": judged,
+        "signed": claims.signed,
+        "verdicts": {
+            group.title: claims.counted(claim.findings[name].verdict for claim in judged)
+            for name, group in groups.items()
+        },
     }
-    shown["claims"] = claims.table(judged)
-    drawn = _figures(artifacts) | {name: _static(picture) for name, picture in pictures.items()}
+    shown = {"claims": claims.table(judged, groups), **_own_tables(artifacts)}
+    drawn = _own_figures(artifacts) | {name: _static(picture) for name, picture in pictures.items()}
+    for name, group in groups.items():
+        shown |= {_file(name, key): table for key, table in _tables(group).items()}
+        drawn |= {_file(name, key): figure for key, figure in _figures(group).items()}
     turned = {name: _turned(picture) for name, picture in pictures.items()}
-    page = Page("reproduction", shown, drawn, numbers, context, turned)
+    page = Page("reproduction", shown, drawn, metrics(groups), context, turned)
     publish(page, Path(artifacts.cfg.publish or folder), tracker)
 
 
-def metrics(artifacts: Artifacts) -> dict[str, float]:
-    """The numbers that a later run is compared by."""
+def metrics(groups: Groups) -> dict[str, float]:
+    """The numbers that a later run is compared by: of every generator and table, mean over trainings."""
     numbers: dict[str, float] = {}
-    for name, part in artifacts.generators.groupby("name"):
-        for key in ("success", "condition", "distance", "rank", "distance_diagonal"):
-            if key in part and part[key].notna().all():
-                numbers[f"{name}.{key}"] = float(part[key].mean())
-    errors = artifacts.errors.groupby(["set", "weighted"], as_index=False).nmse.mean()
-    for name, weighted, value in errors.itertuples(index=False):
-        numbers[f"nmse.{name}.{'weighted' if weighted else 'unweighted'}"] = float(value)
-    norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
-    return numbers | {f"covariance.{name}": float(value) for name, value in norms.items()}
+    for name, group in groups.items():
+        generators = group.frame("generators").groupby("name")
+        for key in ("success", "condition", "distance", "rank"):
+            numbers |= _named(name, generators[key].mean().dropna(), key)
+        raw, facts = group.frame("errors"), group.frame("whole_facts")
+        numbers |= _named(name, raw[~raw.weighted].groupby("set").nmse.mean(), "nmse")
+        numbers |= _named(name, facts.groupby("set").covariance_norm.mean(), "covariance")
+    return numbers
 
 
-def _tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
-    """Every table of the report that has its numbers, by name."""
-    raw, whole, changed = artifacts.errors, artifacts.whole_errors, artifacts.sensitivity
+def _named(group: str, values: pd.Series, key: str) -> dict[str, float]:
+    return {f"{group}.{key}.{name}": float(f"{value:.4g}") for name, value in values.items()}
+
+
+def _file(group: str, name: str) -> str:
+    """Name of a table's or figure's file; our own have none of a group."""
+    return name if group == OURS else f"{group}-{name}"
+
+
+def _tables(group: Group) -> dict[str, pd.DataFrame]:
+    """The tables that every group of columns has, by name."""
+    raw, whole, cfg = group.frame("errors"), group.frame("whole_errors"), group.first.cfg
     shown = {
-        "generators": tables.generators(artifacts.generators),
-        "epochs": training.speed(artifacts.histories),
-        "table1": exp1.table1(raw, artifacts.plant, ["training", "repeat"]),
+        "generators": tables.generators(group.frame("generators")),
+        "epochs": training.speed(group.frame("histories")),
+        "table1": exp1.table1(raw, group.frame("plant"), ["column", "training", "repeat"]),
         "sets": tables.excitation_sets(raw),
-        "long": comparisons.longs(artifacts),
-        "table3": exp2.table3(artifacts.whole_facts),
+        "table3": exp2.table3(group.frame("whole_facts")),
         "whole": exp2.errors(whole),
-        "density": comparisons.densities(artifacts.density),
+        "density": comparisons.densities(group.first.density),
+    }
+    return shown | {name: table for name, (table, _) in exp2.tables2(whole, cfg).items()}
+
+
+def _own_tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
+    """The tables of our own settings alone, by name."""
+    changed = artifacts.sensitivity
+    shown = {
+        "long": comparisons.longs(artifacts),
         "timing": comparisons.costs(comparisons.durations(artifacts)),
         "kinds": comparisons.kinds(artifacts.kinds),
         "ablation": comparisons.ablation(artifacts.ablation),
     }
-    shown |= {name: table for name, (table, _) in exp2.tables2(whole, artifacts.cfg).items()}
     for end, weighted in {"": False, "_weighted": True}.items():
         if (changed.weighted == weighted).any():
             shown[f"sensitivity{end}"] = comparisons.sensitivity(changed, weighted)
     return shown
 
 
-def _figures(artifacts: Artifacts) -> dict[str, "Figure"]:
-    """Every flat figure of the report, by name."""
-    eigen = artifacts.generators[artifacts.generators.name == "eigen"]
+def _figures(group: Group) -> dict[str, "Figure"]:
+    """The flat figures that every group of columns has, by name."""
+    generators, raw = group.frame("generators"), group.frame("errors")
+    eigen = generators[generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
     share = [Panel("success", "valid share")]
+    sizes, taught = comparisons.last_epochs(group.frame("subsets")), Across("seeds", "seeds trained on")
+    return {
+        "training": training.figure(group.frame("histories"), generators, union),
+        "nmse": figures.errors(raw),
+        "sizes": figures.panels(sizes, taught, share, "variant", columns=1, markers=True),
+    }
+
+
+def _own_figures(artifacts: Artifacts) -> dict[str, "Figure"]:
+    """The flat figures of our own settings alone, by name."""
     nmse = [Panel("nmse", "nMSE, mean over joints", log=True)]
-    sizes, taught = comparisons.last_epochs(artifacts.subsets), Across("seeds", "seeds trained on")
     counts = comparisons.counts(artifacts.sensitivity)
     selected = Across("trajectories", "selected trajectories", log=True)
     labels = ("distance to the nearest other seed", "cond(YᵀY)")
     return {
-        "training": training.figure(artifacts, union),
-        "nmse": figures.errors(artifacts.errors),
-        "sizes": figures.panels(sizes, taught, share, "variant", columns=1, markers=True),
         "timing-bars": figures.timing(comparisons.durations(artifacts)),
         "kinds-scatter": figures.quality_diversity(comparisons.kind_points(artifacts.kinds), labels),
         "counts": figures.panels(counts, selected, nmse, "set", columns=1, markers=True),

@@ -37,22 +37,26 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         ),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
-    leave(folder, tracker, shown, {"training": figure(artifacts)})
+    leave(folder, tracker, shown, {"training": figure(histories, artifacts.generators)})
 
 
-def figure(artifacts: Artifacts, union: dict[str, float] | None = None) -> "Figure":
+def figure(
+    histories: pd.DataFrame, generators: pd.DataFrame, union: dict[str, float] | None = None
+) -> "Figure":
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
-    seeds = artifacts.generators.set_index("name").loc[SEEDS].dropna().to_dict()
+    rows = generators[generators.name == SEEDS].select_dtypes("number")
+    seeds = {str(key): x for key, x in rows.mean().dropna().items()}
     compared = {SEEDS: seeds | {"success": seeds.get("valid")}, "union": union or {}}
     shown = figures.metrics(references=compared)
-    return figures.panels(artifacts.histories, figures.Across("epoch", "epoch"), shown, "variant", columns=3)
+    return figures.panels(histories, figures.Across("epoch", "epoch"), shown, "variant", columns=3)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:
     """First epoch after which a generator is reliable, and its best and last valid share."""
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
-        share = part.pivot(index="epoch", columns="training", values="success").fillna(0.0)
+        runs = [key for key in ("column", "training") if key in part]
+        share = part.pivot(index="epoch", columns=runs, values="success").fillna(0.0)
         reached = share >= RELIABLE
         first = reached.idxmax().where(reached.any())
         rows[name] = {

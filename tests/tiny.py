@@ -44,6 +44,13 @@ SMALL = {
         "sensitivity.priors=[1]",
         "sensitivity.counts=[2]",
         "~sensitivity.noises.additive",
+        "~columns.letter_second",
+        "~columns.ours_second",
+        "+columns.letter_first.trainings=[0]",
+        "columns.letter_first.seeds.steps=3",
+        "columns.letter_first.seeds.ants=10",
+        "columns.letter_first.seeds.evaluations=40",
+        "columns.letter_first.seeds.samples=20",
         "kinds.paper.steps=3",
         "kinds.paper.ants=10",
         "kinds.paper.evaluations=40",
@@ -107,5 +114,5 @@ def tiny(*overrides, experiment="exp1"):
     """The tiny configuration of an experiment with changes."""
     chosen = f"+experiment={experiment}"
     keys, small = _groups(chosen).keys(), [*TINY, *SMALL.get(experiment, ())]
-    own = [one for one in small if re.match(r"~?(\w+)", one)[1] in keys]
+    own = [one for one in small if re.match(r"[~+]*(\w+)", one)[1] in keys]
     return validate(composed(chosen, *own, *overrides))

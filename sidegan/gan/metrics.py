@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from sidegan.design.excitation import diversity, excite
+from sidegan.design.excitation import diversity, excite, mean_distance
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
@@ -22,6 +22,7 @@ def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict
         "condition": _median(condition),
         "condition_valid": _median(condition[valid]),
         "diagonal_ratio": _median(excitation.diagonal_fitness),
+        "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
         **diversity(c, excitation),
     }
 

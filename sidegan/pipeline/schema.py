@@ -8,7 +8,9 @@ from urllib.parse import urlsplit
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
+from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
+from sidegan.seeds.settings import Seeds
 from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
@@ -88,6 +90,21 @@ class Workspace:
 
     torque: bool
     regions: list[Region]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Settings under which the paper's comparison is made once more; null: the run's own."""
+
+    title: str
+    group: str  # columns of a group differ in their seed set alone: their trainings count together
+    trainings: list[Natural] | None = None
+    seed: Natural | None = None
+    half: Literal[0, 1] | None = None  # of the seed set, that everything is trained on
+    workspace: Workspace | None = None
+    seeds: Seeds | None = None
+    surrogates: SurrogateSettings | None = None
+    gan: dict[str, Variant] | None = None
 
 
 @dataclass(frozen=True)

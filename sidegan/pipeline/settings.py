@@ -21,6 +21,7 @@ from sidegan.identification import EstimationSettings, ReplicationSettings, Stud
 from sidegan.library.draw import Expansion
 from sidegan.pipeline.schema import (
     Beyond,
+    Column,
     Discussion,
     Parallel,
     Robot,
@@ -80,6 +81,7 @@ class Config:
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
+    half: Natural | None = None  # train on the first or second half of the seeds (0, 1); null: on both
     surrogates: SurrogateSettings = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
@@ -90,6 +92,8 @@ class Config:
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")
     replication: ReplicationSettings = _group("replication")
+    columns: dict[str, Column] = _group("columns")  # other settings for the whole comparison
+    column: str | None = None  # which of them this is; null: none
     kinds: dict[str, Seeds] = _group("kinds")  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity = _group("sensitivity")
     discussion: Discussion = _group("discussion")

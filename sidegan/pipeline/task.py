@@ -24,6 +24,8 @@ from sidegan.validity import Constraints, Validity, check
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, FACTS = "results.parquet", "facts.parquet"
 
+_SHARED = {"seeds", "halves"}  # made once for all columns that have them
+
 
 @dataclass(frozen=True)
 class Task:
@@ -99,16 +101,18 @@ class Task:
         """
         training = options.get("training")
         shared = {"workspace": asdict(self.cfg.workspace), "trajectory": asdict(self.cfg.trajectory)}
+        column = None if maker in _SHARED else self.cfg.column
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         numbered = {} if training is None else {"training": training}
         of_some = self.cfg.subset is not None and "subset" in own
         parts = [self.arm.name, label, f"seed{self.cfg.seed}"]
         parts += [] if training is None else [f"training{training}"]
         parts += [f"of{self.cfg.subset}"] if of_some else []
+        parts += [column] if column else []
         return Artifact(
             maker,
             folder_name("-".join(parts)),
-            options.get("title", maker),
+            "/".join([*([column] if column else []), options.get("title", maker)]),
             {**shared, **numbered, maker: own},
             {"robot": self.arm.digest, **(inputs or {})},
             self.cfg.seed,

@@ -1,18 +1,35 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from experiments import comparisons, exp2, training
-from experiments.claims import HOLDS, NOT, PART, Claim, claims, counted
+from experiments import comparisons, exp2, reproduction, training
+from experiments.claims import claims, counted
+from experiments.verdicts import HOLDS, NOT, PART, UNDECIDED
 from experiments.words import PAPER
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.subsets import on_subset
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
 PAGE = "reproduction"
+
+
+@pytest.fixture(scope="module")
+def groups(outputs, run):
+    """What was made for every group of columns."""
+    return reproduction.collect(Task(config(outputs), Store(outputs)))
+
+
+@pytest.fixture(scope="module")
+def artifacts(groups):
+    """What was made under our own settings."""
+    return groups["ours"].first
 
 
 def config(root, *overrides):
@@ -33,46 +50,67 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page):
     ):
         assert f"## {title}" in text and title in web
     assert "default-src 'none'" in web  # nothing is fetched
-    assert web.count('<img src="data:image/png;base64,') == 6
+    assert web.count('<img src="data:image/png;base64,') == 9
     assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
     names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
     assert names <= tables
     assert not list(docs.glob("*/figures/*.svg"))
     metrics = json.loads((docs / "reproduction" / "metrics.json").read_text())
-    assert metrics["covariance.seeds ×1"] > metrics["covariance.seeds ×10"] > 0
+    assert metrics["ours.covariance.seeds ×1"] > metrics["ours.covariance.seeds ×10"] > 0
 
 
-def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(artifacts):
-    judged = claims(artifacts)
-    assert [claim.key for claim in judged] == list(PAPER["claims"]) and len(judged) >= 15
+def test_every_claim_of_the_paper_has_a_verdict_and_a_reason_in_every_group(groups):
+    judged = claims(groups)
+    assert [claim.key for claim in judged] == list(PAPER["claims"]) and len(judged) >= 25
     assert len({claim.text for claim in judged}) == len(judged)
     for claim in judged:
-        assert "{" not in claim.text + claim.why and claim.where
-        assert claim.paper and claim.ours and claim.why.endswith(".")
-        assert "nan" not in claim.ours.lower()
+        assert "{" not in claim.text + claim.why + claim.criterion and claim.where
+        assert claim.paper and claim.why.endswith(".")
+        assert list(claim.findings) == list(groups)
+        for finding in claim.findings.values():
+            assert finding.ours
+
+
+def test_a_column_has_its_own_seeds_and_constraints(groups):
+    letter = groups["letter"].first
+    seeds, whole = seed_set(letter.task), seed_set(letter.task.with_settings(half=None))
+    assert 2 * len(letter.task.load(seeds)) == len(letter.task.load(whole)) == letter.cfg.seeds.count
+    assert letter.cfg.seeds.method == "paper" and not letter.cfg.workspace.torque
+    assert letter.seed_seconds > 0
+    assert groups["ours"].first.cfg.workspace.torque
+
+
+def test_columns_that_differ_in_their_seeds_are_one_group(tmp_path):
+    second = "{title: ours, group: ours, seed: 1}"
+    cfg = tiny(f"outputs={tmp_path}", f"+columns.ours_second={second}", experiment=PAGE)
+    both = reproduction.collect(Task(cfg, Store(tmp_path)))["ours"].parts
+    assert [part.cfg.seed for part in both.values()] == [0, 1]
+    made = [seed_set(part.task) for part in both.values()]
+    assert made[0].digest != made[1].digest
 
 
 def test_verdicts_are_counted_in_words():
-    def judged(*verdicts):
-        return [Claim("", "", "", "", "", verdict, "") for verdict in verdicts]
-
-    assert counted(judged(NOT, HOLDS, PART, HOLDS)) == "2 hold, 1 holds in part, 1 does not hold"
-    assert counted(judged(NOT, NOT)) == "2 do not hold"
+    assert counted([NOT, HOLDS, PART, HOLDS]) == "2 hold, 1 holds in part, 1 does not hold"
+    assert counted([NOT, NOT, UNDECIDED]) == "1 no detectable difference, 2 do not hold"
 
 
-def test_verdicts_follow_from_the_numbers(artifacts, monkeypatch):
-    def verdict(text):
-        return next(claim.verdict for claim in claims(artifacts) if text in claim.text)
+def test_verdicts_follow_from_the_numbers(groups, artifacts, monkeypatch):
+    ours = {"ours": replace(groups["ours"], parts={"ours": artifacts})}
+
+    def verdict(key):
+        (found,) = (claim.findings["ours"].verdict for claim in claims(ours) if claim.key == key)
+        return found
 
     for share, expected in ((0.0, HOLDS), (0.5, NOT)):
-        frame = artifacts.density.assign(success=share)
-        monkeypatch.setitem(artifacts.__dict__, "density", frame)
-        assert verdict("Kernel density") == expected
+        draws = artifacts.task.cfg.discussion.draws
+        monkeypatch.setitem(artifacts.__dict__, "density", artifacts.density.assign(success=share))
+        assert verdict("density_fails") == (expected if draws > 5000 or share else UNDECIDED)
     raw = artifacts.errors.copy()
-    for factor, expected in ((10.0, HOLDS), (0.1, NOT)):
-        frame = raw.assign(nmse=np.where(raw["set"].str.startswith("long"), factor, 1.0))
+    noise = np.random.default_rng(0).uniform(0.9, 1.1, len(raw))
+    for factor, expected in ((10.0, HOLDS), (0.1, NOT), (1.0, UNDECIDED)):
+        frame = raw.assign(nmse=noise * np.where(raw["set"].str.startswith("long"), factor, 1.0))
         monkeypatch.setitem(artifacts.__dict__, "errors", frame)
-        assert verdict("beat one long") == expected
+        assert verdict("short_beat_long") == expected
 
 
 def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):

@@ -1,7 +1,10 @@
 """Stage seeds: the seed set, by the configured optimiser."""
 
+from collections.abc import Iterator
+
 from sidegan.base.storage import write_json
 from sidegan.library.measure import measured, summary
+from sidegan.pipeline.columns import columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
@@ -9,10 +12,14 @@ from sidegan.seeds import Tasks, make_seeds
 
 
 def seed_set(task: Task, title: str = "seeds") -> Artifact:
-    """The seed set."""
+    """The seed set, or the configured half of it."""
     settings = task.cfg.seeds
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
-    return task.artifact("seeds", label, _make, settings, title=title, alone=True)
+    whole = task.artifact("seeds", label, _make, settings, title=title, alone=True)
+    if task.cfg.half is None:
+        return whole
+    name, values = f"{label}-half{task.cfg.half}", {"half": task.cfg.half}
+    return task.artifact("halves", name, _halve, values, {"seeds": whole}, title=title)
 
 
 def _make(task: Task, build: Build) -> None:
@@ -27,4 +34,18 @@ def _make(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(library), **attempts})
 
 
-STAGE = Stage(lambda task: [seed_set(task)])
+def _halve(task: Task, build: Build) -> None:
+    whole = task.load(seed_set(task.with_settings(half=None)))
+    middle = len(whole) // 2
+    half = whole.take(range(middle, len(whole)) if task.cfg.half else range(middle))
+    half.save(build.folder / LIBRARY)
+    write_json(build.folder / REPORT, summary(half))
+
+
+def _sets(task: Task) -> Iterator[Artifact]:
+    for one in columns(task).values():
+        seeds = seed_set(one)
+        yield from (*(p for p in seeds.parents), seeds)
+
+
+STAGE = Stage(_sets)

@@ -2,6 +2,7 @@
 
 import logging
 
+from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import needed_surrogates, surrogates
@@ -18,4 +19,4 @@ def _artifacts(task: Task) -> list[Artifact]:
     return [*needed, surrogates(task, "broad")]
 
 
-STAGE = Stage(_artifacts)
+STAGE = Stage(in_columns(_artifacts))

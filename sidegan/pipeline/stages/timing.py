@@ -7,8 +7,12 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import torch
+from torch import Tensor
 
+from sidegan.design.problem import Problem
+from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator
@@ -17,6 +21,7 @@ from sidegan.validity import check
 
 _BATCH = 1000
 _SECONDS = 3.0  # [s] of every measurement
+_LENGTHS = (400, 1600, 6400, 25600)  # samples of one evaluation
 
 
 def timing(task: Task, name: str) -> Artifact:
@@ -41,17 +46,30 @@ def _make(task: Task, build: Build, name: str) -> None:
         valid = _rate(lambda: int(check(*physics, network.sample(_BATCH, noise)).valid.sum()))
     finally:
         torch.set_num_threads(before)
+    build.costs["growth"] = _growth(task)
     build.costs |= {"generation_seconds": 1 / generated, "valid_per_second": valid}
     build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": torch.__version__}
 
 
-def _rate(work: Callable[[], int]) -> float:
-    """Things per second that ``work`` makes, over a few seconds of repetitions, the first one left out."""
+def _rate(work: Callable[[], int], share: float = 1.0) -> float:
+    """Things per second that ``work`` makes, over a share of a few seconds of it, the first one left out."""
     work()
     began, made = time.perf_counter(), 0
-    while time.perf_counter() - began < _SECONDS:
+    while time.perf_counter() - began < share * _SECONDS:
         made += work()
     return made / (time.perf_counter() - began)
+
+
+def _growth(task: Task) -> float:
+    """Exponent with which the time of YᵀY and its condition number grows with the number of samples."""
+    c = task.problem.start(1, torch.Generator().manual_seed(0), 0.5)
+    problems = [Problem(task.constraints, task.trajectory, n) for n in _LENGTHS]
+    rates = [_rate(partial(_evaluate, one, c), 0.2) for one in problems]
+    return float(np.polyfit(np.log(_LENGTHS), -np.log(rates), 1)[0])
+
+
+def _evaluate(problem: Problem, c: Tensor) -> int:
+    return len(problem.fitness(c))
 
 
 def _processor() -> str:
@@ -64,4 +82,4 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-STAGE = Stage(lambda task: [timing(task, name) for name in task.cfg.gan])
+STAGE = Stage(in_columns(lambda task: [timing(task, name) for name in task.cfg.gan]))

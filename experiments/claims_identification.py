@@ -1,0 +1,142 @@
+"""Criteria of the claims about identification (tables I, II and III)."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from experiments import exp2
+from experiments.artifacts import Group
+from experiments.finding import GANS, SIDE_GANS, Finding, listed, ratios
+from experiments.verdicts import COLUMN, HOLDS, NOT, REPEAT, TRAINING, above, below, together
+
+_LEVELS = [COLUMN, TRAINING, REPEAT]
+
+
+def _short_beat_long(group: Group) -> Finding:
+    return _against_long(group, "errors")
+
+
+def _real_short_beat_long(group: Group) -> Finding:
+    return _against_long(group, "plant")
+
+
+def _against_long(group: Group, frame: str) -> Finding:
+    """Whether the seeds' error is below that of every reading of the single long trajectory."""
+    nmse, cfg = _table1(group, frame), group.first.cfg
+    names = [f"long-{h}" for h in sorted(cfg.long.harmonics)]
+    effects = {f"{n.removeprefix('long-')} harmonics": _log_ratio(nmse[n], nmse["seeds"]) for n in names}
+    numbers = {"fewest": min(cfg.long.harmonics), "starts": cfg.long.starts, "period": cfg.long.period}
+    ours = f"error of the long one over the seeds': {ratios(effects)}"
+    verdict = together(above(x) for x in effects.values())
+    return Finding(verdict, ours, numbers | {"count": cfg.selection.count})
+
+
+def _generated_beat_seeds(group: Group) -> Finding:
+    return _against_seeds(group, "errors")
+
+
+def _real_generated_beat_seeds(group: Group) -> Finding:
+    return _against_seeds(group, "plant")
+
+
+def _against_seeds(group: Group, frame: str) -> Finding:
+    nmse = _table1(group, frame)
+    effects = {n: _log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
+    ours = f"error of the seeds over theirs: {ratios(effects)}"
+    numbers = {"count": group.first.cfg.selection.count}
+    return Finding(together(above(x) for x in effects.values()), ours, numbers)
+
+
+def _generated_improve(group: Group) -> Finding:
+    first = min(group.first.cfg.replication.replicas)
+    gains = {n: _improvement(group, n, first) for n in GANS}
+    return Finding(together(above(x) for x in gains.values()), f"[%] {listed(gains)}")
+
+
+def _more_than_vanilla(group: Group) -> Finding:
+    first = min(group.first.cfg.replication.replicas)
+    vanilla = _improvement(group, "vanilla", first)
+    gains = {n: _improvement(group, n, first) - vanilla for n in SIDE_GANS}
+    return Finding(together(above(x) for x in gains.values()), f"[percentage points] {listed(gains)}")
+
+
+def _eigen_best(group: Group) -> Finding:
+    first = min(group.first.cfg.replication.replicas)
+    gain = _improvement(group, "eigen", first) - _improvement(group, "diagonal", first)
+    return Finding(above(gain), f"[percentage points over diagonal] {listed({'eigen': gain})}")
+
+
+def _not_replaced(group: Group) -> Finding:
+    most = max(group.first.cfg.replication.replicas)
+    gains = {n: _improvement(group, n, most) for n in GANS}
+    return Finding(together(above(x) for x in gains.values()), f"[%] {listed(gains)}", {"most": most})
+
+
+def _not_less(group: Group) -> Finding:
+    replicas = group.first.cfg.replication.replicas
+    change = {n: _improvement(group, n, max(replicas)) - _improvement(group, n, min(replicas)) for n in GANS}
+    verdict = together(NOT if below(x) == HOLDS else HOLDS for x in change.values())
+    return Finding(verdict, f"[percentage points, ×{max(replicas)} − ×{min(replicas)}] {listed(change)}")
+
+
+def _smallest_norm(group: Group) -> Finding:
+    """Whether eigen's covariance norm is below that of every other set of Table III."""
+    norms = _by_set(group, group.frame("whole_facts"), "covariance_norm")
+    others = [n for n in norms if n not in ("eigen", _most(group))]
+    effects = {n: _log_ratio(norms[n], norms["eigen"]) for n in others}
+    return Finding(together(above(x) for x in effects.values()), f"theirs over eigen's: {ratios(effects)}")
+
+
+def _most(group: Group) -> str:
+    """The seeds measured so often that the paper's table does not have them."""
+    return f"seeds ×{max(group.first.cfg.replication.replicas)}"
+
+
+def _table1(group: Group, frame: str) -> dict[str, pd.Series]:
+    """Unweighted nMSE of experiment 1, mean over joints, by set."""
+    raw = group.frame(frame)
+    return _by_set(group, raw[~raw.weighted], "nmse")
+
+
+def _by_set(group: Group, frame: pd.DataFrame, key: str) -> dict[str, pd.Series]:
+    """Mean of a column for every set by column and repeat, and by training where something was trained."""
+    trained, mean = group.first.cfg.gan, frame.groupby(["set", *_LEVELS])[key].mean()
+    parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
+    return {name: x if name in trained else x.droplevel(TRAINING) for name, x in parts.items()}
+
+
+def _log_ratio(first: pd.Series, second: pd.Series) -> pd.Series:
+    """Logarithm of a ratio, draw by draw; what was not trained stands beside every training of the other."""
+    return np.log(_matched(first, second)) - np.log(_matched(second, first))
+
+
+def _matched(values: pd.Series, other: pd.Series) -> pd.Series:
+    """Values without trainings, as often as the other has trainings."""
+    if TRAINING in values.index.names or TRAINING not in other.index.names:
+        return values
+    return values.reindex(other.droplevel(TRAINING).index).set_axis(other.index)
+
+
+def _improvement(group: Group, name: str, replicas: int) -> pd.Series:
+    """Unweighted improvement [%] over the seeds measured so often, mean over joints."""
+    parts = []
+    for column, artifacts in group.parts.items():
+        errors = artifacts.whole_errors
+        gain = exp2.improvement(errors[~errors.weighted], name, f"seeds ×{replicas}")
+        parts.append(gain.assign(column=column).groupby(_LEVELS).improvement.mean())
+    return pd.concat(parts)
+
+
+CRITERIA: dict[str, Callable[[Group], Finding]] = {
+    "short_beat_long": _short_beat_long,
+    "generated_beat_seeds": _generated_beat_seeds,
+    "real_short_beat_long": _real_short_beat_long,
+    "real_generated_beat_seeds": _real_generated_beat_seeds,
+    "generated_improve": _generated_improve,
+    "more_than_vanilla": _more_than_vanilla,
+    "eigen_best": _eigen_best,
+    "not_replaced": _not_replaced,
+    "not_less": _not_less,
+    "smallest_norm": _smallest_norm,
+}

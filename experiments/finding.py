@@ -1,0 +1,65 @@
+"""What was measured of one claim in one group of columns, and the words that say it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.artifacts import Group
+from experiments.verdicts import COLUMN, TRAINING, UNKNOWN, Interval, interval
+
+SIDE_GANS = ("eigen", "diagonal")
+GANS = ("vanilla", *SIDE_GANS)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was measured of one claim: verdict, evidence in words, numbers for the words of the claim."""
+
+    verdict: str
+    ours: str
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+
+def unknown() -> Finding:
+    """Nothing was measured."""
+    return Finding(UNKNOWN, UNKNOWN)
+
+
+def by_epoch(group: Group, variant: str, key: str) -> pd.DataFrame:
+    """A metric of a variant by epoch (rows), and column and training (columns)."""
+    histories = group.frame("histories")
+    part = histories[histories.variant == variant]
+    return part.pivot(index="epoch", columns=[COLUMN, TRAINING], values=key)
+
+
+def at(group: Group, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
+    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by column and training."""
+    curve = by_epoch(group, variant, key)
+    begin = min(first, len(curve)) - 1
+    return curve.iloc[begin : len(curve) if last is None else max(last, begin + 1)].mean()
+
+
+def against(values: pd.Series, seeds: pd.Series) -> pd.Series:
+    """Logarithm of the ratio of values by column and training to a number of the column's seeds."""
+    columns = values.index.get_level_values(COLUMN)
+    return np.log(values) - np.log(seeds.loc[columns].to_numpy())
+
+
+def words(measured: Interval, form: str = ".3g") -> str:
+    """A mean and its interval."""
+    if not np.isfinite(measured.low):
+        return f"{measured.mean:{form}} (one training)"
+    return f"{measured.mean:{form}} ({measured.low:{form}} … {measured.high:{form}})"
+
+
+def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
+    """Means and intervals by name."""
+    return "; ".join(f"{name} {words(interval(x), form)}" for name, x in values.items())
+
+
+def ratios(effects: Mapping[str, pd.Series]) -> str:
+    """Geometric means of ratios and their intervals, of their logarithms by name."""
+    return "; ".join(f"{name} {words(interval(x).exp())} ×" for name, x in effects.items())

@@ -1,0 +1,93 @@
+"""Verdicts from intervals: what many trainings, seed sets and noise draws together say of a claim.
+
+An effect is a series of numbers with the levels ``column`` (one for each seed set), ``training`` and
+``repeat`` (noise draws) in its index, as far as it has them. Trainings and noise draws both add to the
+variance of its mean.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from sidegan.report.style import NOT_MEASURED
+
+HOLDS, PART, NOT, UNDECIDED = "holds", "holds in part", "does not hold", "no detectable difference"
+UNKNOWN = NOT_MEASURED
+CONFIDENCE = 0.95
+COLUMN, TRAINING, REPEAT = "column", "training", "repeat"
+
+
+class Interval(NamedTuple):
+    """A mean and the interval of it."""
+
+    low: float
+    mean: float
+    high: float
+
+    def exp(self) -> "Interval":
+        """Of a ratio, from that of its logarithm."""
+        return Interval(*(float(np.exp(x)) for x in self))
+
+
+def interval(effect: pd.Series) -> Interval:
+    """Mean of an effect with its confidence interval (Student's t).
+
+    The variance of the mean is that over trainings, each averaged over its noise draws, and that over noise
+    draws, each averaged over the trainings: too large rather than too small. One training or draw alone has
+    no spread, so that the interval is all numbers.
+    """
+    values = effect.dropna()
+    means = [values.groupby(levels).mean() for levels in _units(values)]
+    fewest = min((len(x) for x in means), default=0)
+    if fewest < 2:
+        return Interval(-np.inf, float(values.mean()), np.inf)
+    error = np.sqrt(sum(x.var(ddof=1) / len(x) for x in means))
+    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, fewest - 1) * error)
+    middle = float(values.mean())
+    return Interval(middle - half, middle, middle + half)
+
+
+def proportion(share: float, draws: int) -> Interval:
+    """A share of so many draws with its exact interval (Clopper and Pearson 1934)."""
+    found = stats.binomtest(round(share * draws), draws).proportion_ci(CONFIDENCE)
+    return Interval(found.low, share, found.high)
+
+
+def above(effect: pd.Series, bound: float = 0.0) -> str:
+    """Whether the mean of an effect lies above a bound: in its whole interval, and on every seed set."""
+    low, _, high = interval(effect)
+    levels = [COLUMN] if COLUMN in effect.index.names else []
+    means = effect.groupby(levels).mean() if levels else pd.Series([effect.mean()])
+    if low > bound and (means > bound).all():
+        return HOLDS
+    return NOT if high < bound and (means < bound).all() else UNDECIDED
+
+
+def below(effect: pd.Series, bound: float = 0.0) -> str:
+    """Whether the mean of an effect lies below a bound."""
+    return above(-effect, -bound)
+
+
+def beside(measured: Interval, bound: float) -> str:
+    """Whether an interval lies below a bound."""
+    return HOLDS if measured.high < bound else NOT if measured.low > bound else UNDECIDED
+
+
+def together(verdicts: Iterable[str]) -> str:
+    """One verdict on a claim about several: it holds when it holds of each, in part when of some."""
+    every = list(verdicts)
+    if not every or UNKNOWN in every:
+        return UNKNOWN
+    if len(set(every)) == 1:
+        return every[0]
+    return PART if {HOLDS, PART} & set(every) else NOT
+
+
+def _units(values: pd.Series) -> list[list[str]]:
+    """The levels that single trainings and single noise draws are told by, as far as an effect has them."""
+    names = set(values.index.names)
+    shared = [COLUMN] if COLUMN in names else []
+    return [[*shared, level] for level in (TRAINING, REPEAT) if level in names]

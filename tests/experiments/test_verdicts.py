@@ -1,0 +1,73 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from experiments import verdicts
+from experiments.verdicts import (
+    HOLDS,
+    NOT,
+    PART,
+    UNDECIDED,
+    UNKNOWN,
+    above,
+    below,
+    beside,
+    interval,
+    together,
+)
+
+
+def effect(mean, spread=0.1, columns=("a", "b"), trainings=5, repeats=1, seed=0):
+    index = pd.MultiIndex.from_product(
+        [columns, range(trainings), range(repeats)], names=["column", "training", "repeat"]
+    )
+    values = mean + spread * np.random.default_rng(seed).standard_normal(len(index))
+    series = pd.Series(values, index)
+    return series if repeats > 1 else series.droplevel("repeat")
+
+
+def test_an_interval_over_trainings_alone_is_students():
+    values = effect(1.0)
+    expected = stats.t.interval(0.95, len(values) - 1, values.mean(), stats.sem(values))
+    assert (interval(values).low, interval(values).high) == pytest.approx(expected)
+
+
+def test_noise_draws_and_trainings_both_widen_an_interval():
+    draws = np.repeat(np.random.default_rng(0).standard_normal(10), 5)
+    index = pd.MultiIndex.from_product([range(10), range(5)], names=["repeat", "training"])
+    shared = pd.Series(draws, index)  # what a noise draw does to all trainings alike
+    naive = stats.sem(shared) * stats.t.ppf(0.975, len(shared) - 1)
+    assert interval(shared).high - interval(shared).mean > 2 * naive
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    hits = 0
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        index = pd.MultiIndex.from_product([range(5), range(10)], names=["training", "repeat"])
+        training, draw = rng.standard_normal(5)[:, None], rng.standard_normal(10)[None]
+        values = pd.Series((training + draw + rng.standard_normal((5, 10))).ravel(), index)
+        low, _, high = interval(values)
+        hits += low < 0 < high
+    assert hits >= 0.94 * 400
+
+
+def test_a_verdict_needs_the_whole_interval_and_every_seed_set():
+    assert above(effect(1.0)) == HOLDS and above(effect(-1.0)) == NOT
+    assert below(effect(-1.0)) == HOLDS and above(effect(0.0)) == UNDECIDED
+    assert above(effect(1.0, trainings=1, columns=("a",))) == UNDECIDED  # one training says nothing
+    torn = pd.concat([effect(3.0, 0.1, ("a",), 8), effect(-0.2, 0.1, ("b",), 2)])
+    assert interval(torn).low > 0 and above(torn) == UNDECIDED
+
+
+def test_a_claim_about_several_holds_of_each_or_in_part():
+    assert together([HOLDS, HOLDS]) == HOLDS and together([HOLDS, NOT]) == PART
+    assert together([HOLDS, UNDECIDED]) == PART and together([NOT, UNDECIDED]) == NOT
+    assert together([UNDECIDED, UNDECIDED]) == UNDECIDED and together([]) == UNKNOWN
+
+
+def test_a_share_of_draws_has_an_exact_interval():
+    none = verdicts.proportion(0.0, 4000)
+    assert none.low == 0 and none.high == pytest.approx(1 - 0.025 ** (1 / 4000))
+    assert beside(none, 0.001) == HOLDS and beside(verdicts.proportion(0.5, 100), 0.001) == NOT
