@@ -28,7 +28,7 @@ from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.callbacks import PARENT, STATUS, end_sweep
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.tracking import Origin, Tracker
+from sidegan.pipeline.tracking import Tracker
 
 if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
@@ -43,6 +43,14 @@ FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
+
+
+def composed(*overrides: str) -> "Config":
+    """The settings that a command with these overrides would have."""
+    from sidegan.pipeline.settings import validate
+
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        return validate(hydra.compose("config", overrides=list(overrides)))
 
 
 def run_stages(config: "Config", run_folder: Path, name: str) -> None:
@@ -70,7 +78,7 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
         name,
         tracking.uri,
         tracking.enabled,
-        Origin(os.environ.get(PARENT)),
+        os.environ.get(PARENT),
     )
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(config.plain())

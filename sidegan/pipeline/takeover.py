@@ -17,14 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from hydra import compose, initialize_config_dir
 
 from sidegan.base.storage import read_json, write_json, write_parquet
 from sidegan.errors import ArtifactError
-from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
 from sidegan.pipeline.graph import Artifact, flatten, waves
-from sidegan.pipeline.run import CONF
-from sidegan.pipeline.settings import validate
+from sidegan.pipeline.run import composed
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.store import STAMP, Store, write_stamp
 from sidegan.pipeline.task import HISTORY, REPORT, RESULTS, Task
@@ -145,8 +142,7 @@ def _convert(store: Store, artifact: Artifact, stamp: dict[str, Any], folder: Pa
 def main(overrides: list[str]) -> int:
     """Take over what an experiment is made of, and say what was left."""
     logging.basicConfig(format="%(message)s", level=logging.INFO)
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = validate(compose("config", overrides=overrides))
+    cfg = composed(*overrides)
     task = Task(cfg, Store(Path(cfg.outputs), cfg.named))
     artifacts = [one for name in cfg.stages for one in stage(name).artifacts(task)]
     taken, refused = take_over(task.store, artifacts)

@@ -5,11 +5,10 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from sidegan.pipeline.tracking import UNTRACKED, Origin, Tracker
+from sidegan.pipeline.tracking import UNTRACKED, Tracker
 
 log = logging.getLogger(__name__)
 
@@ -27,17 +26,10 @@ def send_kept(folder: Path, root: Path, uri: str | None = None) -> bool:
     kept, sending = folder / UNTRACKED, folder / _SENDING
     _set_aside(kept, sending)
     lines = _lines(sending)
-    if not lines:
-        sending.unlink(missing_ok=True)
-        return True
-    tracker = _tracker(lines[0], folder, root, uri)
-    if not tracker.reached:
-        sending.replace(kept)
-        return False
+    tracker = Tracker.resumed(root, folder, uri, lines[0]["run"] if lines else None)
     for line in lines:
-        if line["kind"] != "run":
-            _SEND[line["kind"]](tracker, line["content"], line["time"])
-    sending.unlink()
+        tracker.send(line["kind"], line["content"], line["time"])
+    sending.unlink(missing_ok=True)
     return tracker.reached
 
 
@@ -63,39 +55,6 @@ def _lines(path: Path) -> list[dict[str, Any]]:
         except ValueError:  # of a run that was killed while it wrote
             log.warning("%s has half a line, which is left out", path)
     return lines
-
-
-def _tracker(first: dict[str, Any], folder: Path, root: Path, uri: str | None) -> Tracker:
-    """The run that was started, or the one that could not even be started."""
-    if first["kind"] != "run":
-        return Tracker(root, folder, "", "", uri, origin=Origin(run_id=first["run"]))
-    content = first["content"]
-    parent = content["tags"].get("mlflow.parentRunId")
-    origin = Origin(parent, began=first["time"])
-    return Tracker(root, folder, content["experiment"], content["name"], uri, origin=origin)
-
-
-def _send_artifact(tracker: Tracker, content: dict[str, Any], time: float) -> None:
-    path = Path(content["path"])
-    if path.exists():
-        tracker.log_artifact(path, content["folder"])
-    else:
-        log.warning("%s is gone and cannot be sent", path)
-
-
-def _send_table(tracker: Tracker, content: dict[str, Any], time: float) -> None:
-    import pandas as pd
-
-    tracker.log_table(pd.DataFrame(**content["table"]), content["name"])
-
-
-_SEND: dict[str, Callable[[Tracker, Any, float], None]] = {
-    "params": lambda tracker, content, time: tracker.log_params(content),
-    "metrics": lambda tracker, content, time: tracker.log_rows(content),
-    "artifact": _send_artifact,
-    "table": _send_table,
-    "status": lambda tracker, content, time: tracker.finish(content, time),
-}
 
 
 def main(arguments: list[str] | None = None) -> int:

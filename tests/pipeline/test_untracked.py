@@ -52,7 +52,8 @@ def test_a_run_that_never_reached_the_server_is_sent_later(root, folder):
 def test_a_run_whose_server_went_away_is_completed(root, folder, monkeypatch):
     with Tracker(root, folder, "exp1", "completed") as tracker:
         tracker.log_metrics({"before": 1.0})
-        monkeypatch.setattr(tracker, "_client", None)  # whoever asks for it gets a ConnectionError
+        monkeypatch.setattr(tracker, "_client", None)
+        monkeypatch.setattr(tracker, "uri", NOWHERE)
         record(tracker, folder)
     assert client_of(root).get_run(tracker.run_id).info.status == "RUNNING"
     assert send_kept(folder, root)
