@@ -5,7 +5,7 @@ Values live in the YAML files only. A command composes the groups that it uses; 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -108,8 +108,7 @@ class Config:
 
     def plain(self) -> dict[str, Any]:
         """All settings that are composed, as plain values."""
-        names = [one.name for one in fields(self) if self.has(one.name)]
-        return {name: asdict(self)[name] for name in names}
+        return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
         variants = [name for group in ("gan", "ablation") if self.has(group) for name in getattr(self, group)]

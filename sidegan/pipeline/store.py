@@ -90,10 +90,8 @@ class Store:
             return folder
         if self.folder(artifact).exists():
             read_stamp(self.folder(artifact))  # raises, and says why, when it is damaged
-        message = (
-            f"there is no {artifact.maker}/{artifact.label} for this configuration, "
-            f"run stage {artifact.maker} first"
-        )
+        maker = artifact.maker
+        message = f"there is no {maker}/{artifact.label} for this configuration, run stage {maker} first"
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
             message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
@@ -106,15 +104,12 @@ class Store:
 
     def keep_costs(self, artifact: Artifact, costs: Mapping[str, Any]) -> None:
         """Write what making an artifact took beside all artifacts."""
-        path = self._costs(artifact)
-        with _storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-        write_json(path, costs)
+        write_json(self._costs(artifact), costs)
 
     def _costs(self, artifact: Artifact) -> Path:
         return self.root / "costs" / artifact.maker / f"{self._name(artifact)}.json"
 
-    def produce(self, artifact: Artifact, report: Report | None = None) -> Path:
+    def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
         """Folder of the artifact, made unless it is there already.
 
         Of two runs that want the same artifact, one makes it and the other waits.
@@ -124,10 +119,10 @@ class Store:
         """
         with self._lock(artifact):
             folder = self.find(artifact)
-            if folder is not None:
-                log.info("%s: reused from %s", artifact.maker, folder)
-                return folder
-            return self._make(artifact, report or _silent)
+            if folder is None:
+                return self._make(artifact, report)
+            log.info("%s: reused from %s", artifact.maker, folder)
+            return folder
 
     def _make(self, artifact: Artifact, report: Report) -> Path:
         final = self.folder(artifact)
@@ -162,9 +157,8 @@ class Store:
             try:
                 lock.acquire(timeout=0)
             except Timeout:
-                log.info(
-                    "%s: another run is making %s, waiting for it", artifact.maker, self.folder(artifact)
-                )
+                final = self.folder(artifact)
+                log.info("%s: another run is making %s, waiting for it", artifact.maker, final)
                 lock.acquire()
         try:
             yield
@@ -220,10 +214,6 @@ def file_digest(path: Path) -> str:
 def _digest(path: Path, size: int, changed: int, inode: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _silent(done: int, total: int) -> None:
-    """Report to nobody."""
 
 
 def _replace(folder: Path, final: Path) -> None:

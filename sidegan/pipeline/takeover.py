@@ -89,8 +89,8 @@ def _check(artifact: Artifact, stamp: dict[str, Any], folder: Path, old: dict[st
     Raises:
         ArtifactError: saying why.
     """
-    if artifact.maker == "long":
-        raise ArtifactError("its budget was a time")
+    if artifact.stamp["version"] > 1:
+        raise ArtifactError("what it holds is computed in another way today")
     changed = [room for room, digest in stamp["code"].items() if not digest.startswith(_CODE.get(room, "?"))]
     if changed:
         raise ArtifactError(f"it is of another code: {', '.join(changed)}")
