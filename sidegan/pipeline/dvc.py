@@ -94,14 +94,13 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
             "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
         }
     everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
-    report = {"deps": ["experiments", *dict.fromkeys(everything)]}
-    command = _RUN.format("reproduction") + " 'stages=[table]' publish=docs"
-    stages["report"] = {"cmd": command, **report}
-    stages["report"] |= _published("reproduction", ".md", ".html")
-    page = _published("beyond", ".md")
-    stages["beyond"]["outs"] += page.pop("outs")
-    stages["beyond"] |= page
-    stages["beyond"] = stages.pop("beyond")  # last: it is the longest
+    stages["report"] = {
+        "cmd": _RUN.format("reproduction") + " 'stages=[table]' publish=docs",
+        "deps": ["experiments", *dict.fromkeys(everything)],
+        **_published("reproduction", ".md", ".html"),
+    }
+    beyond, page = stages.pop("beyond"), _published("beyond", ".md")
+    stages["beyond"] = {**beyond, **page, "outs": beyond["outs"] + page["outs"]}  # last: it is the longest
     return {"stages": stages}
 
 

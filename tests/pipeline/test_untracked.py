@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
-from sidegan.pipeline.untracked import main, send_kept
+from sidegan.untracked import main, send_kept
 from tests.pipeline.conftest import NOWHERE, client_of
 
 
