@@ -11,7 +11,6 @@ import logging
 import os
 import shutil
 import time
-import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -127,9 +126,8 @@ class Store:
     def _make(self, artifact: Artifact, report: Report) -> Path:
         final = self.folder(artifact)
         work = final.with_name(f"{artifact.label}-{artifact.digest[:8]}.work")
-        for leftover in final.parent.glob(f".{final.name}.*.tmp"):  # of a killed run; the lock is ours
-            shutil.rmtree(leftover, ignore_errors=True)
-        folder = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}.tmp")
+        folder = final.with_name(f".{final.name}.tmp")
+        shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)
         began = time.monotonic()
         try:
