@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from sidegan.base.storage import write_bytes
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
 
 log = logging.getLogger(__name__)
@@ -27,14 +28,20 @@ def send_kept(folder: Path, root: Path, uri: str | None = None) -> bool:
     _set_aside(kept, sending)
     lines = _lines(sending)
     tracker = Tracker.resumed(root, folder, uri, lines[0]["run"] if lines else None)
-    for line in lines:
+    for i, line in enumerate(lines):
         tracker.send(line["kind"], line["content"], line["time"])
+        if not tracker.reached:
+            rest = (json.dumps({**one, "run": tracker.run_id}) for one in lines[i:])
+            write_bytes(sending, "".join(f"{text}\n" for text in rest).encode())
+            if not kept.exists():  # its run may still be running
+                sending.rename(kept)
+            return False
     sending.unlink(missing_ok=True)
-    return tracker.reached
+    return True
 
 
 def _set_aside(kept: Path, sending: Path) -> None:
-    """What is sent now, in a file of its own: what fails again is kept anew. One may be left of a kill."""
+    """What is sent now, in a file of its own, since the run may go on. One may be left of a kill."""
     if not kept.exists():
         return
     if sending.exists():

@@ -72,10 +72,9 @@ class Tracker:
 
     @classmethod
     def resumed(cls, root: Path, folder: Path, uri: str | None, run_id: str | None) -> Self:
-        """Goes on with a run, or with one whose record is the next that is sent."""
+        """Goes on with a run, or with the one whose record is sent first; keeps nothing itself."""
         tracker = cls(root, folder, "", "", uri, enabled=False)
-        tracker.enabled = tracker.reached = True
-        tracker.run_id = run_id
+        tracker.reached, tracker.run_id = True, run_id
         return tracker
 
     def log_params(self, values: Mapping[str, Any]) -> None:
@@ -142,7 +141,6 @@ class Tracker:
 
     def _record(self, kind: str, content: Any, at: float | None) -> None:
         client = self._client = self._client or self._connected()
-        import pandas as pd
         from mlflow.entities import Metric, Param
 
         if self.run_id is None:
@@ -162,6 +160,8 @@ class Tracker:
             case "artifact":
                 _upload(client, run, **content)
             case "table":
+                import pandas as pd
+
                 client.log_table(run, pd.DataFrame(**content["table"]), f"{content['name']}.json")
             case "status":
                 client.set_terminated(run, content, _milliseconds(at))
