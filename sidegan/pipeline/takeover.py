@@ -13,6 +13,7 @@ import json
 import logging
 import sys
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -58,29 +59,24 @@ def take_over(store: Store, artifacts: Iterable[Artifact]) -> tuple[list[Artifac
     """The artifacts that were taken over, and of the others why not, by their folder."""
     taken, refused = [], {}
     old: dict[str, str] = {}  # digest of an artifact's former stamp, by its digest today
-    for wave in waves(artifacts):
-        for artifact in wave:
-            for folder in _candidates(store, artifact):
-                try:
-                    stamp = read_json(folder / STAMP)
-                    if "maker" in stamp:
-                        continue
-                    _check(artifact, stamp, folder, old)
-                    _convert(store, artifact, stamp, folder)
-                except (ArtifactError, KeyError) as error:
-                    refused[str(folder)] = str(error)
+    for artifact in chain.from_iterable(waves(artifacts)):
+        name = artifact.label if store.named else f"{artifact.label}-{'?' * 8}"
+        for path in sorted((store.root / artifact.maker).glob(f"{name}/{STAMP}")):
+            folder = path.parent
+            try:
+                stamp = read_json(path)
+                if "maker" in stamp:
                     continue
-                plain = {key: stamp[key] for key in _FIELDS}
-                old[artifact.digest] = hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
-                taken.append(artifact)
-                break
+                _check(artifact, stamp, folder, old)
+                _convert(store, artifact, stamp, folder)
+            except (ArtifactError, KeyError) as error:
+                refused[str(folder)] = str(error)
+                continue
+            plain = {key: stamp[key] for key in _FIELDS}
+            old[artifact.digest] = hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
+            taken.append(artifact)
+            break
     return taken, refused
-
-
-def _candidates(store: Store, artifact: Artifact) -> list[Path]:
-    folder = store.root / artifact.maker
-    names = [artifact.label] if store.named else [f"{artifact.label}-{'?' * 8}"]
-    return [path for name in names for path in sorted(folder.glob(name)) if (path / STAMP).exists()]
 
 
 def _check(artifact: Artifact, stamp: dict[str, Any], folder: Path, old: dict[str, str]) -> None:
