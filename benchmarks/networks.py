@@ -11,6 +11,7 @@ from sidegan.design.excitation import excite
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
 from sidegan.gan.training import Run, train_variant
 from sidegan.gan.variants import Variant
+from sidegan.pipeline.run import composed
 from sidegan.validity import check
 
 _BATCH = 1000
@@ -53,14 +54,7 @@ def training(setting: Setting) -> Result:
 
 def variants() -> dict[str, Variant]:
     """The SIDE-GAN variants of the paper's first experiment, with its schedule."""
-    from hydra import compose, initialize_config_dir
-
-    from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
-    from sidegan.pipeline.run import CONF
-    from sidegan.pipeline.settings import validate
-
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return validate(compose("config", overrides=["+experiment=exp1", "scale=paper"])).gan
+    return composed("+experiment=exp1", "scale=paper").gan
 
 
 def train(setting: Setting, name: str, variant: Variant, count: int) -> None:
@@ -75,13 +69,7 @@ def train(setting: Setting, name: str, variant: Variant, count: int) -> None:
     if variant.features != "none":
         excitation = excite(constraints.body, trajectory, seeds[:200])
         features = excitation.spectrum if variant.features == "spectrum" else excitation.diagonal
-        converter = Converter(
-            constraints.arm,
-            trajectory,
-            features.shape[1],
-            _WIDTH,
-            _FEATURE_STEPS,
-        )
+        converter = Converter(constraints.arm, trajectory, features.shape[1], _WIDTH, _FEATURE_STEPS)
         converter.fit_standard(features)
         converter.eval().requires_grad_(False)
     with TemporaryDirectory() as work:

@@ -13,10 +13,10 @@ from typing import Any
 import pandas as pd
 import torch
 
-from benchmarks import data, design, networks, physics
+from benchmarks import data, networks, physics
 from benchmarks.seeds import seeds
 from benchmarks.setting import Setting
-from benchmarks.timing import ROWS, Result, row, threads
+from benchmarks.timing import ROWS, Result, row
 from sidegan.report import export
 
 _NUMBERS = ("ours", "by_cpu", "opponent", "ratio", "goal", "threads")
@@ -31,7 +31,7 @@ BENCHMARKS: dict[str, Callable[[Setting], Result]] = {
     "training": networks.training,
     "rls": data.rls,
     "greedy": data.selection,
-    "design": design.design,
+    "design": data.design,
 }
 
 
@@ -45,13 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.repeats < 1:
         parser.error(f"--repeats is {options.repeats}, expected at least 1")
-    torch.set_num_threads(1)
     setting = Setting(options.quick, options.repeats)
     rows = []
     for name in options.only or BENCHMARKS:
         sys.stderr.write(f"{name} …\n")
-        with threads(ROWS[name]["threads"]):
-            rows.append(row(name, BENCHMARKS[name](setting)))
+        torch.set_num_threads(ROWS[name]["threads"])
+        rows.append(row(name, BENCHMARKS[name](setting)))
     show(rows, options.quick)
     if options.json is not None:
         result = {"machine": machine(), "quick": options.quick, "rows": rows}

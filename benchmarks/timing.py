@@ -6,13 +6,11 @@ median of runs that take turns with the opponent's, so that a machine that slows
 
 import statistics
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import torch
 import yaml
 
 # Unit, goal, threads and opponent of every benchmark by its name.
@@ -66,17 +64,6 @@ def row(name: str, result: Result) -> dict[str, Any]:
         "also": result.also,
         **about,
     }
-
-
-@contextmanager
-def threads(count: int) -> Iterator[None]:
-    """Torch on so many threads."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def timed(work: Callable[[], object]) -> Timing:

@@ -78,9 +78,8 @@ class Loky:
                 min(workers, jobs), timeout=_IDLE, env=ONE_THREAD, initializer=leave_with, initargs=watch
             )
             try:
-                yield Pool(
-                    executor, messages.put, partial(_drain, messages), {TerminatedWorkerError: _KILLED}
-                )
+                lost: dict[type[BaseException], str] = {TerminatedWorkerError: _KILLED}
+                yield Pool(executor, messages.put, partial(_drain, messages), lost)
             except BaseException:
                 _kill(executor)
                 raise

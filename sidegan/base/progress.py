@@ -3,12 +3,9 @@
 import logging
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, TextIO
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from typing import TextIO
 
 log = logging.getLogger(__name__)
 
@@ -30,22 +27,18 @@ class ConsoleHandler(logging.StreamHandler[TextIO]):
         return sys.stderr
 
 
-class Bar:
-    """Progress of one loop of ``total`` steps; call it with the number that are done."""
+class Lines:
+    """Log lines about a loop of ``total`` steps; call it with the number that are done."""
 
-    def __init__(self, description: str, total: int, display: "Progress | None" = None) -> None:
-        self.description, self.total, self.done, self._display = description, total, 0, display
+    def __init__(self, description: str, total: int) -> None:
+        self.description, self.total, self.done = description, total, 0
         self._written: int | None = None  # done at the last log line
         self._began = self._logged = time.monotonic()
-        if display is not None:
-            self._task = display.add_task(description, total=total, rate="")
 
     def __call__(self, done: int) -> None:
         """So many are done."""
         self.done = done
-        if self._display is not None:
-            self._display.update(self._task, completed=done, rate=speed(self._rate()))
-        elif time.monotonic() - self._logged >= _INTERVAL:
+        if time.monotonic() - self._logged >= _INTERVAL:
             self._log()
 
     def close(self) -> None:
@@ -53,26 +46,21 @@ class Bar:
         if self._written not in (None, self.done):
             self._log()
 
-    def _rate(self) -> float:
-        return self.done / max(time.monotonic() - self._began, 1e-9)
-
     def _log(self) -> None:
         """How far the loop is, how fast, and how long it may still take."""
-        self._logged, self._written, rate = time.monotonic(), self.done, self._rate()
+        self._logged, self._written = time.monotonic(), self.done
+        rate = self.done / max(self._logged - self._began, 1e-9)
         left = f"{duration((self.total - self.done) / rate)} left" if rate else ""
         words = (f"{self.description}: {self.done} of {self.total}", speed(rate), left)
         log.info("%s", ", ".join(filter(None, words)))
 
 
 @contextmanager
-def bar(description: str, total: int) -> Iterator[Bar]:
-    """A bar for the block; see ``Bar``."""
+def bar(description: str, total: int) -> Iterator[Callable[[int], None]]:
+    """What to tell how many steps of the block's loop are done: a bar on a terminal, else log lines."""
     if not sys.stderr.isatty():
-        one = Bar(description, total)
-        try:
-            yield one
-        finally:
-            one.close()
+        with closing(Lines(description, total)) as lines:
+            yield lines
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -80,7 +68,10 @@ def bar(description: str, total: int) -> Iterator[Bar]:
     rate = TextColumn("{task.fields[rate]}")
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as display:
-        yield Bar(description, total, display)
+        task, began = display.add_task(description, total=total, rate=""), time.monotonic()
+        yield lambda done: display.update(
+            task, completed=done, rate=speed(done / max(time.monotonic() - began, 1e-9))
+        )
 
 
 def duration(seconds: float) -> str:

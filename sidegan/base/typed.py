@@ -108,12 +108,12 @@ class _Reader:
         return found
 
     def value(self, hint: Any, value: Any, path: str) -> Any:
-        plain, bounds = _unwrap(hint)
+        plain, bounds, optional = _unwrap(hint)
+        if optional and value is None:
+            return None
         if dataclasses.is_dataclass(plain):
             return self.record(plain, value, path)  # type: ignore[arg-type]
         origin, arguments = get_origin(plain), get_args(plain)
-        if origin in (Union, UnionType):
-            return None if value is None else self.value(_without_none(arguments), value, path)
         if origin is dict and isinstance(value, Mapping):
             return {str(k): self.value(arguments[1], v, _join(path, str(k))) for k, v in value.items()}
         if origin is list and isinstance(value, list):
@@ -124,7 +124,7 @@ class _Reader:
             return value
         if _is(plain, value) and all(bound.holds(value) for bound in bounds):
             return float(value) if plain is float else value
-        raise self._wrong(path, value, _expected(hint))
+        raise self._wrong(path, value, _expected(hint, null=False))
 
     def _wrong(self, path: str, value: Any, expected: str) -> _Wrong:
         self.problems.append(f"{path} is {value!r}, expected {expected}")
@@ -142,11 +142,11 @@ def _is(plain: Any, value: Any) -> bool:
 _NAMES = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 
 
-def _expected(hint: Any) -> str:
-    plain, bounds = _unwrap(hint)
+def _expected(hint: Any, null: bool = True) -> str:
+    plain, bounds, optional = _unwrap(hint)
     origin, arguments = get_origin(plain), get_args(plain)
-    if origin in (Union, UnionType):
-        return f"{_expected(_without_none(arguments))}, or null"
+    if optional and null:
+        return f"{_expected(hint, null=False)}, or null"
     if origin is Literal:
         return f"one of {', '.join(map(str, arguments))}"
     if origin is list:
@@ -158,15 +158,13 @@ def _expected(hint: Any) -> str:
     return "a group of settings"
 
 
-def _unwrap(hint: Any) -> tuple[Any, list[Any]]:
-    if get_origin(hint) is Annotated:
-        plain, *bounds = get_args(hint)
-        return plain, bounds
-    return hint, []
-
-
-def _without_none(arguments: tuple[Any, ...]) -> Any:
-    return next(a for a in arguments if a is not NoneType)
+def _unwrap(hint: Any) -> tuple[Any, list[Any], bool]:
+    """The plain type, its bounds, and whether None is allowed."""
+    optional = get_origin(hint) in (Union, UnionType)
+    if optional:
+        hint = next(a for a in get_args(hint) if a is not NoneType)
+    plain, *bounds = get_args(hint) if get_origin(hint) is Annotated else [hint]
+    return plain, bounds, optional
 
 
 def _join(path: str, key: str) -> str:
@@ -174,9 +172,7 @@ def _join(path: str, key: str) -> str:
 
 
 def _dotted(hint: Any, path: str = "") -> Iterator[str]:
-    plain, _ = _unwrap(hint)
-    if get_origin(plain) in (Union, UnionType):
-        plain = _without_none(get_args(plain))
+    plain, _, _ = _unwrap(hint)
     if path:
         yield path
     if dataclasses.is_dataclass(plain):

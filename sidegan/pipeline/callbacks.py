@@ -1,10 +1,10 @@
 """What happens around the jobs: threads, and of a sweep the parent run and the table over all jobs."""
 
-import importlib
 import logging
 import os
 import re
-from collections.abc import Mapping
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,8 @@ PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may b
 STATUS = "status.json"
 
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
-OmegaConf.register_new_resolver("stages", lambda: listing(STAGES), replace=True)
+_STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
+OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 _parent: Tracker | None = None
 
@@ -49,14 +50,9 @@ class SweepCallback(Callback):
             return
         hidden = ("+experiment=", "outputs=")
         swept = " ".join(name for name in config.hydra.overrides.task if not name.startswith(hidden))
-        _parent = Tracker(
-            Path(config.outputs),
-            folder,
-            config.experiment,
-            f"{config.experiment} sweep {swept}".strip()[:200],
-            config.tracking.uri,
-            config.tracking.enabled,
-        )
+        name = f"{config.experiment} sweep {swept}".strip()[:200]
+        uri, enabled = config.tracking.uri, config.tracking.enabled
+        _parent = Tracker(Path(config.outputs), folder, config.experiment, name, uri, enabled)
         if _parent.run_id is not None:
             os.environ[PARENT] = _parent.run_id
 
@@ -81,11 +77,6 @@ class SweepCallback(Callback):
             raise SystemExit(worst)
 
 
-def listing(lines: Mapping[str, str]) -> str:
-    """Names and what they stand for, a line each."""
-    return "\n".join(f"  {name:<16}{text}" for name, text in lines.items())
-
-
 def end_sweep(status: Status) -> None:
     """Close the parent run, if one is open."""
     global _parent
@@ -99,21 +90,18 @@ def job_codes(sweep: Path) -> dict[Path, int]:
     """Exit code of each job of a sweep by its folder, in the order of the jobs."""
     numbers = {folder: re.match(r"\d+", folder.name) for folder in sweep.iterdir() if folder.is_dir()}
     folders = sorted((int(number[0]), folder) for folder, number in numbers.items() if number)
-    return {folder: _code(folder) for _, folder in folders}
-
-
-def _code(folder: Path) -> int:
-    try:
-        return int(read_json(folder / STATUS)["code"])
-    except (SideganError, KeyError, TypeError, ValueError):  # the job was killed before it could tell
-        return 1
+    codes = dict.fromkeys((folder for _, folder in folders), 1)
+    for folder in codes:
+        with suppress(SideganError):  # the job was killed before it could tell
+            codes[folder] = read_json(folder / STATUS)["code"]
+    return codes
 
 
 def aggregate(experiment: str, folders: list[Path], sweep: Path) -> "pd.DataFrame | None":
     """Table over the finished jobs: the experiment's own ``aggregate(folders, sweep)``, if it has one."""
     name = f"experiments.{experiment}"
     try:
-        module = importlib.import_module(name)
+        module = import_module(name)
     except ModuleNotFoundError as error:
         if error.name not in (name, "experiments"):
             raise

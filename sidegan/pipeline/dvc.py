@@ -14,13 +14,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
-from hydra import compose, initialize_config_dir
 
 from sidegan.base.storage import write_bytes
-from sidegan.pipeline import callbacks  # noqa: F401 - registers what the paths in conf/ use
 from sidegan.pipeline.graph import Artifact
-from sidegan.pipeline.run import CONF
-from sidegan.pipeline.settings import validate
+from sidegan.pipeline.run import composed
 from sidegan.pipeline.stages import STAGES, stage
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
@@ -36,9 +33,7 @@ HEAD = """\
 
 def task(experiment: str, outputs: Path) -> Task:
     """An experiment of the pipeline."""
-    overrides = [f"+experiment={experiment}", "scale=paper", "named=true", f"outputs={outputs}"]
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        cfg = validate(compose("config", overrides=overrides))
+    cfg = composed(f"+experiment={experiment}", "scale=paper", "named=true", f"outputs={outputs}")
     return Task(cfg, Store(outputs, named=True))
 
 
@@ -99,14 +94,13 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
             "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
         }
     everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
-    report = {"deps": ["experiments", *dict.fromkeys(everything)]}
-    command = _RUN.format("reproduction") + " 'stages=[table]' publish=docs"
-    stages["report"] = {"cmd": command, **report}
-    stages["report"] |= _published("reproduction", ".md", ".html")
-    page = _published("beyond", ".md")
-    stages["beyond"]["outs"] += page.pop("outs")
-    stages["beyond"] |= page
-    stages["beyond"] = stages.pop("beyond")  # last: it is the longest
+    stages["report"] = {
+        "cmd": _RUN.format("reproduction") + " 'stages=[table]' publish=docs",
+        "deps": ["experiments", *dict.fromkeys(everything)],
+        **_published("reproduction", ".md", ".html"),
+    }
+    beyond, page = stages.pop("beyond"), _published("beyond", ".md")
+    stages["beyond"] = {**beyond, **page, "outs": beyond["outs"] + page["outs"]}  # last: it is the longest
     return {"stages": stages}
 
 

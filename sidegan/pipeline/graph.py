@@ -39,9 +39,6 @@ class Build:
     costs: dict[str, Any] = field(default_factory=dict)
 
 
-Make = Callable[[Build], None]
-
-
 @dataclass(frozen=True)
 class Artifact:
     """A result on disk; two artifacts with the same digest are interchangeable.
@@ -64,27 +61,23 @@ class Artifact:
     settings: Mapping[str, Any]
     inputs: Mapping[str, "Artifact | str"]
     seed: int | None
-    make: Make = field(repr=False, compare=False)
+    make: Callable[[Build], None] = field(repr=False, compare=False)
     metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
     alone: bool = False
 
     @cached_property
     def stamp(self) -> dict[str, Any]:
         """What it came from, as JSON gives it back."""
-        return json.loads(
-            json.dumps(
-                {
-                    "maker": self.maker,
-                    "version": version(self.maker),
-                    "label": self.label,
-                    "settings": self.settings,
-                    "inputs": {
-                        name: one if isinstance(one, str) else one.digest for name, one in self.inputs.items()
-                    },
-                    "seed": self.seed,
-                }
-            )
-        )
+        inputs = {name: one if isinstance(one, str) else one.digest for name, one in self.inputs.items()}
+        stamp = {
+            "maker": self.maker,
+            "version": version(self.maker),
+            "label": self.label,
+            "settings": self.settings,
+            "inputs": inputs,
+            "seed": self.seed,
+        }
+        return json.loads(json.dumps(stamp))
 
     @cached_property
     def digest(self) -> str:
@@ -144,11 +137,12 @@ def folder_name(text: str, longest: int = 100) -> str:
 
 def flatten(value: Any, path: str = "") -> dict[str, Any]:
     """Nested mappings as one, with dotted keys."""
-    if isinstance(value, Mapping) and value:
-        return {
-            k: v for key, x in value.items() for k, v in flatten(x, f"{path}.{key}" if path else key).items()
-        }
-    return {path: value}
+    if not isinstance(value, Mapping) or not value:
+        return {path: value}
+    flat: dict[str, Any] = {}
+    for key, x in value.items():
+        flat |= flatten(x, f"{path}.{key}" if path else key)
+    return flat
 
 
 def _brief(value: Any) -> str:

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import hydra
@@ -28,7 +27,7 @@ from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.callbacks import PARENT, STATUS, end_sweep
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.tracking import Origin, Tracker
+from sidegan.pipeline.tracking import Tracker
 
 if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
@@ -43,6 +42,14 @@ FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
+
+
+def composed(*overrides: str) -> "Config":
+    """The settings that a command with these overrides would have."""
+    from sidegan.pipeline.settings import validate
+
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        return validate(hydra.compose("config", overrides=list(overrides)))
 
 
 def run_stages(config: "Config", run_folder: Path, name: str) -> None:
@@ -62,16 +69,8 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
 
     _check(config)
     task = Task(config, Store(Path(config.outputs), config.named, run_folder))
-    tracking = config.tracking
-    tracker = Tracker(
-        task.store.root,
-        run_folder,
-        config.experiment,
-        name,
-        tracking.uri,
-        tracking.enabled,
-        Origin(os.environ.get(PARENT)),
-    )
+    uri, enabled, parent = config.tracking.uri, config.tracking.enabled, os.environ.get(PARENT)
+    tracker = Tracker(task.store.root, run_folder, config.experiment, name, uri, enabled, parent)
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(config.plain())
         for one in config.stages:
@@ -100,7 +99,7 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str) -> int:
         raise
     except Exception as error:
         code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
-        if isinstance(error, SideganError) or _is_storage(error):
+        if isinstance(error, SideganError) or getattr(error, "errno", None) in _STORAGE:
             log.error("error: %s", error)
         else:
             log.exception("error: unexpected %s", type(error).__name__)
@@ -130,7 +129,8 @@ def main() -> int:
     # Hydra copies its store of configurations, of which there is one, for every group that --help lists.
     ConfigStore.__deepcopy__ = lambda store, memo: store  # type: ignore[attr-defined]
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
-    signal.signal(signal.SIGTERM, _terminate)
+    # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         _hydra_main()
     except KeyboardInterrupt:
@@ -197,31 +197,18 @@ def _check(config: "Config") -> None:
     if config.parallel.backend == "dask" and find_spec("distributed") is None:
         raise ConfigError("parallel=dask needs Dask: pip install 'sidegan[dask]'")
     if config.device != "cpu":
-        _check_device(config.device)
+        import torch
 
-
-def _check_device(device: str) -> None:
-    import torch
-
-    try:
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
-        reason = str(error).split("\n", 1)[0]
-        raise ConfigError(f"device is {device!r}, which is not there: {reason}") from error
+        try:
+            torch.zeros(1, device=config.device)
+        except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
+            reason = str(error).split("\n", 1)[0]
+            raise ConfigError(f"device is {config.device!r}, which is not there: {reason}") from error
 
 
 def _leave(run_folder: Path, code: int, error: str | None) -> None:
     with suppress(StorageError):  # when the disk is full, that is what is told
         write_json(run_folder / STATUS, {"code": code, "error": error})
-
-
-def _is_storage(error: Exception) -> bool:
-    return isinstance(error, OSError) and error.errno in _STORAGE
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """End like an interrupt: a scheduler's notice must leave resumable files and a closed run."""
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ Values live in the YAML files only. A command composes the groups that it uses; 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -112,8 +112,7 @@ class Config:
 
     def plain(self) -> dict[str, Any]:
         """All settings that are composed, as plain values."""
-        names = [one.name for one in fields(self) if self.has(one.name)]
-        return {name: asdict(self)[name] for name in names}
+        return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
         variants = [name for group in ("gan", "ablation") if self.has(group) for name in getattr(self, group)]
@@ -130,7 +129,7 @@ class Config:
         if self.has("gan") and not self.gan:
             raise ConfigError("gan is empty, expected one variant or more")
         if self.has("recordings", "validation"):
-            check_files(self.recordings, self.validation)
+            self._check_files()
         if self.has("replication", "identification") and self.identification.forgetting < 1:
             raise ConfigError(
                 "replication adds sums that have no order in time: identification.forgetting must be 1"
@@ -138,6 +137,16 @@ class Config:
         if self.has("seeds", "trajectory"):
             self._check_counts()
             self._check_rates()
+
+    def _check_files(self) -> None:
+        """Refuse a recording that is named twice, or that a model would be validated on after training."""
+        for name, files in (("recordings", self.recordings), ("validation", self.validation)):
+            twice = [file for file in files if files.count(file) > 1]
+            if twice:
+                raise ConfigError(f"{name} has {twice[0]} twice")
+        both = [file for file in self.validation if file in self.recordings]
+        if both:
+            raise ConfigError(f"validation has {both[0]}, which is in recordings: it would not be held out")
 
     def _check_counts(self) -> None:
         """Refuse to choose more than there is."""
@@ -190,21 +199,6 @@ def _each_once(name: str, values: Sequence[object], what: str, empty: bool = Fal
     if len(set(values)) < len(values) or not (values or empty):
         some = f"each {what} once" if empty else f"one {what} or more, each once"
         raise ConfigError(f"{name} is {values}, expected {some}")
-
-
-def check_files(recordings: list[str], validation: list[str]) -> None:
-    """Refuse a recording that is named twice, or that a model would be validated on after training.
-
-    Raises:
-        ConfigError: naming the file.
-    """
-    for name, files in (("recordings", recordings), ("validation", validation)):
-        twice = [file for file in files if files.count(file) > 1]
-        if twice:
-            raise ConfigError(f"{name} has {twice[0]} twice")
-    both = [file for file in validation if file in recordings]
-    if both:
-        raise ConfigError(f"validation has {both[0]}, which is in recordings: it would not be held out")
 
 
 def validate(cfg: DictConfig) -> Config:

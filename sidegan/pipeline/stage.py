@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from sidegan.base.parallel import Job, Report, run_jobs
+from sidegan.base.parallel import Job, run_jobs
 from sidegan.pipeline.graph import Artifact, Metrics, waves
-from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
@@ -51,13 +50,9 @@ def _produce(name: str, task: Task, artifacts: list[Artifact], missing: set[str]
         if one.alone or one.digest not in missing:
             task.store.produce(one)
         else:
-            jobs.append(partial(_make, task.store, one))
+            jobs.append(partial(task.store.produce, one))
     if jobs:
         run_jobs(f"{name} (%)", jobs, task.cfg.parallel.workers)
-
-
-def _make(store: Store, artifact: Artifact, report: Report) -> None:
-    store.produce(artifact, report)
 
 
 def _record(title: str, metrics: Metrics, costs: Mapping[str, Any], tracker: Tracker) -> None:

@@ -11,7 +11,6 @@ import logging
 import os
 import shutil
 import time
-import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -90,10 +89,8 @@ class Store:
             return folder
         if self.folder(artifact).exists():
             read_stamp(self.folder(artifact))  # raises, and says why, when it is damaged
-        message = (
-            f"there is no {artifact.maker}/{artifact.label} for this configuration, "
-            f"run stage {artifact.maker} first"
-        )
+        maker = artifact.maker
+        message = f"there is no {maker}/{artifact.label} for this configuration, run stage {maker} first"
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
             message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
@@ -106,15 +103,12 @@ class Store:
 
     def keep_costs(self, artifact: Artifact, costs: Mapping[str, Any]) -> None:
         """Write what making an artifact took beside all artifacts."""
-        path = self._costs(artifact)
-        with _storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-        write_json(path, costs)
+        write_json(self._costs(artifact), costs)
 
     def _costs(self, artifact: Artifact) -> Path:
         return self.root / "costs" / artifact.maker / f"{self._name(artifact)}.json"
 
-    def produce(self, artifact: Artifact, report: Report | None = None) -> Path:
+    def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
         """Folder of the artifact, made unless it is there already.
 
         Of two runs that want the same artifact, one makes it and the other waits.
@@ -124,17 +118,16 @@ class Store:
         """
         with self._lock(artifact):
             folder = self.find(artifact)
-            if folder is not None:
-                log.info("%s: reused from %s", artifact.maker, folder)
-                return folder
-            return self._make(artifact, report or _silent)
+            if folder is None:
+                return self._make(artifact, report)
+            log.info("%s: reused from %s", artifact.maker, folder)
+            return folder
 
     def _make(self, artifact: Artifact, report: Report) -> Path:
         final = self.folder(artifact)
         work = final.with_name(f"{artifact.label}-{artifact.digest[:8]}.work")
-        for leftover in final.parent.glob(f".{final.name}.*.tmp"):  # of a killed run; the lock is ours
-            shutil.rmtree(leftover, ignore_errors=True)
-        folder = final.with_name(f".{final.name}.{uuid.uuid4().hex[:8]}.tmp")
+        folder = final.with_name(f".{final.name}.tmp")
+        shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)
         began = time.monotonic()
         try:
@@ -162,9 +155,8 @@ class Store:
             try:
                 lock.acquire(timeout=0)
             except Timeout:
-                log.info(
-                    "%s: another run is making %s, waiting for it", artifact.maker, self.folder(artifact)
-                )
+                final = self.folder(artifact)
+                log.info("%s: another run is making %s, waiting for it", artifact.maker, final)
                 lock.acquire()
         try:
             yield
@@ -220,10 +212,6 @@ def file_digest(path: Path) -> str:
 def _digest(path: Path, size: int, changed: int, inode: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _silent(done: int, total: int) -> None:
-    """Report to nobody."""
 
 
 def _replace(folder: Path, final: Path) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +116,7 @@ class Task:
             {**shared, **numbered, maker: own},
             {"robot": self.arm.digest, **(inputs or {})},
             self.cfg.seed,
-            _Maker(make, self),
+            partial(make, self),
             options.get("metrics", report_and_history),
             options.get("alone", False),
         )
@@ -136,17 +136,6 @@ class Task:
     def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
         """Table in an artifact that must be there."""
         return pd.read_parquet(self.store.require(artifact) / file)
-
-
-@dataclass(frozen=True)
-class _Maker:
-    """``make(build)`` of an artifact, which can travel to another process."""
-
-    make: Callable[[Task, Build], None]
-    task: Task
-
-    def __call__(self, build: Build) -> None:
-        self.make(self.task, build)
 
 
 def report_and_history(folder: Path) -> Metrics:

@@ -11,12 +11,11 @@ import os
 import re
 import sqlite3
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from filelock import FileLock
 
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-T = TypeVar("T")
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 
 UNTRACKED = "untracked.jsonl"
@@ -42,23 +40,6 @@ _ENVIRONMENT = {
 }
 
 
-class Origin(NamedTuple):
-    """Where a run comes from.
-
-    Attributes:
-        parent: run that it is a part of.
-        run_id: run to go on with, instead of starting one.
-        began: when the run that is started began [s since 1970]; None is now.
-    """
-
-    parent: str | None = None
-    run_id: str | None = None
-    began: float | None = None
-
-
-_NEW = Origin()
-
-
 class Tracker:
     """One MLflow run; as a context manager it ends with the status that the block's end deserves.
 
@@ -69,7 +50,7 @@ class Tracker:
         name: of the run, for people.
         uri: tracking server or database; None is sqlite in ``root``.
         enabled: False: nothing is recorded and MLflow is not imported.
-        origin: what it is a part of, or goes on with.
+        parent: run that it is a part of.
     """
 
     def __init__(
@@ -80,32 +61,29 @@ class Tracker:
         name: str,
         uri: str | None = None,
         enabled: bool = True,
-        origin: Origin = _NEW,
+        parent: str | None = None,
     ) -> None:
-        self.root, self.folder, self.enabled = root, folder, enabled
-        self.run_id, self._began = origin.run_id, origin.began
+        self.root, self.folder, self.uri = root.resolve(), folder, uri
+        self.enabled = self.reached = enabled  # whether everything could be sent so far
+        self.run_id: str | None = None
         self._client: MlflowClient | None = None
-        self._reached = enabled
-        tags = {} if origin.parent is None else {"mlflow.parentRunId": origin.parent}
-        record = {"experiment": experiment, "name": name, "tags": tags}
-        self._send("run", record, lambda: self._start(uri, experiment, name, tags))
+        tags = {} if parent is None else {"mlflow.parentRunId": parent}
+        self.send("run", {"experiment": experiment, "name": name, "tags": tags})
+
+    @classmethod
+    def resumed(cls, root: Path, folder: Path, uri: str | None, run_id: str | None) -> Self:
+        """Goes on with a run, or with the one whose record is sent first; keeps nothing itself."""
+        tracker = cls(root, folder, "", "", uri, enabled=False)
+        tracker.reached, tracker.run_id = True, run_id
+        return tracker
 
     def log_params(self, values: Mapping[str, Any]) -> None:
         """Record settings; nested ones get dotted keys."""
-        params = {_key(k): str(v)[:_PARAMETER_LENGTH] for k, v in flatten(values).items()}
+        self.send("params", {_key(k): str(v)[:_PARAMETER_LENGTH] for k, v in flatten(values).items()})
 
-        def send() -> None:
-            from mlflow.entities import Param
-
-            client, run = self._run
-            for part in _parts([Param(k, v) for k, v in params.items()], _PARAMETERS_AT_ONCE):
-                client.log_batch(run, params=part)
-
-        self._send("params", params, send)
-
-    def log_metrics(self, values: Mapping[str, float], step: int = 0) -> None:
+    def log_metrics(self, values: Mapping[str, float]) -> None:
         """Record one number each."""
-        self.log_history({key: [value] for key, value in values.items()}, [step])
+        self.log_history({key: [value] for key, value in values.items()})
 
     def log_history(self, history: Mapping[str, Sequence[float]], steps: Sequence[int] | None = None) -> None:
         """Record a series of numbers each, all in one go.
@@ -114,55 +92,26 @@ class Tracker:
             history: name of each metric and its values.
             steps: of the values; 0, 1, … when not given.
         """
-        now = round(1000 * time.time())
+        now = _milliseconds(time.time())
         rows = [
             (_key(name), float(value), now, step)
             for name, values in history.items()
             for step, value in zip(steps or range(len(values)), values)
         ]
-        self.log_rows(rows)
-
-    def log_rows(self, rows: Sequence[tuple[str, float, int, int]]) -> None:
-        """Record numbers, each with its name, value, time [ms since 1970] and step."""
-
-        def send() -> None:
-            from mlflow.entities import Metric
-
-            client, run = self._run
-            for part in _parts([Metric(*row) for row in rows], _METRICS_AT_ONCE):
-                client.log_batch(run, metrics=part)
-
-        self._send("metrics", rows, send)
+        self.send("metrics", rows)
 
     def log_artifact(self, path: Path, folder: str | None = None) -> None:
         """Record a file, or all files of a folder, below ``folder`` of the run."""
-
-        def send() -> None:
-            client, run = self._run
-            upload = client.log_artifacts if path.is_dir() else client.log_artifact
-            upload(run, str(path), folder)
-
-        self._send("artifact", {"path": str(path.absolute()), "folder": folder}, send)
+        self.send("artifact", {"path": str(path.absolute()), "folder": folder})
 
     def log_table(self, table: "pd.DataFrame", name: str) -> None:
         """Record a table that MLflow shows beside the run; a named index becomes columns."""
         flat = table.reset_index() if any(table.index.names) else table
+        self.send("table", {"name": name, "table": json.loads(flat.to_json(orient="split", index=False))})
 
-        def send() -> None:
-            client, run = self._run
-            client.log_table(run, flat, f"{name}.json")
-
-        record = {"name": name, "table": json.loads(flat.to_json(orient="split", index=False))}
-        self._send("table", record, send)
-
-    def finish(self, status: Status, ended: float | None = None) -> None:
-        """Close the run, which ended at a time [s since 1970]; None is now."""
-
-        def send() -> None:
-            client, run = self._run
-            client.set_terminated(run, status, None if ended is None else round(1000 * ended))
-
-        self._send("status", status, send)
+    def finish(self, status: Status) -> None:
+        """Close the run."""
+        self.send("status", status)
 
     def __enter__(self) -> Self:
         return self
@@ -175,64 +124,97 @@ class Tracker:
         else:
             self.finish("FAILED" if issubclass(kind, Exception) else "KILLED")
 
-    @property
-    def _run(self) -> "tuple[MlflowClient, str]":
-        if self._client is None or self.run_id is None:
-            raise ConnectionError("the run was not started")
-        return self._client, self.run_id
+    def send(self, kind: str, content: Any, at: float | None = None) -> None:
+        """Record plain values of a time [s since 1970], None is now; what cannot be sent is kept."""
+        if self.reached:
+            try:
+                self._record(kind, content, at)
+                return
+            except Exception as error:  # whatever goes wrong at the other end, the work goes on
+                self.reached = False
+                reason = str(error).split("\n", 1)[0] or type(error).__name__
+                log.warning("tracking stops (%s); the rest goes to %s", reason, self.folder / UNTRACKED)
+        if self.enabled:
+            record = {"time": at or time.time(), "run": self.run_id, "kind": kind, "content": content}
+            with suppress(OSError), (self.folder / UNTRACKED).open("a", encoding="utf-8") as file:
+                file.write(f"{json.dumps(record)}\n")
 
-    def _start(self, uri: str | None, experiment: str, name: str, tags: dict[str, str]) -> None:
+    def _record(self, kind: str, content: Any, at: float | None) -> None:
+        client = self._client = self._client or self._connected()
+        from mlflow.entities import Metric, Param
+
+        if self.run_id is None:
+            if kind != "run":
+                raise ConnectionError("the run was not started")
+            self.run_id = self._started(client, at, **content)
+        run = self.run_id
+        match kind:
+            case "params":
+                params = [Param(*item) for item in content.items()]
+                for i in range(0, len(params), _PARAMETERS_AT_ONCE):
+                    client.log_batch(run, params=params[i : i + _PARAMETERS_AT_ONCE])
+            case "metrics":
+                metrics = [Metric(*row) for row in content]
+                for i in range(0, len(metrics), _METRICS_AT_ONCE):
+                    client.log_batch(run, metrics=metrics[i : i + _METRICS_AT_ONCE])
+            case "artifact":
+                _upload(client, run, **content)
+            case "table":
+                import pandas as pd
+
+                client.log_table(run, pd.DataFrame(**content["table"]), f"{content['name']}.json")
+            case "status":
+                client.set_terminated(run, content, _milliseconds(at))
+
+    def _connected(self) -> "MlflowClient":
         for key, value in _ENVIRONMENT.items():
             os.environ.setdefault(key, value)
         from mlflow import MlflowClient
 
         for noisy in ("mlflow", "alembic", "urllib3"):
             logging.getLogger(noisy).setLevel(logging.ERROR)
-        root = self.root.resolve()
+        database = self.root / "mlflow.db"
+        with (
+            self._one_at_a_time(),
+            nullcontext() if self.uri or database.exists() else _made_at_once(database),
+        ):
+            return MlflowClient(self.uri or f"sqlite:///{database}")
+
+    def _started(
+        self, client: "MlflowClient", at: float | None, experiment: str, name: str, tags: dict[str, str]
+    ) -> str:
         # A server knows where its files go; a database would put them into the current folder.
-        remote = uri is not None and uri.startswith(("http", "databricks"))
-        # Two runs that start together must not both create the tables.
-        with nullcontext() if remote else _one_at_a_time(root):
-            database = root / "mlflow.db"
-            with nullcontext() if uri or database.exists() else _made_at_once(database):
-                client = MlflowClient(uri or f"sqlite:///{database}")
-            if self.run_id is not None:
-                client.get_run(self.run_id)  # raises when it is not there
-            else:
-                location = None if remote else (root / "mlartifacts" / experiment).as_uri()
-                found = client.get_experiment_by_name(experiment)
-                number = found.experiment_id if found else client.create_experiment(experiment, location)
-                began = None if self._began is None else round(1000 * self._began)
-                run = client.create_run(number, run_name=name, tags=tags, start_time=began)
-                self.run_id = run.info.run_id
-        self._client = client
+        location = None if self._remote else (self.root / "mlartifacts" / experiment).as_uri()
+        with self._one_at_a_time():
+            found = client.get_experiment_by_name(experiment)
+            number = found.experiment_id if found else client.create_experiment(experiment, location)
+        run = client.create_run(number, run_name=name, tags=tags, start_time=_milliseconds(at))
+        return run.info.run_id
 
     @property
-    def reached(self) -> bool:
-        """Whether everything could be sent so far."""
-        return self._reached
+    def _remote(self) -> bool:
+        return self.uri is not None and self.uri.startswith(("http", "databricks"))
 
-    def _send(self, kind: str, content: Any, send: Callable[[], None]) -> None:
-        if self._reached:
-            try:
-                send()
-                return
-            except Exception as error:  # whatever goes wrong at the other end, the work goes on
-                self._reached = False
-                reason = str(error).split("\n", 1)[0] or type(error).__name__
-                log.warning("tracking stops (%s); the rest goes to %s", reason, self.folder / UNTRACKED)
-        if self.enabled:
-            line = json.dumps({"time": time.time(), "run": self.run_id, "kind": kind, "content": content})
-            with suppress(OSError), (self.folder / UNTRACKED).open("a", encoding="utf-8") as file:
-                file.write(f"{line}\n")
+    @contextmanager
+    def _one_at_a_time(self) -> Iterator[None]:
+        """Two runs that start together must not both create the tables of a database, or the experiment."""
+        if self._remote:
+            yield
+            return
+        lock = self.root / ".locks" / "mlflow.lock"
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(lock):
+            yield
 
 
-@contextmanager
-def _one_at_a_time(root: Path) -> Iterator[None]:
-    folder = root / ".locks"
-    folder.mkdir(parents=True, exist_ok=True)
-    with FileLock(folder / "mlflow.lock"):
-        yield
+def _upload(client: "MlflowClient", run: str, path: str, folder: str | None) -> None:
+    """Send a file, or all files of a folder."""
+    if Path(path).is_dir():
+        client.log_artifacts(run, path, folder)
+    elif Path(path).exists():
+        client.log_artifact(run, path, folder)
+    else:
+        log.warning("%s is gone and cannot be sent", path)
 
 
 @contextmanager
@@ -266,7 +248,5 @@ def _key(name: str) -> str:
     return re.sub(r"[^\w\-. :/]", "_", name)
 
 
-def _parts(items: Sequence[T], size: int) -> Iterator[list[T]]:
-    rest = iter(items)
-    while part := list(islice(rest, size)):
-        yield part
+def _milliseconds(time_of_day: float | None) -> int | None:
+    return None if time_of_day is None else round(1000 * time_of_day)

@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from benchmarks import design, run, timing
+from benchmarks import data, run, timing
 from benchmarks.timing import ROWS, Result, Timing
 
 
@@ -11,7 +11,7 @@ from benchmarks.timing import ROWS, Result, Timing
 def result(tmp_path_factory):
     path = tmp_path_factory.mktemp("benchmarks") / "result.json"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(design, "_LIBRARY", 6000)
+        patch.setattr(data, "_LIBRARY", 6000)
         assert run.main(["--quick", "--repeats", "1", "--json", str(path)]) == 0
     return json.loads(path.read_text(encoding="utf-8"))
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from benchmarks import curves, growth
-from benchmarks.growth_page import exponent
+from benchmarks.growth import exponent
 
 
 def test_a_curve_goes_on_where_it_was(tmp_path, capsys):

@@ -21,7 +21,7 @@ import torch
 
 from sidegan.base import parallel
 from sidegan.base.engines import Dask
-from sidegan.base.progress import Bar
+from sidegan.base.progress import Lines
 from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
@@ -283,7 +283,7 @@ def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undi
     monkeypatch.setattr(time, "time", lambda: source.uniform(0.0, 4e9))
     monkeypatch.setattr(time, "time_ns", lambda: int(1e9 * time.time()))
     began = time.monotonic()
-    progress = Bar("steps", 10)
+    progress = Lines("steps", 10)
     progress(5)
     made = small_job.run(tmp_path)
     spent = time.monotonic() - began

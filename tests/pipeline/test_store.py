@@ -107,7 +107,7 @@ def test_a_stopped_build_leaves_its_tasks_and_nothing_else(store, error):
 
 def test_what_a_killed_build_left_is_cleared_away(store):
     artifact = numbers()
-    left = store.folder(artifact).with_name(f".{store.folder(artifact).name}.dead.tmp")
+    left = store.folder(artifact).with_name(f".{store.folder(artifact).name}.tmp")
     left.mkdir(parents=True)
     store.produce(replace(artifact, make=write))
     assert not left.exists()

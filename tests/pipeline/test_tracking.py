@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from sidegan.pipeline.tracking import UNTRACKED, Origin, Tracker
+from sidegan.pipeline.tracking import UNTRACKED, Tracker
 from tests.pipeline.conftest import NOWHERE, client_of
 
 
@@ -32,7 +32,7 @@ def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, t
         tracker.log_params({"seed": 1, "gan": {"eigen": {"weights": {"fitness": 0.1}}}, "stages": ["seeds"]})
         tracker.log_history({"loss": [3.0, 2.0, 1.0], "valid share": [0.1, 0.5, 0.9]})
         tracker.log_history({"late": [1.0, 2.0]}, steps=[10, 20])
-        tracker.log_metrics({"R² of λ_1, spectrum": 0.9}, step=4)
+        tracker.log_metrics({"R² of λ_1, spectrum": 0.9})
         tracker.log_artifact(tmp_path / "table.csv")
         tracker.log_artifact(tmp_path / "plots", "figures")
         tracker.log_table(table, "table1")
@@ -76,7 +76,7 @@ def test_a_run_ends_as_its_block_does(root, start, error, status):
 
 
 def test_a_run_may_be_part_of_another(root, start):
-    with start(name="sweep") as parent, start(origin=Origin(parent.run_id)) as child:
+    with start(name="sweep") as parent, start(parent=parent.run_id) as child:
         pass
     tags = client_of(root).get_run(child.run_id).data.tags
     assert tags["mlflow.parentRunId"] == parent.run_id
@@ -99,13 +99,12 @@ def test_a_server_that_is_gone_stops_nothing_and_nothing_is_lost(start, tmp_path
 
 def test_a_server_that_goes_away_in_the_middle_stops_nothing(start, tmp_path, caplog, monkeypatch):
     with start() as tracker:
-        client, _ = tracker._run
 
         def gone(*arguments, **more):
             raise ConnectionError("the server is gone")
 
         tracker.log_metrics({"nmse": 0.5})
-        monkeypatch.setattr(client, "log_batch", gone)
+        monkeypatch.setattr(tracker._client, "log_batch", gone)
         tracker.log_metrics({"nmse": 0.4})
         tracker.log_metrics({"nmse": 0.3})
     assert caplog.text.count("the server is gone") == 1
@@ -121,7 +120,7 @@ def test_a_run_folder_that_cannot_be_written_stops_nothing_either(root, tmp_path
 
 def test_without_tracking_mlflow_is_not_even_imported(tmp_path):
     code = (
-        "import sys; from pathlib import Path; from sidegan.pipeline.tracking import Origin, Tracker\n"
+        "import sys; from pathlib import Path; from sidegan.pipeline.tracking import Tracker\n"
         f"here = Path({str(tmp_path)!r})\n"
         "with Tracker(here, here, 'experiment', 'name', enabled=False) as tracker:\n"
         "    tracker.log_params({'a': 1}); tracker.log_metrics({'b': 2})\n"

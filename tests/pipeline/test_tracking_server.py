@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
-from sidegan.pipeline.untracked import send_kept
+from sidegan.untracked import send_kept
 
 pytestmark = [
     pytest.mark.slow,

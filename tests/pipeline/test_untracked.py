@@ -3,8 +3,9 @@ import json
 import pandas as pd
 import pytest
 
+from sidegan.pipeline import tracking
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
-from sidegan.pipeline.untracked import main, send_kept
+from sidegan.untracked import main, send_kept
 from tests.pipeline.conftest import NOWHERE, client_of
 
 
@@ -52,7 +53,8 @@ def test_a_run_that_never_reached_the_server_is_sent_later(root, folder):
 def test_a_run_whose_server_went_away_is_completed(root, folder, monkeypatch):
     with Tracker(root, folder, "exp1", "completed") as tracker:
         tracker.log_metrics({"before": 1.0})
-        monkeypatch.setattr(tracker, "_client", None)  # whoever asks for it gets a ConnectionError
+        monkeypatch.setattr(tracker, "_client", None)
+        monkeypatch.setattr(tracker, "uri", NOWHERE)
         record(tracker, folder)
     assert client_of(root).get_run(tracker.run_id).info.status == "RUNNING"
     assert send_kept(folder, root)
@@ -73,6 +75,24 @@ def test_what_does_not_arrive_stays_kept(root, folder):
     assert main([str(root)]) == 0
     assert list(folder.iterdir()) == []
     assert run_called(root, "kept")[1].data.metrics == {"loss": 2.0}
+
+
+def test_what_arrived_before_the_server_went_away_again_is_not_sent_twice(root, folder, monkeypatch):
+    with Tracker(root, folder, "exp1", "twice", NOWHERE) as tracker:
+        record(tracker, folder)
+
+    def gone(*arguments):
+        raise ConnectionError("the server is gone")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tracking, "_upload", gone)
+        assert not send_kept(folder, root)
+    kept = [json.loads(line) for line in (folder / UNTRACKED).read_text().splitlines()]
+    assert [line["kind"] for line in kept] == ["artifact", "table", "status"]
+    _, run = run_called(root, "twice")
+    assert {line["run"] for line in kept} == {run.info.run_id} and run.info.status == "RUNNING"
+    assert send_kept(folder, root)
+    assert run_called(root, "twice")[1].info.status == "FINISHED"
 
 
 def test_the_command_tells_what_is_still_kept(root, folder, caplog):
