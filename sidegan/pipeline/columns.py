@@ -1,9 +1,8 @@
 """Columns of a comparison: the same artifacts under the run's own settings and under others."""
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 
-from sidegan.pipeline.graph import Artifact
+from sidegan.errors import ConfigError
 from sidegan.pipeline.schema import Column
 from sidegan.pipeline.task import Task
 
@@ -25,17 +24,20 @@ def groups(task: Task) -> dict[str, list[str]]:
     return listed
 
 
-def in_columns(listed: Callable[[Task], Iterable[Artifact]]) -> Callable[[Task], Iterator[Artifact]]:
-    """The artifacts of a stage in every column; what columns share is listed by each."""
+def chosen(task: Task) -> list[Task]:
+    """The task in every column, or in those that ``only`` names.
 
-    def everywhere(task: Task) -> Iterator[Artifact]:
-        for one in columns(task).values():
-            yield from listed(one)
-
-    return everywhere
+    Raises:
+        ConfigError: when it names one that there is not.
+    """
+    there = columns(task)
+    names = list(there) if task.cfg.only is None else task.cfg.only
+    if unknown := [name for name in names if name not in there]:
+        raise ConfigError(f"only has {unknown[0]!r}, expected some of {', '.join(there)}")
+    return [there[name] for name in names]
 
 
 def _under(task: Task, name: str, column: Column) -> Task:
     settings = {one.name: getattr(column, one.name) for one in fields(column) if one.name not in _WORDS}
     given = {key: value for key, value in settings.items() if value is not None}
-    return task.with_settings(column=name, **given)
+    return task.with_settings(column=name, only=[OURS], **given)

@@ -16,12 +16,14 @@ from typing import Any
 import yaml
 
 from sidegan.base.storage import write_bytes
+from sidegan.pipeline.columns import OURS
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.run import composed
 from sidegan.pipeline.stages import STAGES, stage
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 
+SEEDS = "seeds"  # the stage that makes those of all columns
 SETTINGS = "outputs/settings.yaml"
 _RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
 _VERSIONS = "sidegan/pipeline/versions.yaml"
@@ -42,8 +44,13 @@ def parts(outputs: Path) -> dict[str, list[Artifact]]:
     owned: set[str] = set()
     made: dict[str, list[Artifact]] = {}
     paper, beyond = task("reproduction", outputs), task("beyond", outputs)
-    listed = {name: stage(name).artifacts(paper) for name in paper.cfg.stages if name != "table"}
-    listed["beyond"] = (one for name in beyond.cfg.stages for one in stage(name).artifacts(beyond))
+    stages = {name: stage(name) for name in paper.cfg.stages if name != "table"}
+    ours = paper.with_settings(only=[OURS])
+    listed = {name: one.listed(paper if name == SEEDS else ours) for name, one in stages.items()}
+    for column in paper.cfg.columns:
+        alone = paper.with_settings(only=[column])
+        listed[column] = [x for one in stages.values() if one.columnwise for x in one.listed(alone)]
+    listed["beyond"] = [one for name in beyond.cfg.stages for one in stage(name).listed(beyond)]
     for name, artifacts in listed.items():
         new = {one.digest: one for one in artifacts if one.digest not in owned}
         owned |= set(new)
@@ -71,10 +78,13 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
     makers: dict[str, set[str]] = {}
     for name, artifacts in made.items():
         for one in artifacts:
-            makers.setdefault(one.maker, set()).add(name)
+            if one.column is None:
+                makers.setdefault(one.maker, set()).add(name)
 
     def path(one: Artifact) -> str:
-        """A folder of its own, or that of the maker whose artifacts are all of one stage."""
+        """That of its column, or of its maker where all artifacts are of one stage, or one of its own."""
+        if one.column is not None:
+            return f"outputs/columns/{one.column}"
         return f"outputs/{one.maker}" if len(makers[one.maker]) == 1 else f"outputs/{one.maker}/{one.label}"
 
     stages: dict[str, Any] = {
@@ -84,11 +94,18 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
             "outs": [SETTINGS],
         }
     }
+    columnwise = ",".join(
+        name for name in made if name in STAGES and name != SEEDS and stage(name).columnwise
+    )
     for name, artifacts in made.items():
         alone = f" 'stages=[{name}]'" if name in STAGES else " publish=docs"
+        if any(one.column == name for one in artifacts):
+            alone = f" 'only=[{name}]' 'stages=[{columnwise}]'"
+        elif name in columnwise.split(","):
+            alone += f" 'only=[{OURS}]'"
         parents = [p for one in artifacts for p in one.parents if owner[p.digest] != name]
         stages[name] = {
-            "cmd": _RUN.format("reproduction" if name in STAGES else name) + alone,
+            "cmd": _RUN.format("beyond" if name == "beyond" else "reproduction") + alone,
             "params": _Line([{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}]),
             **({"deps": list(dict.fromkeys(map(path, parents)))} if parents else {}),
             "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
@@ -130,7 +147,7 @@ _Dumper.add_representer(
 
 def text(content: Any, head: str = "") -> str:
     """YAML of plain values."""
-    options: dict[str, Any] = {"sort_keys": False, "width": 160, "allow_unicode": True}
+    options: dict[str, Any] = {"sort_keys": False, "width": 240, "allow_unicode": True}
     return head + yaml.dump(content, Dumper=_Dumper, default_flow_style=None, **options)
 
 

@@ -53,6 +53,7 @@ class Artifact:
         make: fills its folder.
         metrics: what is recorded of a finished one, given its folder: numbers, or series of them.
         alone: its work is spread over all workers already, so it is not made beside others.
+        column: of the comparison, in whose folder it lies; None for the run's own settings.
     """
 
     maker: str
@@ -64,6 +65,12 @@ class Artifact:
     make: Callable[[Build], None] = field(repr=False, compare=False)
     metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
     alone: bool = False
+    column: str | None = None
+
+    @property
+    def shelf(self) -> str:
+        """Folder of its maker's artifacts, below the outputs."""
+        return self.maker if self.column is None else f"columns/{self.column}/{self.maker}"
 
     @cached_property
     def stamp(self) -> dict[str, Any]:
@@ -76,6 +83,7 @@ class Artifact:
             "settings": self.settings,
             "inputs": inputs,
             "seed": self.seed,
+            **({"column": self.column} if self.column else {}),
         }
         return json.loads(json.dumps(stamp))
 

@@ -93,6 +93,7 @@ class Config:
     plant: PlantSettings = _group("plant")
     replication: ReplicationSettings = _group("replication")
     columns: dict[str, Column] = _group("columns")  # other settings for the whole comparison
+    only: list[str] | None = None  # columns to make, "ours" among them; null: all
     column: str | None = None  # which of them this is; null: none
     kinds: dict[str, Seeds] = _group("kinds")  # other seed sets that the seeds are compared with
     sensitivity: Sensitivity = _group("sensitivity")

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from sidegan.base.parallel import Job, run_jobs
+from sidegan.pipeline.columns import chosen
 from sidegan.pipeline.graph import Artifact, Metrics, waves
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
@@ -22,15 +23,25 @@ class Stage:
     Attributes:
         artifacts: of a task, in the order in which they are recorded.
         show: what it prints and leaves in the run's folder besides.
+        columnwise: its artifacts are made in every column of the comparison.
     """
 
     artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
     show: Callable[[Task, Tracker], None] | None = None
+    columnwise: bool = False
+
+    def listed(self, task: Task) -> list[Artifact]:
+        """Its artifacts in every column that is made; what columns share is listed by each."""
+        return (
+            [one for column in chosen(task) for one in self.artifacts(column)]
+            if self.columnwise
+            else [*self.artifacts(task)]
+        )
 
 
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
-    artifacts = list(stage.artifacts(task))
+    artifacts = stage.listed(task)
     missing = {one.digest for one in artifacts if task.store.find(one) is None}
     if missing and task.cfg.has("workspace", "trajectory"):
         _ = task.constraints  # an arm that cannot rest at home is refused before anything is written

@@ -59,7 +59,7 @@ class Store:
 
     def folder(self, artifact: Artifact) -> Path:
         """Where the artifact is or will be."""
-        return self.root / artifact.maker / self._name(artifact)
+        return self.root / artifact.shelf / self._name(artifact)
 
     def _name(self, artifact: Artifact) -> str:
         return artifact.label if self.named else f"{artifact.label}-{artifact.digest[:8]}"
@@ -106,7 +106,7 @@ class Store:
         write_json(self._costs(artifact), costs)
 
     def _costs(self, artifact: Artifact) -> Path:
-        return self.root / "costs" / artifact.maker / f"{self._name(artifact)}.json"
+        return self.root / "costs" / artifact.shelf / f"{self._name(artifact)}.json"
 
     def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
         """Folder of the artifact, made unless it is there already.
@@ -148,7 +148,7 @@ class Store:
 
     @contextmanager
     def _lock(self, artifact: Artifact) -> Iterator[None]:
-        path = self.root / ".locks" / f"{artifact.maker}-{self._name(artifact)}.lock"
+        path = self.root / ".locks" / f"{artifact.shelf.replace('/', '-')}-{self._name(artifact)}.lock"
         with _storage_errors(path):
             path.parent.mkdir(exist_ok=True)
             lock = FileLock(path)
@@ -164,7 +164,7 @@ class Store:
             lock.release()
 
     def _siblings(self, artifact: Artifact) -> Iterator[dict[str, Any]]:
-        for path in sorted((self.root / artifact.maker).glob(f"*/{STAMP}")):
+        for path in sorted((self.root / artifact.shelf).glob(f"*/{STAMP}")):
             try:
                 other = read_stamp(path.parent)
             except ArtifactError:

@@ -108,7 +108,6 @@ class Task:
         parts = [self.arm.name, label, f"seed{self.cfg.seed}"]
         parts += [] if training is None else [f"training{training}"]
         parts += [f"of{self.cfg.subset}"] if of_some else []
-        parts += [column] if column else []
         return Artifact(
             maker,
             folder_name("-".join(parts)),
@@ -119,6 +118,7 @@ class Task:
             partial(make, self),
             options.get("metrics", report_and_history),
             options.get("alone", False),
+            column,
         )
 
     def report(self, artifact: Artifact) -> dict[str, Any]:

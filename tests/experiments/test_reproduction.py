@@ -189,7 +189,7 @@ def test_epochs_to_reliability():
 
 
 def test_a_report_without_its_artifacts_names_what_is_missing(tmp_path):
-    with pytest.raises(ArtifactError, match="run stage seeds first"):
+    with pytest.raises(ArtifactError, match="run stage surrogates first"):
         run_stages(config(tmp_path, "stages=[table]"), tmp_path / "run", "alone")
 
 

@@ -9,7 +9,6 @@ import torch
 from sidegan.base.storage import write_parquet
 from sidegan.errors import ConfigError
 from sidegan.gan.metrics import measure
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
@@ -56,4 +55,4 @@ def _make(task: Task, build: Build) -> None:
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 
-STAGE = Stage(in_columns(lambda task: [density(task)]))
+STAGE = Stage(lambda task: [density(task)], columnwise=True)

@@ -1,7 +1,6 @@
 """Stage gan: the configured variants, each as many times as there are trainings."""
 
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator, generators
 
-STAGE = Stage(in_columns(lambda task: [generator(task, *one) for one in generators(task)]))
+STAGE = Stage(lambda task: [generator(task, *one) for one in generators(task)], columnwise=True)

@@ -7,7 +7,6 @@ import pandas as pd
 
 from sidegan.base.storage import write_parquet
 from sidegan.identification import study
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import ExcitationSet
@@ -53,4 +52,4 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
 
-STAGE = Stage(in_columns(lambda task: [identification(task, one) for one in excitation_sets(task)]))
+STAGE = Stage(lambda task: [identification(task, one) for one in excitation_sets(task)], columnwise=True)

@@ -11,7 +11,6 @@ from sidegan.design.polish import Polish
 from sidegan.library import Library
 from sidegan.library.draw import draw_valid
 from sidegan.library.measure import measured, summary
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
@@ -69,4 +68,4 @@ def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
-STAGE = Stage(in_columns(lambda task: [library(task, *one) for one in generators(task)]))
+STAGE = Stage(lambda task: [library(task, *one) for one in generators(task)], columnwise=True)

@@ -7,7 +7,6 @@ from sidegan.base.storage import write_json
 from sidegan.design.problem import Problem
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
@@ -42,4 +41,4 @@ def _make(task: Task, build: Build, harmonics: int) -> None:
     write_json(build.folder / REPORT, {"condition": float(library.fitness[0]), "starts": made.attempts})
 
 
-STAGE = Stage(in_columns(lambda task: [long_trajectory(task, h) for h in task.cfg.long.harmonics]))
+STAGE = Stage(lambda task: [long_trajectory(task, h) for h in task.cfg.long.harmonics], columnwise=True)

@@ -11,7 +11,6 @@ from torch import Tensor
 from sidegan.base.storage import write_parquet
 from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identification import mean_errors
@@ -79,4 +78,4 @@ def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Me
     return Measurements(*(torch.cat(part) for part in parts))
 
 
-STAGE = Stage(in_columns(lambda task: [plant(task, one) for one in excitation_sets(task)]))
+STAGE = Stage(lambda task: [plant(task, one) for one in excitation_sets(task)], columnwise=True)

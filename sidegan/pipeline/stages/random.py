@@ -6,7 +6,6 @@ from sidegan.base.storage import write_json
 from sidegan.errors import InfeasibleError
 from sidegan.library.draw import Draws, draw_valid
 from sidegan.library.measure import measured, summary
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
@@ -45,4 +44,4 @@ def _make(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(library), **share})
 
 
-STAGE = Stage(in_columns(lambda task: [random_set(task)]))
+STAGE = Stage(lambda task: [random_set(task)], columnwise=True)

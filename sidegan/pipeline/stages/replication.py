@@ -11,7 +11,6 @@ from sidegan.base.storage import read_torch, readable, write_parquet, write_torc
 from sidegan.identification import StudySettings
 from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import SEEDS, Pool, own_pools
@@ -107,4 +106,6 @@ def _sums(task: Task, pool: Pool) -> list[list[Sums]]:
     return [[Sums(**part) for part in draw] for draw in draws]
 
 
-STAGE = Stage(in_columns(lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)]))
+STAGE = Stage(
+    lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)], columnwise=True
+)

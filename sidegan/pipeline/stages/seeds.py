@@ -1,10 +1,7 @@
 """Stage seeds: the seed set, by the configured optimiser."""
 
-from collections.abc import Iterator
-
 from sidegan.base.storage import write_json
 from sidegan.library.measure import measured, summary
-from sidegan.pipeline.columns import columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
@@ -42,10 +39,9 @@ def _halve(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, summary(half))
 
 
-def _sets(task: Task) -> Iterator[Artifact]:
-    for one in columns(task).values():
-        seeds = seed_set(one)
-        yield from (*(p for p in seeds.parents), seeds)
+def _sets(task: Task) -> list[Artifact]:
+    seeds = seed_set(task)
+    return [*seeds.parents, seeds]
 
 
-STAGE = Stage(_sets)
+STAGE = Stage(_sets, columnwise=True)

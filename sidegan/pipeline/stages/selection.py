@@ -8,7 +8,6 @@ from torch import Tensor
 
 from sidegan.design.selection import choose
 from sidegan.library import Library
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import ExcitationSet, Pool, long_sets, pools
@@ -55,4 +54,4 @@ def _generated(seeds: str, folder: Path) -> Metrics:
     return {"generated": int((source != seeds).sum())}
 
 
-STAGE = Stage(in_columns(lambda task: [selection(task, pool) for pool in pools(task)]))
+STAGE = Stage(lambda task: [selection(task, pool) for pool in pools(task)], columnwise=True)

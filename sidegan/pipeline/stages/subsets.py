@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator, generators, needed_surrogates, surrogates
@@ -25,4 +24,4 @@ def _artifacts(task: Task) -> Iterator[Artifact]:
         yield from (generator(smaller, *one) for one in generators(smaller))
 
 
-STAGE = Stage(in_columns(_artifacts))
+STAGE = Stage(_artifacts, columnwise=True)

@@ -2,7 +2,6 @@
 
 import logging
 
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import needed_surrogates, surrogates
@@ -19,4 +18,4 @@ def _artifacts(task: Task) -> list[Artifact]:
     return [*needed, surrogates(task, "broad")]
 
 
-STAGE = Stage(in_columns(_artifacts))
+STAGE = Stage(_artifacts, columnwise=True)

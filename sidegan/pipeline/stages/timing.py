@@ -12,7 +12,6 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.pipeline.columns import in_columns
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator
@@ -82,4 +81,4 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-STAGE = Stage(in_columns(lambda task: [timing(task, name) for name in task.cfg.gan]))
+STAGE = Stage(lambda task: [timing(task, name) for name in task.cfg.gan], columnwise=True)
