@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from sidegan.errors import ShapeError
 from sidegan.identification.fit import Fit, TorqueErrors
@@ -66,13 +67,12 @@ def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
 
     Source: after Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence.
     """
-    products: Tensor | None = None
-    pairs = torch.zeros(0, dtype=torch.float64)
-    for r in residuals:
-        more, count = _products(r)
-        products, pairs = (more, count) if products is None else (_add(products, more), _add(pairs, count))
-    if products is None:
+    parts = [_products(r) for r in residuals]
+    if not parts:
         raise ShapeError("there are no residuals to judge by")
+    longest = max(len(products) for products, _ in parts)
+    products = sum(pad(one, (0, 0, 0, longest - len(one))) for one, _ in parts)
+    pairs = sum(pad(count, (0, longest - len(count))) for _, count in parts)
     rho = products / pairs.clamp_min(1)[:, None]
     rho = rho / torch.where(rho[0] > 0, rho[0], torch.ones_like(rho[0]))
     return 2 * (rho * (rho > 0).cumprod(0))[1:].sum(0) + 1
@@ -85,12 +85,3 @@ def _products(r: Tensor) -> tuple[Tensor, Tensor]:
     spectrum = torch.fft.rfft(r, 2 * count, dim=0)
     products = torch.fft.irfft(spectrum.abs().square(), 2 * count, dim=0)[:lags]
     return products, torch.arange(count, count - lags, -1, dtype=torch.float64)
-
-
-def _add(a: Tensor, b: Tensor) -> Tensor:
-    """Sum of two tensors of which the shorter one ends with zeros."""
-    if len(a) < len(b):
-        a, b = b, a
-    out = a.clone()
-    out[: len(b)] += b
-    return out

@@ -90,7 +90,12 @@ def estimate(method: str, model: TorqueModel, measurements: Samples, **settings:
         RobotError: when a description that is not consistent is to be pulled towards.
         InfeasibleError: when no consistent parameters meet the conditions.
     """
-    estimator = method_of(method, settings)
+    if method not in METHODS:
+        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
+    names = [f.name for f in fields(METHODS[method])]
+    if unknown := [name for name in settings if name not in names]:
+        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
+    estimator = METHODS[method](**settings)
     if estimator.rereads and isinstance(measurements, Iterator):
         once = ", ".join(name for name, kind in METHODS.items() if not kind.rereads)
         raise ConfigError(
@@ -114,18 +119,3 @@ def estimate(method: str, model: TorqueModel, measurements: Samples, **settings:
         sums=sums,
         standard=fit.standard,
     )
-
-
-def method_of(method: str, settings: dict[str, Any]) -> Ols:
-    """An estimator with its settings.
-
-    Raises:
-        ConfigError: when the method or a setting is unknown, or its value impossible.
-    """
-    if method not in METHODS:
-        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    names = [f.name for f in fields(METHODS[method])]
-    unknown = [name for name in settings if name not in names]
-    if unknown:
-        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
-    return METHODS[method](**settings)

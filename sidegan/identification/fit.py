@@ -59,9 +59,6 @@ def reweighted(sums: Sums, least: float) -> Fit:
     That is the maximum of the likelihood for Gaussian errors with a variance per joint. The usual single
     repetition leaves a joint that others had drowned with too small a weight.
 
-    Raises:
-        ShapeError: when there is no torque at all.
-
     Source: Gautier, Poignet 2001, Extended Kalman filtering and weighted least squares dynamic
     identification of robot (one repetition).
     """

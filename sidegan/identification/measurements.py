@@ -1,6 +1,5 @@
 """Samples of joint states and torques, recorded or simulated with noise."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -10,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.typed import NonNegative
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion
 
 if TYPE_CHECKING:
@@ -97,21 +96,12 @@ class Noise:
 
     ``multiplicative`` is x · (1 + level · U(−1, 1)); ``additive`` is x + level · σ · U(−1, 1) with σ
     the standard deviation of that joint's signal over its trajectory.
-
-    Raises:
-        ConfigError: when the kind is unknown or the level is not a finite number ≥ 0.
     """
 
     kind: Literal["multiplicative", "additive"]
     level: NonNegative  # 0.1 for the paper's "10 % uniform random noise"
     torque: bool  # whether measured torques are noisy
     state: bool  # whether measured positions, velocities and accelerations are noisy
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("multiplicative", "additive"):
-            raise ConfigError(f"noise kind is {self.kind!r}, expected 'multiplicative' or 'additive'")
-        if not 0 <= self.level < math.inf:
-            raise ConfigError(f"noise level is {self.level}, expected a finite number ≥ 0")
 
     def add(self, x: Tensor, draw: Tensor) -> Tensor:
         """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, flat, least_residual, positive, reweighted, weights_of
+from sidegan.identification.fit import Fit, flat, least_residual, reweighted, weights_of
 from sidegan.identification.gather import Gathered, residual_of, weighted_sums
 from sidegan.identification.linear import Ols
 from sidegan.identification.measurements import pieces
@@ -32,10 +32,6 @@ class Huber(Ols):
 
     threshold: float = 1.345
     rereads: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive("threshold", self.threshold)
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters after walking through the measurements until they settle."""
