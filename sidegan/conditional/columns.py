@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.conditional.ranges import Ranges
+from sidegan.conditional.settings import Ranges
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 

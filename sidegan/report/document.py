@@ -34,9 +34,6 @@ def write_page(
 
     Returns:
         The Markdown.
-
-    Raises:
-        StorageError: when the folder cannot be written or is full.
     """
     assets = target.with_suffix("")
 

@@ -9,7 +9,7 @@ import torch
 
 from sidegan.base.storage import read_json, write_json
 from sidegan.conditional import Condition, ConditionalGenerator, Request
-from sidegan.conditional.ranges import NONE
+from sidegan.conditional.settings import NONE
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import Study, validity
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sidegan.report.identification.data import Friction, Numbers, Report, Signals, correlation_of
+from sidegan.report.identification.content import Friction, Numbers, Report, Signals, correlation_of
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
 ROLES = {"training": "#8795a1", "validation": "#0b66c3"}
@@ -17,7 +17,6 @@ _POINTS = 1200  # of a line: as many as a screen can show
 _CLOUD = 500  # samples of a friction curve
 _RECORDINGS = 12  # that can be chosen among
 _LAGS = 60  # samples over which residuals are correlated
-_DECADES = 100.0  # range of an axis below which powers of ten are too few marks
 _NAMED = 60  # parameters up to which a correlation has its names beside it
 _GRID = "#e6ebef"
 
@@ -154,18 +153,6 @@ def correlations(report: Report) -> go.Figure:
     return _style(figure, 560)
 
 
-def spectrum(report: Report) -> go.Figure:
-    """Singular values of the weighted regressor, largest first."""
-    values = np.sort(np.asarray(report.singular_values))[::-1]
-    figure = go.Figure(go.Bar(x=np.arange(1, len(values) + 1), y=values, marker_color=PREDICTED))
-    positive = values[values > 0]
-    narrow = not len(positive) or positive[0] < _DECADES * positive[-1]
-    marks = {"exponentformat": "power", "dtick": "D2" if narrow else 1}
-    figure.update_yaxes(type="log", title_text="singular value", **marks)
-    figure.update_xaxes(title_text="direction, strongest first")
-    return _style(figure, 330)
-
-
 PLOTS: dict[str, Callable[[Report], go.Figure]] = {
     "torques": torques,
     "errors": errors,
@@ -173,7 +160,6 @@ PLOTS: dict[str, Callable[[Report], go.Figure]] = {
     "whiteness": residual_correlation,
     "friction": friction,
     "correlation": correlations,
-    "spectrum": spectrum,
 }
 
 
