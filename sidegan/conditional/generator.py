@@ -73,9 +73,7 @@ class ConditionalGenerator:
         smaller until they leave no region and no torque limit (``settle``).
 
         Raises:
-            ShapeError: when count is not positive, or the condition is not one of this arm.
-            ConfigError: when the condition is outside of what the generator was trained for.
-            InfeasibleError: when the arm cannot rest at home, or a region leaves it no room.
+            ShapeError: when count is not positive; for the condition as of ``ConditionSpace.refuse``.
         """
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")

@@ -125,9 +125,7 @@ def train(
     An interrupted training goes on from the checkpoint in the folder ``work``.
 
     Raises:
-        ConfigError: when nothing may be requested, or the one condition is outside of the ranges.
-        InfeasibleError: when the arm has no room at home under hardly any condition, or under the one.
-        SideganError: when the training diverges.
+        ConfigError: when nothing may be requested.
     """
     torch.manual_seed(seed)
     if not space.size:

@@ -73,22 +73,13 @@ class Estimate:
 
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
-    """Parameters of a model from measurements, by one of ``METHODS``.
+    """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
 
-    Samples are read in pieces, so memory does not grow with their number. All methods but huber read them
-    once and take a stream as well.
-
-    Args:
-        method: name of the estimator.
-        model: what torque is explained with.
-        measurements: one recording, several, or a stream of them in the order of time.
-        settings: of the method, the fields of its class.
+    Samples are of one recording, several, or a stream of them in the order of time. They are read in pieces,
+    so memory does not grow with their number. All methods but huber read them once and take a stream as well.
 
     Raises:
         ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
-        ShapeError: when there are no samples, they do not fit the model, or there is no torque at all.
-        RobotError: when a description that is not consistent is to be pulled towards.
-        InfeasibleError: when no consistent parameters meet the conditions.
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")

@@ -74,14 +74,8 @@ def recursive(sums: Sums, samples: int, prior: float, forgetting: float = 1.0, w
     """Recursive least squares with P₀ = prior · I and π₀ = 0 after all samples, in information form.
 
     With λ = 1 that is batch least squares with the prior's rows √(1/prior) π = 0; with λ < 1 it is the
-    classical recursion, in which the prior is forgotten like a sample.
-
-    Args:
-        sums: over the samples, those of age k times λ^k.
-        samples: number of samples.
-        prior: variance of each parameter before any sample.
-        forgetting: λ in (0, 1].
-        weighted: whether joints count as in ``reweighted``, or alike.
+    classical recursion, in which the prior is forgotten like a sample: samples of age k have to count λ^k in
+    the sums already. Joints count as in ``reweighted``, or alike.
 
     Source: Ljung 1999, System Identification, 11.2.
     """

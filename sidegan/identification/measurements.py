@@ -120,14 +120,8 @@ def measure(
     The torque is that of the true states. Both kinds of noise and all choices of what is noisy use
     the same draws, and a batch those of its trajectories in turn, so comparisons differ in nothing else.
 
-    Args:
-        body: the arm's true dynamics.
-        motion: states on a time grid.
-        noise: what is added to the states and torques; nothing when None.
-        random: source of the noise.
-
     Raises:
-        ShapeError: when the motion does not fit the arm or is not finite.
+        ShapeError: when the motion is empty, does not fit the arm or is not finite.
     """
     states, shape = motion[1:], motion.position.shape
     if not motion.position.numel():

@@ -42,13 +42,10 @@ class Terms:
     def signals(
         self, dq: Tensor, ddq: Tensor, stribeck: Tensor | None, sign: Tensor | None = None
     ) -> list[Tensor]:
-        """What the parameters of each term in use are multiplied with, (S, J) each.
+        """What the parameters of each term in use are multiplied with, (S, J) each, at velocities (S, J).
 
-        Args:
-            dq: joint velocity, (S, J).
-            ddq: joint acceleration, (S, J).
-            stribeck: velocity of each joint's Stribeck term, (J,); None without one.
-            sign: what Coulomb and Stribeck friction follow, (S, J); tanh(dq / sign_width) when None.
+        Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None; the Stribeck term
+        has a velocity per joint, (J,).
         """
         if sign is None:
             sign = torch.tanh(dq / self.sign_width)
@@ -144,13 +141,8 @@ class TorqueModel:
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
 
-        It is a view of an array with the states last, in which products over samples are fast.
-
-        Args:
-            q: joint position [rad or m].
-            dq: joint velocity.
-            ddq: joint acceleration.
-            sign: what Coulomb and Stribeck friction follow; tanh(dq / sign_width) when None.
+        Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None. Y is a view of an
+        array with the states last, in which products over samples are fast.
 
         Raises:
             ShapeError: when a shape does not fit the arm.

@@ -45,15 +45,7 @@ def compare(
     """NMSE of every set, weighting, repeat and joint, and facts about every set.
 
     The same repeat draws the same noise for every set. Test torques are exact, so that an nMSE is the
-    error of the model and not of its judge.
-
-    Args:
-        body: the true dynamics.
-        sets: name → family and coefficients of the trajectories that are executed.
-        tests: family and coefficients of the test trajectories.
-        settings: of the measurements and the identification.
-        random: of the noise.
-        progress: receives (done, total) after every identification.
+    error of the model and not of its judge. Progress receives (done, total) after every identification.
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,

@@ -31,14 +31,9 @@ def trust(
 ) -> Trust:
     """Whether an estimate of a model can be trusted, and why.
 
-    Args:
-        model: what was identified.
-        estimate: its parameters.
-        validation: recordings that were held out; a list, as they are read twice.
-        folds: cross-validation, where it was done.
-        grams: information of trajectories that could be run next, from ``grams_of``, (N, P, P).
-        samples_each: number of samples that running one of them gives.
-        count: how many to recommend.
+    Recordings that were held out are a list, as they are read twice. With the information ``grams`` of
+    trajectories that could be run next, (N, P, P) of ``grams_of``, some are recommended, of which each gives
+    so many samples.
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
@@ -99,13 +94,8 @@ def grams_of(
 ) -> Tensor:
     """Information per sample on a model's parameters that trajectories give, (N, P, P).
 
-    Args:
-        model: what was identified.
-        estimate: its errors say how much each joint's torque tells, and how many samples count as one.
-        trajectory: the family of trajectories.
-        c: coefficients [rad/s], (N, J, H, 2).
-        samples: time points per trajectory.
-
+    The trajectories have coefficients [rad/s], (N, J, H, 2), and are looked at at so many time points; the
+    estimate's errors say how much each joint's torque tells, and how many samples count as one.
     """
     trajectory.check(c)
     times, weights = trajectory.grid(samples), certainty(estimate)
@@ -131,8 +121,8 @@ def most_informative(
         estimate: what is known so far.
         grams: of the candidates, from ``grams_of``, (N, P, P).
         effects: how much each parameter matters per unit, (P,); zero for those that are certain enough.
-        samples: number of samples that running one trajectory gives.
-        count: how many to choose; one may be chosen more than once, as running it again helps too.
+        samples: number that running one trajectory gives.
+        count: of picks; a trajectory may be picked again, as running it again helps too.
     """
     scale = estimate.deviation.clamp_min(torch.finfo(torch.float64).tiny)
     outer = scale[:, None] * scale

@@ -41,12 +41,9 @@ addEventListener("afterprint", () => plots().forEach(plot => Plotly.relayout(plo
 
 
 def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"] | None = None) -> None:
-    """Write Markdown as one HTML page.
+    """Write Markdown, with links to its figures relative to ``path``, as one HTML page.
 
-    Args:
-        markdown: of the page; the links to its figures are relative to ``path``.
-        path: the HTML file to write.
-        interactive: figures in place of the images of that name; the plotting library comes with them.
+    Interactive figures take the place of the images of their name, and the plotting library comes with them.
 
     Raises:
         ArtifactError: when the file of a figure is missing.
