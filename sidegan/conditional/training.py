@@ -9,10 +9,9 @@ from torch import Tensor, nn
 from torch.utils.data import DataLoader, TensorDataset
 
 from sidegan.conditional.condition import Condition
-from sidegan.conditional.generator import ConditionalGenerator
+from sidegan.conditional.generator import ConditionalGenerator, Shaping
 from sidegan.conditional.problem import ConditionedProblem, information_losses, variances
 from sidegan.conditional.settings import TrainingSettings
-from sidegan.conditional.shaping import Shaping
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import outcome
 from sidegan.errors import ConfigError

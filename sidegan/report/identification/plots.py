@@ -65,20 +65,6 @@ def errors(report: Report) -> go.Figure:
     return _style(figure, 330)
 
 
-def residual_spread(report: Report) -> go.Figure:
-    """Spread of each joint's residuals, in units of its torque's standard deviation."""
-    figure = go.Figure()
-    for role, colour in ROLES.items():
-        parts = [one for one in report.signals if one.role == role]
-        for j, name in enumerate(report.joint_names if parts else ()):
-            share = np.concatenate([_relative_residual(one, j) for one in parts])
-            look = {"name": role, "legendgroup": role, "showlegend": j == 0, "marker_color": colour}
-            figure.add_box(**_five_numbers(share), x=[name], offsetgroup=role, **look)
-    figure.update_yaxes(title_text="residual / std of the torque")
-    figure.update_layout(boxmode="group")
-    return _style(figure, 360)
-
-
 def residual_correlation(report: Report) -> go.Figure:
     """How residuals are correlated over time, a line per joint, of the longest recording shown."""
     longest = max(shown_recordings(report.signals), key=lambda one: len(one.time))
@@ -156,7 +142,6 @@ def correlations(report: Report) -> go.Figure:
 PLOTS: dict[str, Callable[[Report], go.Figure]] = {
     "torques": torques,
     "errors": errors,
-    "spread": residual_spread,
     "whiteness": residual_correlation,
     "friction": friction,
     "correlation": correlations,
@@ -201,18 +186,6 @@ def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> Iterato
             line={"color": colour, "width": width},
             hovertemplate="%{y:.3g}",
         )
-
-
-def _relative_residual(signals: Signals, joint: int) -> Numbers:
-    residual = signals.residual[:, joint]
-    deviation = float(np.nanstd(signals.measured[:, joint]))
-    return residual[np.isfinite(residual)] / (deviation or 1.0)
-
-
-def _five_numbers(x: Numbers) -> dict[str, list[float]]:
-    """A box from the 2nd, 25th, 50th, 75th and 98th percentile, so that no samples are in the file."""
-    names = ("lowerfence", "q1", "median", "q3", "upperfence")
-    return {name: [float(value)] for name, value in zip(names, np.percentile(x, [2, 25, 50, 75, 98]))}
 
 
 def _small(x: Numbers) -> Numbers:
