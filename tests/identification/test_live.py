@@ -1,5 +1,3 @@
-from time import process_time
-
 import numpy as np
 import pytest
 import torch
@@ -69,19 +67,6 @@ class TestOracle:
         for _ in range(3000):
             live.update(*np.zeros((4, 2)))
         assert np.isfinite(live.parameters).all()
-
-
-def test_keeps_up_with_five_kilohertz_on_one_core(arm):
-    model = model_of(arm)
-    samples = list(samples_of(recorded(model, 300)))
-    live, best = Live(model, forgetting=0.999), 0.0
-    for _ in range(5):
-        start = process_time()
-        for sample in samples:
-            live.update(*sample)
-            assert live.parameters.shape == (model.count,)
-        best = max(best, len(samples) / (process_time() - start))
-    assert best > 5000
 
 
 class TestBadInput:

