@@ -2,6 +2,6 @@
 
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.generator import ConditionalGenerator
-from sidegan.conditional.ranges import Obstacles, Ranges, Request
+from sidegan.conditional.settings import Obstacles, Ranges, Request
 
 __all__ = ["Condition", "ConditionalGenerator", "Obstacles", "Ranges", "Request"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.conditional.ranges import Ranges
+from sidegan.conditional.settings import Ranges
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 
@@ -40,11 +40,7 @@ class Column:
         return torch.where(high == low, 0.0, flat)
 
     def refuse_outside(self, name: str, x: Tensor) -> None:
-        """Refuse numbers (1, K) that the generator was not trained for.
-
-        Raises:
-            ConfigError: with the numbers and their range.
-        """
+        """Refuse numbers (1, K) that the generator was not trained for."""
         low, high = self.low.expand_as(x), self.high.expand_as(x)
         if not ((x >= low - _SAME) & (x <= high + _SAME)).all():
             trained = f"{_listed(low)} to {_listed(high)}"

@@ -8,22 +8,73 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.func import functional_call
 
 from sidegan.base.storage import write_torch
 from sidegan.base.typed import build
 from sidegan.conditional.condition import Condition
-from sidegan.conditional.ranges import Ranges
-from sidegan.conditional.settle import settle
-from sidegan.conditional.shaping import Shaping
+from sidegan.conditional.problem import ConditionedProblem
+from sidegan.conditional.settings import Ranges
 from sidegan.conditional.space import ConditionSpace
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.generator import opened, random_of, refuse_other
+from sidegan.gan.limits import LimitLayer, rooms
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane
 
 _FORMAT = "conditional 1"
+_POINTS = 120  # per period, at which everything is looked at
+_KEPT = 0.01  # [m] and share of the torque limits that is kept free for what happens between the points
+_HALVINGS = 6  # of the factor towards home
+_AT_ONCE = 128  # trajectories: 15,000 states
+_LEAST_SHARE = 0.05  # of a joint's range, that counts as its room when sizes are compared
+_PEAKS = 20  # points per harmonic, at which peaks are looked for
+
+
+class Shaping:
+    """The last layer of a conditional generator.
+
+    A joint whose condition allows half the speed moves half as fast: coefficients are first brought to the
+    size that suits the condition, so that the network sees the same problem under all of them, then limited.
+    The reach is the mean peak of random trajectories: position from home [rad or m] and velocity, (2, J).
+    """
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, reach: Tensor) -> None:
+        self.arm, self.trajectory, self.reach = arm, trajectory, reach.double()
+        self.layer = LimitLayer.of(arm, trajectory)
+        home = torch.tensor([trajectory.home], dtype=torch.float64)
+        self._usual = self._room_use(rooms(arm, home), torch.ones(1, 1), arm.velocity_limit)
+
+    @staticmethod
+    def reach_of(trajectory: Trajectory, c: Tensor) -> Tensor:
+        """Mean peaks, (2, J), of trajectories with coefficients (N, J, H, 2)."""
+        motion = trajectory.roll_out(c, trajectory.grid(_PEAKS * trajectory.harmonics))
+        moved = motion.position - c.new_tensor(trajectory.home)
+        return torch.stack([x.abs().amax(1).mean(0) for x in (moved, motion.velocity)])
+
+    def _room_use(self, room: Tensor, stretch: Tensor, speed: Tensor) -> Tensor:
+        """What random trajectories would use of their tightest limit, (B, J)."""
+        least = _LEAST_SHARE * (self.arm.position_upper - self.arm.position_lower)
+        position = self.reach[0] * stretch / torch.maximum(room.amin(0), least)
+        return torch.maximum(position, self.reach[1] / speed)
+
+    def size(self, condition: Condition) -> Tensor:
+        """Size of trajectories that suit a condition, in that of those of the family's own, (B, J)."""
+        stretch = (condition.period / self.trajectory.period)[:, None]
+        speed = condition.velocity[:, None] * self.arm.velocity_limit
+        return self._usual / self._room_use(rooms(self.arm, condition.home), stretch, speed)
+
+    def __call__(self, c: Tensor, condition: Condition) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), within the limits of conditions, of the network's own."""
+        stretch = (condition.period / self.trajectory.period)[:, None]
+        limits = {
+            "room": (rooms(self.arm, condition.home) / stretch).to(c),
+            "speed": (condition.velocity[:, None] * self.arm.velocity_limit).to(c),
+        }
+        return functional_call(self.layer, limits, (c * self.size(condition)[:, :, None, None].to(c),))
 
 
 @dataclass(frozen=True)
@@ -69,9 +120,7 @@ class ConditionalGenerator:
         smaller until they leave no region and no torque limit (``settle``).
 
         Raises:
-            ShapeError: when count is not positive, or the condition is not one of this arm.
-            ConfigError: when the condition is outside of what the generator was trained for.
-            InfeasibleError: when the arm cannot rest at home, or a region leaves it no room.
+            ShapeError: when count is not positive; for the condition as of ``ConditionSpace.refuse``.
         """
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
@@ -125,3 +174,50 @@ def _workspace(constraints: Constraints) -> dict[str, Any]:
         for x in constraints.regions
     ]
     return {"torque": constraints.torque, "regions": regions}
+
+
+@torch.no_grad()
+def settle(space: ConditionSpace, condition: Condition, c: Tensor) -> Tensor:
+    """Coefficients [rad/s], (B, J, H, 2), of which each keeps its condition at 120 points of its period.
+
+    What keeps it is left as it is. The rest is made smaller, as a whole: home is clear of everything, so
+    some factor above zero will do. Position and velocity limits that hold go on to do so.
+    """
+    parts = torch.arange(len(c)).split(_AT_ONCE)
+    return torch.cat([_settle(space, condition.take(rows), c[rows].double()) for rows in parts])
+
+
+def _settle(space: ConditionSpace, condition: Condition, c: Tensor) -> Tensor:
+    kept = torch.minimum(torch.full_like(condition.period, _KEPT), _least(space, condition, 0 * c) / 2)
+    factor = torch.ones_like(kept)
+    rows = torch.nonzero(_least(space, condition, c) < kept)[:, 0]
+    some, few, needed = condition.take(rows), c[rows], kept[rows]
+    low, high = torch.zeros_like(needed), torch.ones_like(needed)
+    for _ in range(_HALVINGS if len(rows) else 0):
+        middle = (low + high) / 2
+        good = _least(space, some, few * middle[:, None, None, None]) >= needed
+        low, high = torch.where(good, middle, low), torch.where(good, high, middle)
+    factor[rows] = low
+    return c * factor[:, None, None, None]
+
+
+def _least(space: ConditionSpace, condition: Condition, c: Tensor) -> Tensor:
+    """Smallest distance [m] or free share of a torque limit over the period, (B,)."""
+    constraints, around = space.constraints, space.surroundings
+    problem = ConditionedProblem(
+        constraints,
+        space.trajectory,
+        _POINTS,
+        condition=condition,
+        surroundings=around,
+        torque=constraints.torque,
+    )
+    motion = problem.motion(c)
+    q = motion.position
+    near = list(around.clearances(q, condition, 2 * _KEPT).values())
+    near += [x.unflatten(0, q.shape[:2]) for x in constraints.clearances(q.flatten(0, 1)).values()]
+    if constraints.torque:
+        used = constraints.body.torque(*motion[1:]).abs() / constraints.arm.torque_limit
+        near.append(condition.torque[:, None, None] - used)
+    least = [x.flatten(1).amin(1) for x in near]
+    return torch.stack(least).amin(0) if least else torch.full_like(condition.period, torch.inf)

@@ -24,17 +24,12 @@ class ConditionedProblem(Problem):
 
     Coefficients are velocities: with another period the motion is that of the family's period, with
     positions from home in proportion to the period and accelerations against it. So one basis serves all.
-
-    Args:
-        constraints: the arm in its workspace, without torque limits: they differ between trajectories.
-        condition: as many as there are coefficients in every call.
-        surroundings: of the same arm.
-        torque: whether shares of the torque limits count.
+    The constraints are without torque limits: they differ between trajectories.
     """
 
-    condition: Condition = field(kw_only=True)
-    surroundings: Surroundings = field(kw_only=True)
-    torque: bool = field(kw_only=True)
+    condition: Condition = field(kw_only=True)  # as many as there are coefficients in every call
+    surroundings: Surroundings = field(kw_only=True)  # of the same arm
+    torque: bool = field(kw_only=True)  # whether shares of the torque limits count
 
     @property
     def stretch(self) -> Tensor:

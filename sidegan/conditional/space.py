@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidegan.conditional.columns import Column, columns_of
 from sidegan.conditional.condition import Condition
-from sidegan.conditional.ranges import KINDS, Ranges, Request
+from sidegan.conditional.settings import KINDS, Ranges, Request
 from sidegan.conditional.surroundings import Surroundings
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory

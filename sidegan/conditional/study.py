@@ -10,8 +10,7 @@ from torch import Tensor
 from sidegan.conditional.condition import Condition
 from sidegan.conditional.generator import ConditionalGenerator
 from sidegan.conditional.problem import variances
-from sidegan.conditional.ranges import NONE
-from sidegan.conditional.settings import StudySettings
+from sidegan.conditional.settings import NONE, StudySettings
 from sidegan.design.excitation import excite, mean_distance
 from sidegan.design.information import information_of
 from sidegan.design.optimal import a_optimal

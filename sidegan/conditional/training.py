@@ -9,10 +9,9 @@ from torch import Tensor, nn
 from torch.utils.data import DataLoader, TensorDataset
 
 from sidegan.conditional.condition import Condition
-from sidegan.conditional.generator import ConditionalGenerator
+from sidegan.conditional.generator import ConditionalGenerator, Shaping
 from sidegan.conditional.problem import ConditionedProblem, information_losses, variances
 from sidegan.conditional.settings import TrainingSettings
-from sidegan.conditional.shaping import Shaping
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import outcome
 from sidegan.errors import ConfigError
@@ -125,9 +124,7 @@ def train(
     An interrupted training goes on from the checkpoint in the folder ``work``.
 
     Raises:
-        ConfigError: when nothing may be requested, or the one condition is outside of the ranges.
-        InfeasibleError: when the arm has no room at home under hardly any condition, or under the one.
-        SideganError: when the training diverges.
+        ConfigError: when nothing may be requested.
     """
     torch.manual_seed(seed)
     if not space.size:

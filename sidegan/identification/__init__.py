@@ -3,10 +3,9 @@
 from sidegan.identification.estimate import METHODS, Estimate, estimate
 from sidegan.identification.live import Live
 from sidegan.identification.measurements import Measurements, Noise, measure
-from sidegan.identification.model import TorqueModel
+from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings, ReplicationSettings, StudySettings
-from sidegan.identification.terms import FULL, RIGID, Terms
 from sidegan.identification.trust import trust
 
 __all__ = [

@@ -1,9 +1,11 @@
 """How wrong estimated parameters may be: the size of the torque's errors, and how they repeat themselves."""
 
 from collections.abc import Iterable
+from functools import reduce
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from sidegan.errors import ShapeError
 from sidegan.identification.fit import Fit, TorqueErrors
@@ -20,13 +22,8 @@ def torque_errors(
     """Size and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, as parameters were chosen to make them so: the parameters' share of
-    each joint's samples is taken off.
-
-    Args:
-        data: what was fitted.
-        fit: its parameters.
-        variance: of each joint's errors, (J,); from the residuals when None.
-        limit: residuals beyond it do not count as such, (J,); all count when None.
+    each joint's samples is taken off. A variance that is known already is given, (J,). Residuals beyond
+    a limit, (J,), do not count as such.
     """
     sums = data.sums
     limit = torch.full_like(fit.weights, torch.inf) if limit is None else limit
@@ -66,13 +63,12 @@ def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
 
     Source: after Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence.
     """
-    products: Tensor | None = None
-    pairs = torch.zeros(0, dtype=torch.float64)
-    for r in residuals:
-        more, count = _products(r)
-        products, pairs = (more, count) if products is None else (_add(products, more), _add(pairs, count))
-    if products is None:
+    parts = [_products(r) for r in residuals]
+    if not parts:
         raise ShapeError("there are no residuals to judge by")
+    longest = max(len(products) for products, _ in parts)
+    products = reduce(torch.add, [pad(one, (0, 0, 0, longest - len(one))) for one, _ in parts])
+    pairs = reduce(torch.add, [pad(count, (0, longest - len(count))) for _, count in parts])
     rho = products / pairs.clamp_min(1)[:, None]
     rho = rho / torch.where(rho[0] > 0, rho[0], torch.ones_like(rho[0]))
     return 2 * (rho * (rho > 0).cumprod(0))[1:].sum(0) + 1
@@ -85,12 +81,3 @@ def _products(r: Tensor) -> tuple[Tensor, Tensor]:
     spectrum = torch.fft.rfft(r, 2 * count, dim=0)
     products = torch.fft.irfft(spectrum.abs().square(), 2 * count, dim=0)[:lags]
     return products, torch.arange(count, count - lags, -1, dtype=torch.float64)
-
-
-def _add(a: Tensor, b: Tensor) -> Tensor:
-    """Sum of two tensors of which the shorter one ends with zeros."""
-    if len(a) < len(b):
-        a, b = b, a
-    out = a.clone()
-    out[: len(b)] += b
-    return out

@@ -50,13 +50,7 @@ class Consistent(Ols):
     total_mass: float | None  # of all links together [kg]; free when None
 
     def fit(self, data: Gathered) -> Fit:
-        """Most likely parameters of an arm that can exist, with links and terms as ``standard``.
-
-        Raises:
-            RobotError: when the pull needs a consistent description and a link of it is not; names the links.
-            InfeasibleError: when no parameters meet the conditions, or the solver finds none.
-            ConfigError: when no link has a mass in its description.
-        """
+        """Most likely parameters of an arm that can exist, with links and terms as ``standard``."""
         model = data.model
         weights, errors = likelihood(data, self.prior)
         information, moment = data.sums.weighted(weights)

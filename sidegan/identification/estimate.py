@@ -73,24 +73,20 @@ class Estimate:
 
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
-    """Parameters of a model from measurements, by one of ``METHODS``.
+    """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
 
-    Samples are read in pieces, so memory does not grow with their number. All methods but huber read them
-    once and take a stream as well.
-
-    Args:
-        method: name of the estimator.
-        model: what torque is explained with.
-        measurements: one recording, several, or a stream of them in the order of time.
-        settings: of the method, the fields of its class.
+    Samples are of one recording, several, or a stream of them in the order of time. They are read in pieces,
+    so memory does not grow with their number. All methods but huber read them once and take a stream as well.
 
     Raises:
         ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
-        ShapeError: when there are no samples, they do not fit the model, or there is no torque at all.
-        RobotError: when a description that is not consistent is to be pulled towards.
-        InfeasibleError: when no consistent parameters meet the conditions.
     """
-    estimator = method_of(method, settings)
+    if method not in METHODS:
+        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
+    names = [f.name for f in fields(METHODS[method])]
+    if unknown := [name for name in settings if name not in names]:
+        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
+    estimator = METHODS[method](**settings)
     if estimator.rereads and isinstance(measurements, Iterator):
         once = ", ".join(name for name, kind in METHODS.items() if not kind.rereads)
         raise ConfigError(
@@ -114,18 +110,3 @@ def estimate(method: str, model: TorqueModel, measurements: Samples, **settings:
         sums=sums,
         standard=fit.standard,
     )
-
-
-def method_of(method: str, settings: dict[str, Any]) -> Ols:
-    """An estimator with its settings.
-
-    Raises:
-        ConfigError: when the method or a setting is unknown, or its value impossible.
-    """
-    if method not in METHODS:
-        raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    names = [f.name for f in fields(METHODS[method])]
-    unknown = [name for name in settings if name not in names]
-    if unknown:
-        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
-    return METHODS[method](**settings)

@@ -59,9 +59,6 @@ def reweighted(sums: Sums, least: float) -> Fit:
     That is the maximum of the likelihood for Gaussian errors with a variance per joint. The usual single
     repetition leaves a joint that others had drowned with too small a weight.
 
-    Raises:
-        ShapeError: when there is no torque at all.
-
     Source: Gautier, Poignet 2001, Extended Kalman filtering and weighted least squares dynamic
     identification of robot (one repetition).
     """
@@ -77,14 +74,8 @@ def recursive(sums: Sums, samples: int, prior: float, forgetting: float = 1.0, w
     """Recursive least squares with P₀ = prior · I and π₀ = 0 after all samples, in information form.
 
     With λ = 1 that is batch least squares with the prior's rows √(1/prior) π = 0; with λ < 1 it is the
-    classical recursion, in which the prior is forgotten like a sample.
-
-    Args:
-        sums: over the samples, those of age k times λ^k.
-        samples: number of samples.
-        prior: variance of each parameter before any sample.
-        forgetting: λ in (0, 1].
-        weighted: whether joints count as in ``reweighted``, or alike.
+    classical recursion, in which the prior is forgotten like a sample: samples of age k have to count λ^k in
+    the sums already. Joints count as in ``reweighted``, or alike.
 
     Source: Ljung 1999, System Identification, 11.2.
     """

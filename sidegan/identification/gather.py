@@ -42,10 +42,8 @@ class Gathered:
 def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
     """Sums over measurements, which are read once and in pieces, and a share of the samples.
 
-    Args:
-        model: linear in its parameters.
-        measurements: one recording, several, or a stream of them in the order of time.
-        forgetting: a sample of age k counts forgetting^k as much.
+    They are one recording, several, or a stream of them in the order of time; a sample of age k counts
+    forgetting^k as much.
 
     Raises:
         ShapeError: when there are no samples, or they do not fit the model.

@@ -1,7 +1,7 @@
 """Methods that need no more than the sums over the samples."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import torch
@@ -22,7 +22,9 @@ class Ols:
     rereads: ClassVar[bool] = False  # whether the samples are walked through more than once
 
     def __post_init__(self) -> None:
-        positive("prior", self.prior)
+        for one in fields(self):
+            if one.type is float:
+                positive(one.name, getattr(self, one.name), 1.0 if one.name == "forgetting" else math.inf)
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters of least squares."""
@@ -47,10 +49,6 @@ class Recursive(Ols):
 
     forgetting: float = 1.0  # type: ignore[misc]
     weighted: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive("forgetting", self.forgetting, 1.0)
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters after the last sample."""
@@ -108,11 +106,6 @@ class Essential(Ols):
 
     ratio: float = 30.0
     loss: float = 0.02
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive("ratio", self.ratio)
-        positive("loss", self.loss)
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters of which the dropped ones are exactly zero, and so are their errors."""

@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
 from sidegan.errors import ConfigError, ShapeError
@@ -18,31 +18,6 @@ from sidegan.robot import StateRegressor
 Array: TypeAlias = NDArray[np.float64]
 
 
-class SampleRegressor:
-    """Regressor (J, P) of a model, one state at a time; it gives what ``TorqueModel.regressor`` does.
-
-    Args:
-        model: whose columns come out.
-    """
-
-    def __init__(self, model: TorqueModel) -> None:
-        self._model, self._rigid = model, StateRegressor(model.arm)
-        self._columns = model.body.base.columns.numpy()
-        self._term, self._joint = np.divmod(model.extras.numpy(), model.joints)
-        self._place = np.arange(model.rigid, model.count)
-        self._out = np.zeros((model.joints, model.count))
-
-    def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Regressor of a state, (J,) each; the array is overwritten by the next call."""
-        q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
-        self._out[:, : self._model.rigid] = self._rigid(q, dq, ddq)[:, self._columns]
-        if len(self._place):
-            speed, kick = torch.from_numpy(dq), torch.from_numpy(ddq)
-            signals = torch.stack(self._model.terms.signals(speed, kick, self._model.stribeck)).numpy()
-            self._out[self._joint, self._place] = signals[self._term, self._joint]
-        return self._out
-
-
 class Live:
     """Recursive least squares with forgetting, one sample of all joints at a time.
 
@@ -53,28 +28,26 @@ class Live:
         model: what torque is explained with.
         forgetting: λ in (0, 1]; about 1 / (1 − λ) samples are remembered.
         prior: variance of each parameter before any sample, without a start.
-        weights: what each joint's equations are multiplied with, (J,); the start's or ones when None.
-        start: an earlier estimate to go on from, whose samples then count like those of this arm.
+        start: an earlier estimate to go on from with its weights, whose samples count like those of this arm.
 
     Raises:
         ConfigError: when a setting is impossible or the start is of another model.
     """
 
     def __init__(
-        self,
-        model: TorqueModel,
-        forgetting: float = 1.0,
-        prior: float = 1e6,
-        weights: ArrayLike | None = None,
-        start: Estimate | None = None,
+        self, model: TorqueModel, forgetting: float = 1.0, prior: float = 1e6, start: Estimate | None = None
     ) -> None:
         positive("forgetting", forgetting, 1.0)
         positive("prior", prior)
         if start is not None and start.names != tuple(model.names):
             raise ConfigError("the estimate to start from has other parameters than the model")
-        self._regressor, self._forgetting = SampleRegressor(model), forgetting
-        self._shape = (model.joints,)
-        self._weights = self._checked(weights, start)
+        self._model, self._rigid = model, StateRegressor(model.arm)
+        self._columns = model.body.base.columns.numpy()
+        self._term, self._joint = np.divmod(model.extras.numpy(), model.joints)
+        self._place = np.arange(model.rigid, model.count)
+        self._rows = np.zeros((model.joints, model.count))
+        self._forgetting, self._shape = forgetting, (model.joints,)
+        self._weights = np.ones(self._shape) if start is None else start.weights.numpy()
         self._information = np.eye(model.count) / prior
         self._moment = np.zeros(model.count)
         if start is not None:
@@ -83,14 +56,6 @@ class Live:
         self._step = np.empty_like(self._information)
         self._parameters: Array | None = None
         self.samples = 0
-
-    def _checked(self, weights: ArrayLike | None, start: Estimate | None) -> Array:
-        if weights is None:
-            return np.ones(self._shape) if start is None else start.weights.numpy()
-        given = np.asarray(weights, dtype=np.float64)
-        if given.shape != self._shape or not (np.isfinite(given) & (given > 0)).all():
-            raise ConfigError(f"weights are {given.tolist()}, expected {self._shape[0]} positive numbers")
-        return given
 
     def update(self, q: Array, dq: Array, ddq: Array, torque: Array) -> None:
         """Take in one sample: position, velocity, acceleration and torque [N·m or N], (J,) each.
@@ -129,6 +94,16 @@ class Live:
     def covariance(self) -> Array:
         """Inverse of the information, (P, P): the errors' covariance when weights are 1 / deviation."""
         return self._solved()[1]
+
+    def _regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """What ``TorqueModel.regressor`` gives of one state, (J, P); the next call overwrites it."""
+        q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
+        self._rows[:, : self._model.rigid] = self._rigid(q, dq, ddq)[:, self._columns]
+        if len(self._place):
+            speed, kick = torch.from_numpy(dq), torch.from_numpy(ddq)
+            signals = torch.stack(self._model.terms.signals(speed, kick, self._model.stribeck)).numpy()
+            self._rows[self._joint, self._place] = signals[self._term, self._joint]
+        return self._rows
 
     def _solved(self) -> tuple[Array, Array]:
         information, moment = torch.from_numpy(self._information), torch.from_numpy(self._moment)

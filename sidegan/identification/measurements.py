@@ -1,6 +1,5 @@
 """Samples of joint states and torques, recorded or simulated with noise."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -10,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.typed import NonNegative
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion
 
 if TYPE_CHECKING:
@@ -97,21 +96,12 @@ class Noise:
 
     ``multiplicative`` is x · (1 + level · U(−1, 1)); ``additive`` is x + level · σ · U(−1, 1) with σ
     the standard deviation of that joint's signal over its trajectory.
-
-    Raises:
-        ConfigError: when the kind is unknown or the level is not a finite number ≥ 0.
     """
 
     kind: Literal["multiplicative", "additive"]
     level: NonNegative  # 0.1 for the paper's "10 % uniform random noise"
     torque: bool  # whether measured torques are noisy
     state: bool  # whether measured positions, velocities and accelerations are noisy
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("multiplicative", "additive"):
-            raise ConfigError(f"noise kind is {self.kind!r}, expected 'multiplicative' or 'additive'")
-        if not 0 <= self.level < math.inf:
-            raise ConfigError(f"noise level is {self.level}, expected a finite number ≥ 0")
 
     def add(self, x: Tensor, draw: Tensor) -> Tensor:
         """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""
@@ -130,14 +120,8 @@ def measure(
     The torque is that of the true states. Both kinds of noise and all choices of what is noisy use
     the same draws, and a batch those of its trajectories in turn, so comparisons differ in nothing else.
 
-    Args:
-        body: the arm's true dynamics.
-        motion: states on a time grid.
-        noise: what is added to the states and torques; nothing when None.
-        random: source of the noise.
-
     Raises:
-        ShapeError: when the motion does not fit the arm or is not finite.
+        ShapeError: when the motion is empty, does not fit the arm or is not finite.
     """
     states, shape = motion[1:], motion.position.shape
     if not motion.position.numel():

@@ -1,14 +1,15 @@
 """What torque is explained with: rigid-body base parameters, rotor inertias and friction, linear in all."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.typed import Positive
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.terms import FULL, LETTERS, Terms
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
@@ -17,6 +18,46 @@ _NO_PART = 1e-10  # a smaller coefficient in a grouping is rounding
 _STATES_PER_JOINT = 60
 _ACCELERATION = 5.0  # [rad/s²] of the states that groupings are found with
 _DIGITS = 4  # of a share in a formula
+_LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo", "stribeck": "fs"}
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a joint's torque has beside rigid bodies."""
+
+    rotor_inertia: bool  # Ia · ddq, where the rigid bodies do not explain it already
+    viscous: bool  # fv · dq
+    coulomb: bool  # fc · tanh(dq / sign_width)
+    offset: bool  # fo
+    # the extra friction near rest, fs · tanh(dq / sign_width) · exp(−(dq / v)²), with a velocity v of each
+    # joint that ``stribeck_velocities`` finds from measurements
+    stribeck: bool
+    sign_width: Positive  # velocity [rad/s or m/s] at which the smooth sign is at 76 %
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of the terms in use, in the order of their columns."""
+        return tuple(name for name in _LETTERS if getattr(self, name))
+
+    def signals(
+        self, dq: Tensor, ddq: Tensor, stribeck: Tensor | None, sign: Tensor | None = None
+    ) -> list[Tensor]:
+        """What the parameters of each term in use are multiplied with, (S, J) each, at velocities (S, J).
+
+        Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None; the Stribeck term
+        has a velocity per joint, (J,).
+        """
+        if sign is None:
+            sign = torch.tanh(dq / self.sign_width)
+        values = {"rotor_inertia": ddq, "viscous": dq, "coulomb": sign, "offset": torch.ones_like(dq)}
+        if stribeck is not None:
+            values["stribeck"] = sign * torch.exp(-((dq / stribeck.to(dq)) ** 2))
+        return [values[name] for name in self.kinds]
+
+
+# Of torques from motor currents, and of rigid bodies alone, as simulated measurements are.
+FULL = Terms(rotor_inertia=True, viscous=True, coulomb=True, offset=True, stribeck=False, sign_width=0.01)
+RIGID = Terms(False, False, False, False, False, sign_width=0.01)
 
 
 class TorqueModel:
@@ -49,10 +90,12 @@ class TorqueModel:
         self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | None = None
     ) -> None:
         self.body, self.terms, self.kinds = body, terms, terms.kinds
-        self.stribeck = self._velocities(velocities or ()) if terms.stribeck else None
         joints, rigid = body.joints, len(body.base.values)
+        self.stribeck = torch.tensor(velocities or (), dtype=torch.float64) if terms.stribeck else None
+        if self.stribeck is not None and len(self.stribeck) != joints:
+            raise ConfigError(f"there are {len(self.stribeck)} Stribeck velocities, expected {joints}")
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
-        names = [f"{LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
+        names = [f"{_LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
         self.extras, grouped = self._grouped()
         self.standard_names = [*links, *names]
         top = torch.cat([body.base.mapping, grouped[:rigid]], 1)
@@ -98,13 +141,8 @@ class TorqueModel:
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
 
-        It is a view of an array with the states last, in which products over samples are fast.
-
-        Args:
-            q: joint position [rad or m].
-            dq: joint velocity.
-            ddq: joint acceleration.
-            sign: what Coulomb and Stribeck friction follow; tanh(dq / sign_width) when None.
+        Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None. Y is a view of an
+        array with the states last, in which products over samples are fast.
 
         Raises:
             ShapeError: when a shape does not fit the arm.
@@ -127,11 +165,6 @@ class TorqueModel:
         if parameters.shape != (self.count,):
             raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {self.count}")
         return self.regressor(q, dq, ddq, sign) @ parameters.to(q)
-
-    def _velocities(self, velocities: Sequence[float]) -> Tensor:
-        if len(velocities) != self.joints:
-            raise ConfigError(f"there are {len(velocities)} Stribeck velocities, expected {self.joints}")
-        return torch.tensor(velocities, dtype=torch.float64)
 
     def _grouped(self) -> tuple[Tensor, Tensor]:
         """Indices of the extra columns that are independent, and all extras' shares in the P parameters."""

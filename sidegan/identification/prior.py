@@ -7,7 +7,7 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, TorqueErrors, flat, positive, reweighted
+from sidegan.identification.fit import Fit, TorqueErrors, flat, reweighted
 from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
@@ -60,16 +60,8 @@ class Ridge(Ols):
 
     relative: float = 0.3
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive("relative", self.relative)
-
     def fit(self, data: Gathered) -> Fit:
-        """Most probable parameters.
-
-        Raises:
-            ConfigError: when the description has no masses.
-        """
+        """Most probable parameters."""
         model = data.model
         prior = information(model, self.relative)
         weights, errors = likelihood(data, self.prior)

@@ -3,13 +3,13 @@
 import logging
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 
 from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, flat, least_residual, positive, reweighted, weights_of
+from sidegan.identification.fit import Fit, flat, least_residual, reweighted, weights_of
 from sidegan.identification.gather import Gathered, residual_of, weighted_sums
 from sidegan.identification.linear import Ols
 from sidegan.identification.measurements import pieces
@@ -33,19 +33,15 @@ class Huber(Ols):
     threshold: float = 1.345
     rereads: ClassVar[bool] = True
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        positive("threshold", self.threshold)
-
     def fit(self, data: Gathered) -> Fit:
         """Parameters after walking through the measurements until they settle."""
         parameters = reweighted(data.sums, 1 / self.prior).parameters
         scale, least = 1 / weights_of(data.sums, parameters), least_residual(data.sums)
         for _ in range(_REPETITIONS):
-            walk = self._walk(data, parameters, scale)
-            before, (parameters, inverse) = parameters, solve(*walk.sums.weighted(1 / scale), 1 / self.prior)
+            sums, found, squares, inside = self._walk(data, parameters, scale)
+            before, (parameters, inverse) = parameters, solve(*sums.weighted(1 / scale), 1 / self.prior)
             moved = ((parameters - before).abs() / inverse.diagonal().sqrt()).max()
-            size = torch.maximum(walk.scale, least)
+            size = torch.maximum(found, least)
             resized = (size / scale - 1).abs().max()
             scale = size
             if max(moved, resized) < _SETTLED:
@@ -54,10 +50,11 @@ class Huber(Ols):
             _log.warning("huber has not settled after %d walks through the samples", _REPETITIONS)
         _, inverse = solve(*data.sums.weighted(1 / scale), 1 / self.prior)
         fit = Fit(parameters, inverse, 1 / scale, flat(len(parameters), 1 / self.prior))
-        variance = scale.square() * walk.squares / walk.inside.clamp_min(0.1).square()
+        variance = scale.square() * squares / inside.clamp_min(0.1).square()
         return fit._replace(errors=torque_errors(data, fit, variance, self.threshold * scale))
 
-    def _walk(self, data: Gathered, parameters: Tensor, scale: Tensor) -> "_Walk":
+    def _walk(self, data: Gathered, parameters: Tensor, scale: Tensor) -> tuple[Sums, Tensor, Tensor, Tensor]:
+        """Sums, σ after this walk, mean of ψ², and of ψ′, the share within the threshold, (J,) each."""
         sums, squares = no_sums(data.model.joints, data.model.count), torch.zeros_like(scale)
         inside = torch.zeros_like(scale)
         for part in pieces(data.source):
@@ -66,14 +63,7 @@ class Huber(Ols):
             squares += size.clamp_max(self.threshold).square().sum(0)
             inside += (size <= self.threshold).double().sum(0)
         squares, inside = squares / data.samples, inside / data.samples
-        return _Walk(sums, scale * (squares / _expected(self.threshold)).sqrt(), squares, inside)
-
-
-class _Walk(NamedTuple):
-    sums: Sums
-    scale: Tensor  # (J,) σ after this walk
-    squares: Tensor  # (J,) mean of ψ²
-    inside: Tensor  # (J,) mean of ψ', the share of residuals within the threshold
+        return sums, scale * (squares / _expected(self.threshold)).sqrt(), squares, inside
 
 
 def _expected(k: float) -> float:

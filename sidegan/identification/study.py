@@ -16,15 +16,14 @@ import torch
 from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ConfigError
 from sidegan.identification.fit import recursive
 from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, Noise, measure
-from sidegan.identification.model import TorqueModel
+from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
 from sidegan.identification.sums import Sums
-from sidegan.identification.terms import RIGID
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
@@ -46,15 +45,7 @@ def compare(
     """NMSE of every set, weighting, repeat and joint, and facts about every set.
 
     The same repeat draws the same noise for every set. Test torques are exact, so that an nMSE is the
-    error of the model and not of its judge.
-
-    Args:
-        body: the true dynamics.
-        sets: name → family and coefficients of the trajectories that are executed.
-        tests: family and coefficients of the test trajectories.
-        settings: of the measurements and the identification.
-        random: of the noise.
-        progress: receives (done, total) after every identification.
+    error of the model and not of its judge. Progress receives (done, total) after every identification.
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
@@ -113,14 +104,11 @@ def combined(
 
     Raises:
         ConfigError: when the recursion forgets: sums have no order in time.
-        ShapeError: when a set has no sums.
     """
     if settings.forgetting < 1:
         raise ConfigError(f"sums cannot be added with forgetting factor {settings.forgetting}, expected 1")
     judge, results, facts = _Judge(body, tests, settings), [], []
     for name, parts in sets.items():
-        if not parts:
-            raise ShapeError(f"set {name!r} has no sums")
         sums = reduce(Sums.plus, parts)
         samples = round(float(sums.weight))
         rows, norm = judge.of(sums, samples)
@@ -130,11 +118,6 @@ def combined(
         pd.DataFrame(results, columns=["set", "weighted", "joint", "nmse"]),
         pd.DataFrame(facts, columns=["set", "covariance_norm", "samples"]),
     )
-
-
-def covariance_norm(covariance: Tensor) -> float:
-    """Norm of the diagonal of a covariance (P, P), ‖diag P‖₂."""
-    return float(torch.linalg.vector_norm(covariance.diagonal()))
 
 
 def _measured(
@@ -166,7 +149,7 @@ class _Judge:
         for weighted, fit in zip((False, True), fits):
             errors = score(self.model, fit.parameters, self._truth).nmse.tolist()
             rows += [(weighted, joint, x) for joint, x in zip(self.model.arm.joint_names, errors)]
-        return rows, covariance_norm(fits[0].inverse)
+        return rows, float(torch.linalg.vector_norm(fits[0].inverse.diagonal()))
 
 
 def _stacked_condition(body: RigidBody, family: Family) -> float:

@@ -56,11 +56,7 @@ def no_sums(joints: int, parameters: int) -> Sums:
 
 
 def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
-    """Sums over samples, oldest first, of a regressor (S, J, P) and torque (S, J).
-
-    Raises:
-        ShapeError: when a value is not finite or too large to square.
-    """
+    """Sums over samples, oldest first, of a regressor (S, J, P) and torque (S, J)."""
     age = torch.arange(len(tau) - 1, -1, -1, dtype=torch.float64, device=tau.device)
     decay = forgetting**age
     total = decay @ tau
@@ -74,11 +70,7 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
 
 
 def finite(sums: Sums) -> Sums:
-    """The same sums.
-
-    Raises:
-        ShapeError: when one of them is not finite.
-    """
+    """The same sums, or a ShapeError when one of them is not finite."""
     if not all(x.isfinite().all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"

@@ -5,12 +5,11 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from torch import Tensor
 
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.next_runs import NextRuns
 from sidegan.identification.score import Score
 from sidegan.robot import Arm
 
@@ -27,6 +26,14 @@ _CONDITION = 100.0  # largest condition number of a good model's scaled regresso
 _NAMED = 6  # parameters that a reason names at most
 _LITTLE = 0.25  # of a limit
 _MOST = 10.0  # a larger share says no more
+
+
+class NextRuns(NamedTuple):
+    """Trajectories to run, the most useful one first."""
+
+    indices: Tensor  # among the candidates, (count,)
+    # of the weak parameters, summed in units of their effect, over what it is now, after each run, (count,)
+    variance: Tensor
 
 
 @dataclass(frozen=True, eq=False)

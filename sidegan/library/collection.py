@@ -1,6 +1,5 @@
 """A trajectory library: coefficients with all that was measured about them."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -94,27 +93,14 @@ class Library:
         source = [name for other in (self, *others) for name in other.source]
         return replace(self, **_fields(columns), source=source)
 
-    def describe(self) -> dict[str, Any]:
-        """Summary in plain values; medians over the valid trajectories, None where there are none."""
-        self._refuse_empty("described")
-        scalars = {name: x[self.valid] for name, x in self.columns().items() if x.ndim == 1}
-        medians = {f"median_{name}": _median(x) for name, x in scalars.items() if name != "valid"}
-        return {
-            **asdict(self.family()),
-            "count": len(self),
-            "valid": int(self.valid.sum()),
-            "valid_share": float(self.valid.double().mean()),
-            "sources": dict(Counter(self.source)),
-            **medians,
-        }
-
     def table(self) -> "pa.Table":
         """What the library's file, or a part of it, holds."""
         return table_of(self.family(), self.columns(), self.source)
 
     def save(self, path: Path) -> None:
         """Write one Parquet file, a row per trajectory, whole or not at all; none of an empty library."""
-        self._refuse_empty("saved")
+        if not len(self):
+            raise ShapeError(f"an empty library of {self.robot} cannot be saved")
         write_parquet(path, self.table(), **OPTIONS)
 
     @classmethod
@@ -141,10 +127,6 @@ class Library:
         except ShapeError as error:
             raise ArtifactError(f"{path} contradicts itself: {error}") from error
 
-    def _refuse_empty(self, what: str) -> None:
-        if not len(self):
-            raise ShapeError(f"an empty library of {self.robot} cannot be {what}")
-
 
 def _fields(columns: dict[str, Tensor]) -> dict[str, Any]:
     """Constructor's arguments for the columns of a file."""
@@ -163,7 +145,3 @@ def _column(name: str, x: Tensor, shape: tuple[int, ...]) -> Tensor:
     if bad.any():
         raise ShapeError(f"{name} of trajectory {int(bad.nonzero()[0])} is not finite")
     return x.detach().to("cpu", torch.bool if name == "valid" else torch.float64)
-
-
-def _median(x: Tensor) -> float | None:
-    return float(np.median(x.numpy())) if len(x) else None

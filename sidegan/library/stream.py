@@ -25,7 +25,6 @@ def save_parts(path: Path, parts: Iterable[Library]) -> int:
 
     Raises:
         ShapeError: when there is no trajectory, or two parts differ in anything of ``Library.family``.
-        StorageError: when the folder cannot be written or is full.
     """
     import pyarrow.parquet as pq
 

@@ -147,10 +147,8 @@ class Excitation:
 def excitation_of(body: RigidBody, segments: Iterable[Segment], noise: Tensor) -> Excitation:
     """Excitation of the base parameters beside friction, with joints weighted by their torque's noise.
 
-    Args:
-        body: the arm; its own parameters give the contributions only.
-        segments: of one recording or several.
-        noise: standard deviation of each joint's torque errors [N·m or N], (J,).
+    That is the standard deviation of each joint's torque errors [N·m or N], (J,). The arm's own parameters
+    give the contributions only.
     """
     values = body.base.values
     count = len(values) + 3 * body.joints

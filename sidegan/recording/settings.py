@@ -72,12 +72,7 @@ class Columns:
     def resolve(
         self, file: str, available: Sequence[str], joint_names: Sequence[str]
     ) -> dict[str, list[str]]:
-        """Columns of time and of every signal that the file has; a single column is an array (S, J).
-
-        Args:
-            file: its name, for messages.
-            available: columns of the file.
-            joint_names: of the arm.
+        """Columns of time and of every signal that a file has; a single column is an array (S, J).
 
         Raises:
             RecordingError: when time or positions are missing, a signal is incomplete, or the file has

@@ -25,18 +25,8 @@ def write_page(
 ) -> str:
     """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
 
-    Args:
-        path: the template, which calls ``table(name, caption)`` and ``figure(name, caption)``.
-        target: the Markdown file to write.
-        tables: of cells that are formatted already, by the name of their file.
-        figures: by the name of their file.
-        context: whatever else the template names.
-
-    Returns:
-        The Markdown.
-
-    Raises:
-        StorageError: when the folder cannot be written or is full.
+    The template calls ``table(name, caption)`` and ``figure(name, caption)``; the cells of tables are
+    formatted already. Whatever else it names is the context. The Markdown is returned.
     """
     assets = target.with_suffix("")
 

@@ -21,21 +21,13 @@ _TIMES = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)  # [s] that may be ticks
 
 
 class Panel(NamedTuple):
-    """One column and how it is drawn.
-
-    Attributes:
-        key: the column.
-        label: its name for people.
-        log: a logarithmic axis.
-        references: dashed lines, by the set whose value they are.
-        share: of a whole, so that the axis ends at one.
-    """
+    """One column and how it is drawn."""
 
     key: str
-    label: str
-    log: bool = False
-    references: Mapping[str, float] = {}
-    share: bool = False
+    label: str  # for people
+    log: bool = False  # whether the axis is logarithmic
+    references: Mapping[str, float] = {}  # dashed lines, by the set whose value they are
+    share: bool = False  # of a whole, so that the axis ends at one
 
 
 class Across(NamedTuple):
@@ -144,12 +136,7 @@ def errors(raw: pd.DataFrame) -> Figure:
 
 
 def quality_diversity(frame: pd.DataFrame, labels: tuple[str, str]) -> Figure:
-    """A point per row, its diversity across and its quality up; the crosses are the medians of a kind.
-
-    Args:
-        frame: columns kind, diversity and quality.
-        labels: names of diversity and quality for people.
-    """
+    """A point per row of kind, diversity (across) and quality (up); the crosses are the medians of a kind."""
     figure = blank(7.2, 4.6)
     axis = figure.subplots()
     handles: dict[str, Any] = {}
@@ -171,10 +158,9 @@ def quality_diversity(frame: pd.DataFrame, labels: tuple[str, str]) -> Figure:
 
 
 def timing(frame: pd.DataFrame) -> Figure:
-    """Durations on a logarithmic axis, ours below the paper's, each written at its bar.
+    """Durations ``ours`` and ``paper`` [s] of ``what`` on a logarithmic axis, each written at its bar.
 
-    Args:
-        frame: columns ``what``, and ``ours`` and ``paper`` [s], positive; NaN where there is no duration.
+    They are positive; NaN where there is no duration.
     """
     there = frame[["paper", "ours"]].to_numpy(float)
     # Room for what is written beside the bars.

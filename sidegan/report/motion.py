@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
@@ -19,7 +20,7 @@ from sidegan.report.style import DESK, PATH
 _COLUMNS = 4
 _TIME = "viridis"
 _VIEW = {"elev": 22.0, "azim": -58.0}
-_LIGHT = np.array([0.35, -0.55, 0.76])
+_LIGHT = LightSource(azdeg=-58, altdeg=50)
 _FADING = 0.16  # opacity that is left of a pose at the next one
 _FLAT = 0.93  # height of a panel over its width
 
@@ -53,16 +54,11 @@ def snapshots(film: Film) -> Figure:
 
 def _surfaces(visible: Sequence[tuple[Mesh, np.ndarray, float]]) -> Poly3DCollection:
     """Arms (mesh, colour, opacity) as one collection, which sorts all their faces by depth."""
-    faces, paints = [], []
-    for mesh, shade, opacity in visible:
-        corners = mesh.vertices[mesh.faces]
-        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        bright = 0.62 + 0.38 * (normals @ _LIGHT)
-        paint = np.clip(shade * bright[:, None] + 0.12 * (bright[:, None] > 0.9), 0, 1)
-        faces.append(corners)
-        paints.append(np.concatenate([paint, np.full((len(paint), 1), opacity)], 1))
-    return Poly3DCollection(np.concatenate(faces), facecolors=np.concatenate(paints), linewidths=0, zorder=2)
+    faces = np.concatenate([mesh.vertices[mesh.faces] for mesh, _, _ in visible])
+    paints = [np.tile([*shade, opacity], (len(mesh.faces), 1)) for mesh, shade, opacity in visible]
+    return Poly3DCollection(
+        faces, facecolors=np.concatenate(paints), shade=True, lightsource=_LIGHT, linewidths=0, zorder=2
+    )
 
 
 def _timed(axis: Axes3D, path: np.ndarray) -> None:

@@ -26,19 +26,12 @@ class Mesh(NamedTuple):
 
 
 class Bundle(NamedTuple):
-    """Trajectories whose paths are drawn together.
+    """Trajectories whose paths are drawn together."""
 
-    Attributes:
-        title: name for people.
-        family: of the trajectories.
-        coefficients: [rad/s], (B, J, H, 2).
-        colour: of the paths; None is one that tells the time.
-    """
-
-    title: str
+    title: str  # for people
     family: Trajectory
-    coefficients: Tensor
-    colour: str | None = None
+    coefficients: Tensor  # [rad/s], (B, J, H, 2)
+    colour: str | None = None  # of the paths; None is one that tells the time
 
 
 class Scene(NamedTuple):
@@ -62,11 +55,7 @@ class Film(NamedTuple):
 
 
 def scene(arm: Arm, bundles: Sequence[Bundle], desk: float | None = 0.0) -> Scene:
-    """The end effector's path along every trajectory of some bundles, above a desk of this height [m] if any.
-
-    Raises:
-        ShapeError: when there is nothing to draw, or a trajectory does not fit its family.
-    """
+    """The end effector's path along every trajectory of some bundles, above a desk of this height [m]."""
     if not bundles:
         raise ShapeError("there are no sets to draw")
     paths = [tip_traces(arm, bundle.family, bundle.coefficients) for bundle in bundles]

@@ -1,7 +1,8 @@
-"""A Markdown page as one HTML file: everything inside, readable offline, in the dark and on paper."""
+"""HTML pages that are one file: style, plots and the plotting library inside, nothing from the network."""
 
 import base64
 from collections.abc import Mapping, Sequence
+from functools import cache
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -13,25 +14,39 @@ from markdown_it.token import Token
 
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ArtifactError
-from sidegan.report.page import figure_html, page
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
 
 _STYLE, _SCRIPT = (Path(__file__).with_name(name) for name in ("document.css", "document.js"))
+_FRAME = Path(__file__).with_name("page.css")
+# The browser itself then refuses to load anything, whatever a plotting library may try.
+_NOTHING_FROM_OUTSIDE = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+_TOOLS = {
+    "responsive": True,
+    "displaylogo": False,
+    "displayModeBar": "hover",
+    "modeBarButtonsToRemove": ["select2d", "lasso2d", "autoScale2d"],
+}
+# Plots have the width of the screen that they were drawn for: on paper they take that of the page.
+_PRINTING = """<script>
+const plots = () => document.querySelectorAll(".plotly-graph-div");
+addEventListener("beforeprint", () => plots().forEach(
+  plot => Plotly.relayout(plot, {width: plot.closest(".pair") ? 520 : 1050})));
+addEventListener("afterprint", () => plots().forEach(plot => Plotly.relayout(plot, {autosize: true})));
+</script>"""
 
 
 def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"] | None = None) -> None:
-    """Write Markdown as one HTML page.
+    """Write Markdown, with links to its figures relative to ``path``, as one HTML page.
 
-    Args:
-        markdown: of the page; the links to its figures are relative to ``path``.
-        path: the HTML file to write.
-        interactive: figures in place of the images of that name; the plotting library comes with them.
+    Interactive figures take the place of the images of their name, and the plotting library comes with them.
 
     Raises:
         ArtifactError: when the file of a figure is missing.
-        StorageError: when the folder cannot be written or is full.
     """
     plots = interactive or {}
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -91,3 +106,38 @@ def _image(folder: Path, plots: Mapping[str, "go.Figure"]) -> Any:
         return f'<figure><img src="data:image/png;base64,{data}" alt="{words}"></figure>'
 
     return render
+
+
+def page(title: str, body: str, plots: bool = True) -> str:
+    """A whole HTML document of a plain title and a body in HTML; its plots need 5 MB of plotting library."""
+    script = f"<script>{_plotly_library()}</script>{_PRINTING}" if plots else ""
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_NOTHING_FROM_OUTSIDE}">\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>\n{_FRAME.read_text(encoding='utf-8')}</style>\n{script}\n"
+        f"</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def figure_html(figure: "go.Figure", name: str, caption: str = "") -> str:
+    """An interactive plot as wide as the page, with a plain caption; no other on the page has its name."""
+    from plotly.io import to_html
+
+    plot = to_html(
+        figure,
+        config=_TOOLS,
+        include_plotlyjs=False,
+        full_html=False,
+        div_id=name,
+        default_height=f"{figure.layout.height or 400}px",
+    )
+    below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+    return f"<figure>{plot}{below}</figure>"
+
+
+@cache
+def _plotly_library() -> str:
+    from plotly.offline import get_plotlyjs
+
+    return get_plotlyjs()

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from sidegan.conditional.ranges import Obstacles, Ranges
+from sidegan.conditional.settings import Obstacles, Ranges
 from sidegan.conditional.space import ConditionSpace
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane

@@ -6,7 +6,7 @@ import torch
 
 from sidegan.base.typed import build
 from sidegan.conditional import Condition
-from sidegan.conditional.ranges import KINDS, Obstacles, Ranges, Request
+from sidegan.conditional.settings import KINDS, Obstacles, Ranges, Request
 from sidegan.errors import ConfigError, ShapeError
 from tests.conditional.conftest import NOTHING, RANGES
 

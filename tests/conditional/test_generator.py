@@ -5,7 +5,7 @@ import torch
 
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.conditional import ConditionalGenerator
-from sidegan.conditional.ranges import Cube, Request
+from sidegan.conditional.settings import Cube, Request
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import outcome, validity
 from sidegan.conditional.training import train

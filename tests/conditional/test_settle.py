@@ -1,8 +1,7 @@
 import pytest
 import torch
 
-from sidegan.conditional.settle import settle
-from sidegan.conditional.shaping import Shaping
+from sidegan.conditional.generator import Shaping, settle
 from sidegan.gan.training import random_trajectories
 from sidegan.validity import check
 

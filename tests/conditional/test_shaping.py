@@ -5,8 +5,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.conditional.ranges import Request
-from sidegan.conditional.shaping import Shaping
+from sidegan.conditional.generator import Shaping
+from sidegan.conditional.settings import Request
 from sidegan.gan.training import random_trajectories
 from sidegan.validity import Constraints, check
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.conditional.ranges import KINDS, Cube, Request
+from sidegan.conditional.settings import KINDS, Cube, Request
 from sidegan.conditional.space import ConditionSpace
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory

@@ -6,7 +6,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ShapeError
 from sidegan.identification import Measurements, Noise, measure
 from sidegan.identification.measurements import STATES_AT_ONCE, pieces
 from sidegan.motion.trajectory import Motion
@@ -152,8 +152,3 @@ def test_recordings_that_do_not_fit_are_refused(change, named):
     fields = {"position": zeros, "velocity": zeros, "acceleration": zeros, "torque": zeros}
     with pytest.raises(ShapeError, match=named):
         Measurements(**{**fields, **change})
-
-
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(ConfigError, match="'gaussian'"):
-        replace(NOISE, kind="gaussian")

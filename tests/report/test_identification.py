@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sidegan.errors import StorageError
 from sidegan.report.identification import page, plots
-from sidegan.report.identification.data import Finding, Friction, Report, Signals, correlation_of
+from sidegan.report.identification.content import Finding, Friction, Report, Signals, correlation_of
 from sidegan.report.identification.page import report_html, write_report
 
 HOSTILE = '<script>alert("x")</script>&'
@@ -63,7 +63,6 @@ def report():
         parameters=parameters(),
         covariance=np.array([[1e-4, 0, 0], [0, 1e-6, 9.5e-5], [0, 9.5e-5, 1e-2]]),
         condition_number=123.4,
-        singular_values=np.array([1.0, 30.0, 5.0]),
         friction=Friction(velocity, 2 * velocity, samples, 2 * samples),
         links=pd.DataFrame(link),
         recommendations=["Run trajectory 12."],
@@ -247,7 +246,6 @@ def test_every_plot_survives_one_joint_and_silence(report):
         signals=[still],
         covariance=np.zeros((3, 3)),
         condition_number=np.inf,
-        singular_values=np.zeros(3),
         friction=Friction(*[np.zeros((1, 2))] * 2, *[np.zeros((1, 1))] * 2),
     )
     assert re.search(r'id="plot-friction"', report_html(one))

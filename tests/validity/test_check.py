@@ -100,9 +100,11 @@ def test_a_tiny_violation_is_caught_and_a_comfortable_margin_accepted(kind: str,
     assert len(good) >= 5 and validity.valid.all(), validity.margins
 
 
-def test_valid_means_that_dense_sampling_finds_nothing(any_arm: Arm) -> None:
-    constraints, trajectory = Constraints(any_arm, [DESK]), family(any_arm, period=4.0)
-    count = 200 if any_arm.joints == 2 else 40
+@cache
+def near_the_limits(arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
+    """Trajectories around their tightest limit, and the smallest of each one's dense margins."""
+    constraints, trajectory = Constraints(arm, [DESK]), family(arm, period=4.0)
+    count = 100 if arm.joints == 2 else 40
 
     def coarse(c: Tensor) -> Tensor:
         share = [
@@ -114,16 +116,22 @@ def test_valid_means_that_dense_sampling_finds_nothing(any_arm: Arm) -> None:
     c = scaled_to(coarse, random_coefficients(trajectory, count, seed=2), target=1e-4)
     generator = torch.Generator().manual_seed(3)
     c = c * torch.empty(len(c), 1, 1, 1, dtype=c.dtype).uniform_(0.98, 1.02, generator=generator)
-    validity = check(constraints, trajectory, c)
     dense = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
+    return constraints, trajectory, c, dense
+
+
+def test_valid_means_that_dense_sampling_finds_nothing(any_arm: Arm) -> None:
+    constraints, trajectory, c, dense = near_the_limits(any_arm)
+    validity = check(constraints, trajectory, c)
     assert 0.1 < validity.valid.double().mean() < 0.9
     assert (dense[validity.valid] >= 0).all()
     # Nor is it timid: what it refuses is bad, or all but.
     assert (dense[~validity.valid] < 1e-3).all()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
+@cache
+def prismatic(seed: int) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
+    """Trajectories of a random chain around its limits, and the smallest of each one's dense margins."""
     arm, _ = random_chain(4, seed)
     constraints = Constraints(arm, [Plane((0.0, 0.6, 0.8), -0.6)])
     middle = ((arm.position_lower + arm.position_upper) / 2).tolist()
@@ -135,8 +143,14 @@ def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
 
     c = scaled_to(coarse, random_coefficients(trajectory, 40, seed), target=1e-3)
     c = torch.cat([c, 0.97 * c])
-    validity = check(constraints, trajectory, c)
     dense = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
+    return constraints, trajectory, c, dense
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
+    constraints, trajectory, c, dense = prismatic(seed)
+    validity = check(constraints, trajectory, c)
     assert (dense[validity.valid] >= 0).all() and (dense[~validity.valid] < 2e-3).all()
 
 

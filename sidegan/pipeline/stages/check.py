@@ -10,12 +10,7 @@ from sidegan.robot import load_robot
 
 
 def _show(task: Task, tracker: Tracker) -> None:
-    """Read and check the configured recordings, and leave what the check says in the run's folder.
-
-    Raises:
-        ConfigError: when no recordings are given.
-        RecordingError: when one cannot be used.
-    """
+    """Read and check the configured recordings, and leave what the check says in the run's folder."""
     if not task.cfg.recordings:
         raise ConfigError("recordings is empty, expected files to check: 'recordings=[a.csv,b.csv]'")
     training, validation = checked(task.cfg, load_robot(task.cfg.robot.name))

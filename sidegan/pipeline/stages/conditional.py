@@ -9,7 +9,7 @@ import torch
 
 from sidegan.base.storage import read_json, write_json
 from sidegan.conditional import Condition, ConditionalGenerator, Request
-from sidegan.conditional.ranges import NONE
+from sidegan.conditional.settings import NONE
 from sidegan.conditional.space import ConditionSpace
 from sidegan.conditional.study import Study, validity
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
@@ -34,12 +34,7 @@ class Conditions:
 
     @cached_property
     def space(self) -> ConditionSpace:
-        """The conditions that the generator is trained for.
-
-        Raises:
-            ConfigError: when a range is impossible.
-            InfeasibleError: when the arm has no home to start from.
-        """
+        """The conditions that the generator is trained for."""
         try:
             return ConditionSpace(
                 self.task.constraints, self.task.trajectory, self.task.cfg.conditional.ranges
@@ -49,12 +44,7 @@ class Conditions:
 
     @cached_property
     def requested(self) -> Condition | None:
-        """The one condition that a library is made for, which the arm can meet; None for a study.
-
-        Raises:
-            ConfigError: when it names what the arm does not have, or lies outside of the ranges.
-            InfeasibleError: when no arm can meet it.
-        """
+        """The one condition that a library is made for, which the arm can meet; None for a study."""
         request = self.task.cfg.conditional.ask
         if request is None:
             return None
@@ -73,11 +63,7 @@ class Conditions:
 
     @property
     def singles(self) -> list[Single]:
-        """Every condition with a generator of its own; what asks for nothing has one.
-
-        Raises:
-            ConfigError: when a kind is to be compared that cannot be requested.
-        """
+        """Every condition with a generator of its own; what asks for nothing has one."""
         study, kinds = self.task.cfg.conditional.study, self.space.ranges.cases
         for kind in study.compared:
             if kind not in kinds:

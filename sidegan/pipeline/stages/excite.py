@@ -24,11 +24,7 @@ FOLDER, WHOLE = "trajectories", "all.csv"
 
 
 def _show(task: Task, tracker: Tracker) -> None:
-    """Pick from the configured pools, and write each trajectory and all of them in a row.
-
-    Raises:
-        ConfigError: when there is no such pool, or more trajectories are to be picked than the pools hold.
-    """
+    """Pick from the configured pools, and write each trajectory and all of them in a row."""
     cfg, folder = task.cfg, task.store.run_folder
     pool = _pool(task)
     if cfg.selection.count > len(pool):

@@ -24,13 +24,7 @@ log = logging.getLogger(__name__)
 
 
 def model(task: Task) -> Artifact:
-    """The model identified from the configured recordings.
-
-    Raises:
-        ConfigError: when no recordings are given.
-        RecordingError: when one cannot be read.
-        RobotError: when the description is not physically consistent and the fit would be pulled towards it.
-    """
+    """The model identified from the configured recordings."""
     cfg = task.cfg
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
@@ -91,11 +85,7 @@ def _show(task: Task, tracker: Tracker) -> None:
 
 
 def _digest(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, or of all files of a folder.
-
-    Raises:
-        RecordingError: when it is not there or cannot be read.
-    """
+    """Hexadecimal SHA-256 of a file, or of all files of a folder."""
     digest = hashlib.sha256()
     try:
         files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]

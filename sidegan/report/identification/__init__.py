@@ -1,7 +1,13 @@
 """The report of an identification: tables, a verdict, and one HTML file that a lab can put in its wiki."""
 
-from sidegan.report.identification.check import show_checks
 from sidegan.report.identification.content import Origin
-from sidegan.report.identification.results import CHECK, REPORT, VERDICT, write_checks, write_results
+from sidegan.report.identification.results import (
+    CHECK,
+    REPORT,
+    VERDICT,
+    show_checks,
+    write_checks,
+    write_results,
+)
 
 __all__ = ["CHECK", "REPORT", "VERDICT", "Origin", "show_checks", "write_checks", "write_results"]

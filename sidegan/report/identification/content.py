@@ -1,8 +1,10 @@
-"""Content of the report of an identification, from the identified arm."""
+"""Content of the report of an identification: plain arrays and tables, from the identified arm."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
+import numpy as np
 import pandas as pd
 import torch
 import yaml
@@ -10,11 +12,78 @@ import yaml
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
-from sidegan.report.identification.data import Finding, Friction, Level, Numbers, Report, Signals
+
+Numbers = np.ndarray[Any, np.dtype[np.floating[Any]]]
+Level = Literal["good", "fair", "poor"]
 
 _LEVELS: dict[str, Level] = {"good": "good", "usable": "fair"}
 _CURVE = 101  # points of a friction curve
 _CLOUD = 4000  # samples beside it
+
+
+class Finding(NamedTuple):
+    """Something that the check of the data says."""
+
+    level: Literal["ok", "warning", "error"]  # how bad it is
+    where: str  # the recording, or the joint
+    text: str  # a sentence
+
+
+class Signals(NamedTuple):
+    """Torques of one recording [N·m or N]; a row of NaN breaks the line."""
+
+    name: str  # of the recording
+    role: Literal["training", "validation"]  # what it was used for
+    time: Numbers  # [s], (S,)
+    measured: Numbers  # (S, J)
+    predicted: Numbers  # of the same states by the identified model, (S, J)
+
+    @property
+    def residual(self) -> Numbers:
+        """Measured less predicted torque, (S, J)."""
+        return self.measured - self.predicted
+
+
+class Friction(NamedTuple):
+    """Friction of each joint."""
+
+    velocity: Numbers  # of the curve [rad/s or m/s], (J, K)
+    torque: Numbers  # identified friction with offset [N·m or N], (J, K)
+    measured_velocity: Numbers  # of samples, (N, J)
+    measured: Numbers  # their torque less that of the rigid body, (N, J)
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """Content of the report of an identification, in the order in which it is shown."""
+
+    title: str  # the arm
+    verdict: str  # whether to trust the model, in a sentence
+    level: Level  # of the verdict
+    reasons: Sequence[str]  # for the verdict, a sentence each
+    facts: Mapping[str, str]  # what → how much, shown large
+    joint_names: Sequence[str]  # of the J joints
+    findings: Sequence[Finding]  # of the check of the data
+    errors: pd.DataFrame  # a row per joint, in order, with columns nmse_ and rmse_ of training and validation
+    signals: Sequence[Signals]  # one per recording
+    parameters: pd.DataFrame  # of ``results.parameter_table``
+    covariance: Numbers  # of the parameters' errors in their order, (P, P)
+    condition_number: float  # of the weighted regressor
+    friction: Friction | None  # curves and samples; None of a model without any
+    links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
+    recommendations: Sequence[str]  # what to do next, a sentence each
+    settings: str  # as text
+    files: Mapping[str, str]  # what → name of a file beside the report
+    command: str  # that made it
+
+
+def correlation_of(covariance: Numbers) -> Numbers:
+    """Correlation (P, P) of a covariance; a parameter without variance is correlated with none."""
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    correlation = covariance / scale / scale[:, None]
+    np.fill_diagonal(correlation, 1.0)
+    return np.clip(correlation, -1.0, 1.0)
 
 
 class Origin(NamedTuple):
@@ -48,7 +117,6 @@ def content(
         parameters=parameters,
         covariance=chosen.covariance.numpy(),
         condition_number=chosen.condition,
-        singular_values=_singular_values(chosen.information),
         friction=_friction(identified),
         links=links,
         recommendations=_recommendations(identified, origin.settings["identify"]["library"]),
@@ -129,13 +197,6 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
     rest = torque - model.torque(theta, q, dq, ddq) + friction(dq)
     velocity = torch.linspace(-1, 1, _CURVE, dtype=torch.float64)[:, None] * dq.abs().amax(0)
     return Friction(*(x.numpy() for x in (velocity.T, friction(velocity).T, dq, rest)))
-
-
-def _singular_values(information: torch.Tensor) -> Numbers:
-    """Singular values of the weighted regressor with columns scaled to one length, largest first, (P,)."""
-    scale = information.diagonal().sqrt()
-    scale = torch.where(scale > 0, scale, torch.ones_like(scale))
-    return torch.linalg.eigvalsh(information / scale[:, None] / scale).clamp_min(0).sqrt().flip(0).numpy()
 
 
 def _recommendations(identified: IdentifiedArm, library: str | None) -> list[str]:

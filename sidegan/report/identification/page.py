@@ -11,8 +11,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from sidegan.base.storage import write_bytes
-from sidegan.report.identification.data import Numbers, Report, correlation_of
-from sidegan.report.page import figure_html, page
+from sidegan.report.identification.content import Numbers, Report, correlation_of
+from sidegan.report.web import figure_html, page
 
 Plots = Mapping[str, Callable[[Report], Any]]  # by name
 
@@ -43,11 +43,7 @@ _ERRORS = {
 
 
 def write_report(report: Report, path: Path) -> None:
-    """Write the report as one HTML file.
-
-    Raises:
-        StorageError: when the file cannot be written.
-    """
+    """Write the report as one HTML file."""
     write_bytes(path, report_html(report).encode())
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sidegan.report.identification.data import Friction, Numbers, Report, Signals, correlation_of
+from sidegan.report.identification.content import Friction, Numbers, Report, Signals, correlation_of
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
 ROLES = {"training": "#8795a1", "validation": "#0b66c3"}
@@ -17,7 +17,6 @@ _POINTS = 1200  # of a line: as many as a screen can show
 _CLOUD = 500  # samples of a friction curve
 _RECORDINGS = 12  # that can be chosen among
 _LAGS = 60  # samples over which residuals are correlated
-_DECADES = 100.0  # range of an axis below which powers of ten are too few marks
 _NAMED = 60  # parameters up to which a correlation has its names beside it
 _GRID = "#e6ebef"
 
@@ -64,20 +63,6 @@ def errors(report: Report) -> go.Figure:
     figure.update_yaxes(type="log", title_text="nMSE", exponentformat="power")
     figure.update_layout(showlegend=True)
     return _style(figure, 330)
-
-
-def residual_spread(report: Report) -> go.Figure:
-    """Spread of each joint's residuals, in units of its torque's standard deviation."""
-    figure = go.Figure()
-    for role, colour in ROLES.items():
-        parts = [one for one in report.signals if one.role == role]
-        for j, name in enumerate(report.joint_names if parts else ()):
-            share = np.concatenate([_relative_residual(one, j) for one in parts])
-            look = {"name": role, "legendgroup": role, "showlegend": j == 0, "marker_color": colour}
-            figure.add_box(**_five_numbers(share), x=[name], offsetgroup=role, **look)
-    figure.update_yaxes(title_text="residual / std of the torque")
-    figure.update_layout(boxmode="group")
-    return _style(figure, 360)
 
 
 def residual_correlation(report: Report) -> go.Figure:
@@ -154,26 +139,12 @@ def correlations(report: Report) -> go.Figure:
     return _style(figure, 560)
 
 
-def spectrum(report: Report) -> go.Figure:
-    """Singular values of the weighted regressor, largest first."""
-    values = np.sort(np.asarray(report.singular_values))[::-1]
-    figure = go.Figure(go.Bar(x=np.arange(1, len(values) + 1), y=values, marker_color=PREDICTED))
-    positive = values[values > 0]
-    narrow = not len(positive) or positive[0] < _DECADES * positive[-1]
-    marks = {"exponentformat": "power", "dtick": "D2" if narrow else 1}
-    figure.update_yaxes(type="log", title_text="singular value", **marks)
-    figure.update_xaxes(title_text="direction, strongest first")
-    return _style(figure, 330)
-
-
 PLOTS: dict[str, Callable[[Report], go.Figure]] = {
     "torques": torques,
     "errors": errors,
-    "spread": residual_spread,
     "whiteness": residual_correlation,
     "friction": friction,
     "correlation": correlations,
-    "spectrum": spectrum,
 }
 
 
@@ -215,18 +186,6 @@ def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> Iterato
             line={"color": colour, "width": width},
             hovertemplate="%{y:.3g}",
         )
-
-
-def _relative_residual(signals: Signals, joint: int) -> Numbers:
-    residual = signals.residual[:, joint]
-    deviation = float(np.nanstd(signals.measured[:, joint]))
-    return residual[np.isfinite(residual)] / (deviation or 1.0)
-
-
-def _five_numbers(x: Numbers) -> dict[str, list[float]]:
-    """A box from the 2nd, 25th, 50th, 75th and 98th percentile, so that no samples are in the file."""
-    names = ("lowerfence", "q1", "median", "q3", "upperfence")
-    return {name: [float(value)] for name, value in zip(names, np.percentile(x, [2, 25, 50, 75, 98]))}
 
 
 def _small(x: Numbers) -> Numbers:

@@ -90,7 +90,7 @@ def test_energy_slopes_are_those_of_the_plain_code(chain):
         torch.testing.assert_close(one, other, rtol=0, atol=1e-12 * scale)
 
 
-@pytest.mark.parametrize("chain", [(3, 0), (4, 1), (5, 2)])
+@pytest.mark.parametrize("chain", [(3, 0), (4, 1)])
 def test_slopes_agree_with_finite_differences(chain, engine):
     body, _, states = body_and_states(chain, 2, 3)
     x = tuple(part.requires_grad_(True) for part in states)
