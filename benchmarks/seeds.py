@@ -37,7 +37,7 @@ def seeds(setting: Setting) -> Result:
 def _costs(setting: Setting) -> tuple[float, float]:
     """CPU seconds of an evaluation in the colony's batch, and of one alone."""
     paper = ConditionProblem(setting.problem)
-    x = np.random.default_rng(0).uniform(-1, 1, (_FULL.ants, paper.range.numel()))
+    x = np.random.default_rng(0).uniform(-1, 1, (_FULL.ants, paper.range.size))
     batch, one = medians(setting.repeats, lambda: paper.batch_fitness(x.ravel()), lambda: paper.fitness(x[0]))
     return batch.cpu / len(x), one.cpu
 

@@ -85,7 +85,7 @@ def test_candidates_that_are_not_numbers_fail(planar_problem, random):
 
 def test_pygmo_sees_the_same_fitness_one_by_one_and_in_a_batch(planar_problem, random):
     udp = ConditionProblem(planar_problem)
-    x = torch.rand(5, udp.range.numel(), generator=random, dtype=torch.float64).numpy() * 2 - 1
+    x = torch.rand(5, udp.range.size, generator=random, dtype=torch.float64).numpy() * 2 - 1
     batch = udp.batch_fitness(x.flatten()).reshape(5, -1)
     assert batch.shape == (5, 1 + udp.get_nic())
     for row, vector in zip(batch, x):
@@ -96,7 +96,7 @@ def test_pygmo_sees_the_same_fitness_one_by_one_and_in_a_batch(planar_problem, r
 
 def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
     udp = ConditionProblem(planar_problem)
-    home = np.zeros(udp.range.numel())
+    home = np.zeros(udp.range.size)
     assert (udp.fitness(home)[1:] < 0).all()
     random = np.random.default_rng(0)
     x = random.uniform(-1, 1, (30, home.size))
@@ -110,7 +110,7 @@ def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
 
 def test_pygmo_vectors_never_leave_the_linear_limits(planar_problem):
     udp = ConditionProblem(planar_problem)
-    x = np.random.default_rng(1).uniform(-1, 1, (50, udp.range.numel()))
+    x = np.random.default_rng(1).uniform(-1, 1, (50, udp.range.size))
     assert float(planar_problem.limit_use(udp.coefficients(x.flatten())).max()) <= 0.97 + 1e-12
 
 

@@ -9,10 +9,11 @@ from sidegan.seeds import Tasks, make_seeds
 
 
 def seed_set(task: Task, title: str = "seeds") -> Artifact:
-    """The seed set."""
+    """The seed set; each method is a maker of its own, whose numbers change alone."""
     settings = task.cfg.seeds
+    maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
-    return task.artifact("seeds", label, _make, settings, title=title, alone=True)
+    return task.artifact(maker, label, _make, settings, title=title, alone=True)
 
 
 def _make(task: Task, build: Build) -> None:
