@@ -1,4 +1,5 @@
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, result
 from sidegan.seeds.paper import ConditionProblem, Paper
@@ -112,6 +114,27 @@ def test_pygmo_vectors_never_leave_the_linear_limits(planar_problem):
     udp = ConditionProblem(planar_problem)
     x = np.random.default_rng(1).uniform(-1, 1, (50, udp.range.size))
     assert float(planar_problem.limit_use(udp.coefficients(x.flatten())).max()) <= 0.97 + 1e-12
+
+
+@pytest.mark.parametrize("diagonal", [False, True], ids=["eigenvalue", "diagonal"])
+def test_a_small_search_on_the_lwr_ends_valid_under_the_papers_constraints(lwr_problem, diagonal):
+    constraints = Constraints(lwr_problem.constraints.arm, lwr_problem.constraints.regions, torque=False)
+    problem = replace(lwr_problem, constraints=constraints, samples=60, diagonal=diagonal)
+    method = Paper(generations=20, ants=50, evaluations=1000, attempts=3)
+    batch = method.optimise(problem, 2, np.random.SeedSequence(0))
+    assert len(batch) == 2
+    assert check(constraints, problem.trajectory, batch.coefficients).valid.all()
+    start = problem.fitness(problem.start(20, torch.Generator().manual_seed(0)))
+    assert batch.fitness.max() < 0.3 * start.median()
+
+
+def test_the_colony_and_the_search_give_one_seed_with_and_without_kernels(planar_problem, monkeypatch):
+    seed, method = np.random.SeedSequence(3), Paper(generations=4, ants=12, evaluations=30, attempts=2)
+    fitness = []
+    for engine in ("numba", "torch") if find_spec("numba") else ("torch",):
+        monkeypatch.setenv(VARIABLE, engine)
+        fitness.append(method.optimise(planar_problem, 1, seed).fitness)
+    torch.testing.assert_close(fitness[0], fitness[-1], rtol=1e-4, atol=0)
 
 
 @pytest.mark.parametrize(("joints", "samples", "message"), [(3, 24, "joints"), (2, 6, "harmonics")])
