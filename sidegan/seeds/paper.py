@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     import pygmo
 
 _RANGE = 0.3  # share of a joint's velocity limit that one coefficient may take
-_USE = 0.97  # of its tightest limit, to which a joint that would use more is scaled down
+_USE = 0.995  # of its tightest limit, to which a joint is scaled down; the rest is for what samples miss
 _DISTANCE = 1.0  # [m] clearance that counts like a whole limit
-_COMPASS_STEP, _COMPASS_STOP = 0.1, 1e-4  # shares of that range
+_COMPASS_STEP, _COMPASS_STOP = 0.3, 1e-4  # first and last step, as shares of the box
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
 
@@ -51,8 +51,9 @@ class ConditionProblem:
     def coefficients(self, x: np.ndarray) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end.
 
-        A joint that would exceed its position or velocity limit is scaled down to it: hardly any vector
-        of the box is feasible otherwise, and the colony never finds one.
+        A joint that would exceed its position or velocity limit is scaled down to it. That is ours, not the
+        paper's: without it none of six searches of 20,000 evaluations on the LWR ended feasible, in boxes of
+        0.3 and of 0.1 of the velocity limits.
         """
         return self.evaluation.scaled(torch.from_numpy(self._unscaled(x)))
 
