@@ -13,8 +13,7 @@ from typing import Any
 import pandas as pd
 import torch
 
-from benchmarks import data, networks, physics
-from benchmarks.seeds import seeds
+from benchmarks import data, networks, physics, seeds
 from benchmarks.setting import Setting
 from benchmarks.timing import ROWS, Result, row
 from sidegan.report import export
@@ -27,11 +26,13 @@ BENCHMARKS: dict[str, Callable[[Setting], Result]] = {
     "validity": physics.validity,
     "generation": networks.generation,
     "generate_validate": networks.generate_validate,
-    "seeds": seeds,
+    "seeds": seeds.seeds,
     "training": networks.training,
     "rls": data.rls,
     "greedy": data.selection,
     "design": data.design,
+    "evaluation": seeds.evaluation,
+    "paper_seeds": seeds.paper_seeds,
 }
 
 

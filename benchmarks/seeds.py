@@ -1,18 +1,24 @@
-"""Benchmark of the seeds: CPU time of a valid seed, beside the paper's optimiser at a small budget."""
+"""Benchmarks of the seeds: CPU time of a valid one by either optimiser, and an evaluation of the paper's."""
+
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from benchmarks.setting import Setting
 from benchmarks.timing import Result, Timing, medians
+from sidegan.design.problem import Problem
 from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import SeedBatch
+from sidegan.validity import Constraints
 
 _COUNT = 50
+_PAPER_COUNT = 10
 _PAPER_SECONDS = 360.0  # per seed
-_FULL = Paper(100, 100, 20_000, attempts=5)  # the paper's optimiser at its configured budget
-_SMALL, _QUICK = Paper(20, 50, 1000, attempts=1), Paper(2, 10, 20, attempts=1)
+_PLAIN = 10  # evaluations by plain torch
+_FULL = Paper(100, 100, 10_000, attempts=5)  # the paper's optimiser at its configured budget
+_QUICK = Paper(2, 10, 20, attempts=1)
 
 
 def seeds(setting: Setting) -> Result:
@@ -20,26 +26,63 @@ def seeds(setting: Setting) -> Result:
     ours = Gradient(20 if setting.quick else 200, attempts=5, reserve=0.2)
     random = np.random.SeedSequence(0)
     batch = ours.optimise(setting.problem, setting.size(_COUNT), random)
-    small = (_QUICK if setting.quick else _SMALL).optimise(setting.problem, 1, random)
-    together, alone = _costs(setting)
+    theirs = (_QUICK if setting.quick else _FULL).optimise(setting.problem, 1, random)
     return Result(
         Timing(batch.cpu_seconds, batch.cpu_seconds),
         1 / max(1, len(batch)),
-        _FULL.generations * _FULL.ants * together + _FULL.evaluations * alone,
+        theirs.cpu_seconds,
         also={
             "the paper": _PAPER_SECONDS,
             f"median condition number of our {len(batch)}": _median(batch),
-            f"gaco + compass search at a small budget, {small.cpu_seconds:.0f} s": _median(small),
+            "condition number of the one by gaco + compass search": _median(theirs),
         },
     )
 
 
-def _costs(setting: Setting) -> tuple[float, float]:
-    """CPU seconds of an evaluation in the colony's batch, and of one alone."""
-    paper = ConditionProblem(setting.problem)
-    x = np.random.default_rng(0).uniform(-1, 1, (_FULL.ants, paper.range.numel()))
-    batch, one = medians(setting.repeats, lambda: paper.batch_fitness(x.ravel()), lambda: paper.fitness(x[0]))
-    return batch.cpu / len(x), one.cpu
+def paper_seeds(setting: Setting) -> Result:
+    """CPU seconds per valid seed of the paper's optimiser under the paper's constraints, checks included."""
+    method = _QUICK if setting.quick else _FULL
+    eigenvalue, diagonal = (
+        method.optimise(problem, setting.size(_PAPER_COUNT), np.random.SeedSequence(0))
+        for problem in (_free(setting.problem), replace(_free(setting.problem), diagonal=True))
+    )
+    return Result(
+        Timing(eigenvalue.cpu_seconds, eigenvalue.cpu_seconds),
+        1 / max(1, len(eigenvalue)),
+        _PAPER_SECONDS,
+        also={
+            f"median condition number of {len(eigenvalue)}": _median(eigenvalue),
+            "starts that failed": float(eigenvalue.failed),
+            "with the diagonal fitness": diagonal.cpu_seconds / max(1, len(diagonal)),
+            f"its median over {len(diagonal)}": _median(diagonal),
+        },
+    )
+
+
+def evaluation(setting: Setting) -> Result:
+    """Evaluations/s that the paper's optimiser asks one by one, beside plain torch."""
+    one = ConditionProblem(_free(setting.problem))
+    ratio = ConditionProblem(replace(_free(setting.problem), diagonal=True))
+    x = np.random.default_rng(0).uniform(-1, 1, (setting.size(1000), one.range.size))
+    few = x[:_PLAIN].reshape(-1, 1, *one.range.shape) * one.range
+    run, theirs, batch, diagonal = medians(
+        setting.repeats,
+        lambda: [one.fitness(each) for each in x],
+        lambda: [one.evaluation.plain(each) for each in few],
+        lambda: one.batch_fitness(x.ravel()),
+        lambda: [ratio.fitness(each) for each in x],
+    )
+    also: dict[str, float | str] = {
+        "ours, a colony at a time": len(x) / batch.wall,
+        "ours, of the diagonal fitness": len(x) / diagonal.wall,
+    }
+    return Result(run, len(x), len(few) / theirs.wall, also)
+
+
+def _free(problem: Problem) -> Problem:
+    """The same without torque limits, as in the paper."""
+    constraints = problem.constraints
+    return replace(problem, constraints=Constraints(constraints.arm, constraints.regions, torque=False))
 
 
 def _median(batch: SeedBatch) -> float | str:

@@ -54,14 +54,22 @@ class Problem:
 
     def limit_use(self, c: Tensor) -> Tensor:
         """Largest share of its position or velocity limit that each joint uses, (B, J)."""
-        arm = self.constraints.arm
-        motion = self.trajectory.roll_out(c, self.trajectory.grid(4 * self.samples))
-        home = c.new_tensor(self.trajectory.home)
-        room = torch.minimum(arm.position_upper - home, home - arm.position_lower)
-        room = torch.maximum(room, _LEAST_ROOM * (arm.position_upper - arm.position_lower))
-        position = (motion.position - home).abs().amax(1) / room
-        velocity = motion.velocity.abs().amax(1) / arm.velocity_limit
+        motion = self.trajectory.roll_out(c, self.finer_grid)
+        position = (motion.position - c.new_tensor(self.trajectory.home)).abs().amax(1) / self.room
+        velocity = motion.velocity.abs().amax(1) / self.constraints.arm.velocity_limit
         return torch.maximum(position, velocity).clamp_min(1e-9)
+
+    @property
+    def finer_grid(self) -> Tensor:
+        """Times [s] at which the use of limits is taken, (4 · samples,)."""
+        return self.trajectory.grid(4 * self.samples)
+
+    @property
+    def room(self) -> Tensor:
+        """How far each joint may go from home, to both sides [rad or m], (J,)."""
+        lower, upper = self.constraints.arm.position_lower, self.constraints.arm.position_upper
+        home = lower.new_tensor(self.trajectory.home)
+        return torch.maximum(torch.minimum(upper - home, home - lower), _LEAST_ROOM * (upper - lower))
 
     def motion(self, c: Tensor) -> Motion:
         """Joint motion at the problem's time points, (B, samples, J)."""

@@ -106,6 +106,20 @@ def test_a_robot_may_be_a_path_and_regions_may_be_boxes():
     assert config.trajectory.home == [0.0, 0.5]
 
 
+def test_the_papers_constraints_are_the_desk_without_torque_limits():
+    desk, paper = configured().workspace, configured("seeds=paper", "workspace=paper").workspace
+    assert desk.torque and not paper.torque
+    assert paper == dataclasses.replace(desk, torque=False)
+
+
+@pytest.mark.parametrize("fitness", ["eigenvalue", "diagonal"])
+def test_the_papers_seeds_have_either_fitness_and_the_papers_number(fitness):
+    config = configured("seeds=paper", "workspace=paper", "scale=paper", f"seeds.fitness={fitness}")
+    assert config.seeds.count == 1800 and config.seeds.reserve is None
+    assert config.seeds.optimiser.generations * config.seeds.optimiser.ants >= 10_000
+    assert config.seeds.optimiser.evaluations >= 10_000
+
+
 @pytest.mark.parametrize(
     ("overrides", "expected"),
     [

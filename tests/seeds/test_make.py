@@ -11,6 +11,7 @@ from sidegan.seeds.paper import Paper
 from sidegan.validity import check
 
 METHOD = Gradient(10, attempts=5, reserve=0.2)
+PAPER = Paper(generations=5, ants=20, evaluations=60, attempts=5)
 
 
 def made(problem, work, workers=1, method=METHOD, count=5):
@@ -18,9 +19,10 @@ def made(problem, work, workers=1, method=METHOD, count=5):
     return make_seeds(problem, method, Tasks(count, 2, work, workers), np.random.SeedSequence(4))
 
 
-def test_results_do_not_depend_on_the_number_of_workers(planar_problem, tmp_path):
-    one = made(planar_problem, tmp_path / "one", 1)
-    two = made(planar_problem, tmp_path / "two", 2)
+@pytest.mark.parametrize("method", [METHOD, PAPER], ids=["gradient", "paper"])
+def test_results_do_not_depend_on_the_number_of_workers(planar_problem, tmp_path, method):
+    one = made(planar_problem, tmp_path / "one", 1, method)
+    two = made(planar_problem, tmp_path / "two", 2, method)
     assert len(one) == 5
     assert torch.equal(one.coefficients, two.coefficients)
     assert check(planar_problem.constraints, planar_problem.trajectory, one.coefficients).valid.all()
@@ -29,21 +31,22 @@ def test_results_do_not_depend_on_the_number_of_workers(planar_problem, tmp_path
 class Counting:
     """Counts the tasks that it is given."""
 
-    def __init__(self):
-        self.calls = 0
+    def __init__(self, method=METHOD):
+        self.calls, self.method = 0, method
 
     def optimise(self, problem, count, seed):
         self.calls += 1
-        return METHOD.optimise(problem, count, seed)
+        return self.method.optimise(problem, count, seed)
 
 
-def test_a_second_start_redoes_only_what_is_missing_or_damaged(planar_problem, tmp_path):
-    first = made(planar_problem, tmp_path)
+@pytest.mark.parametrize("each", [METHOD, PAPER], ids=["gradient", "paper"])
+def test_a_second_start_redoes_only_what_is_missing_or_damaged(planar_problem, tmp_path, each):
+    first = made(planar_problem, tmp_path, method=each)
     files = sorted(tmp_path.iterdir())
     assert len(files) == 3
     files[0].unlink()
     files[1].write_bytes(files[1].read_bytes()[:100])
-    method = Counting()
+    method = Counting(each)
     again = made(planar_problem, tmp_path, method=method)
     assert method.calls == 2
     assert torch.equal(first.coefficients, again.coefficients)

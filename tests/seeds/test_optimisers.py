@@ -1,4 +1,5 @@
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, result
 from sidegan.seeds.paper import ConditionProblem, Paper
@@ -85,7 +87,7 @@ def test_candidates_that_are_not_numbers_fail(planar_problem, random):
 
 def test_pygmo_sees_the_same_fitness_one_by_one_and_in_a_batch(planar_problem, random):
     udp = ConditionProblem(planar_problem)
-    x = torch.rand(5, udp.range.numel(), generator=random, dtype=torch.float64).numpy() * 2 - 1
+    x = torch.rand(5, udp.range.size, generator=random, dtype=torch.float64).numpy() * 2 - 1
     batch = udp.batch_fitness(x.flatten()).reshape(5, -1)
     assert batch.shape == (5, 1 + udp.get_nic())
     for row, vector in zip(batch, x):
@@ -96,7 +98,7 @@ def test_pygmo_sees_the_same_fitness_one_by_one_and_in_a_batch(planar_problem, r
 
 def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
     udp = ConditionProblem(planar_problem)
-    home = np.zeros(udp.range.numel())
+    home = np.zeros(udp.range.size)
     assert (udp.fitness(home)[1:] < 0).all()
     random = np.random.default_rng(0)
     x = random.uniform(-1, 1, (30, home.size))
@@ -110,8 +112,29 @@ def test_pygmo_constraints_have_the_sign_of_the_margins(planar_problem):
 
 def test_pygmo_vectors_never_leave_the_linear_limits(planar_problem):
     udp = ConditionProblem(planar_problem)
-    x = np.random.default_rng(1).uniform(-1, 1, (50, udp.range.numel()))
-    assert float(planar_problem.limit_use(udp.coefficients(x.flatten())).max()) <= 0.97 + 1e-12
+    x = np.random.default_rng(1).uniform(-1, 1, (50, udp.range.size))
+    assert float(planar_problem.limit_use(udp.coefficients(x.flatten())).max()) <= 0.995 + 1e-12
+
+
+@pytest.mark.parametrize("diagonal", [False, True], ids=["eigenvalue", "diagonal"])
+def test_a_small_search_on_the_lwr_ends_valid_under_the_papers_constraints(lwr_problem, diagonal):
+    constraints = Constraints(lwr_problem.constraints.arm, lwr_problem.constraints.regions, torque=False)
+    problem = replace(lwr_problem, constraints=constraints, samples=60, diagonal=diagonal)
+    method = Paper(generations=20, ants=50, evaluations=1000, attempts=3)
+    batch = method.optimise(problem, 2, np.random.SeedSequence(0))
+    assert len(batch) == 2
+    assert check(constraints, problem.trajectory, batch.coefficients).valid.all()
+    start = problem.fitness(problem.start(20, torch.Generator().manual_seed(0)))
+    assert batch.fitness.max() < 0.3 * start.median()
+
+
+def test_the_colony_and_the_search_give_one_seed_with_and_without_kernels(planar_problem, monkeypatch):
+    seed, method = np.random.SeedSequence(3), Paper(generations=4, ants=12, evaluations=30, attempts=2)
+    fitness = []
+    for engine in ("numba", "torch") if find_spec("numba") else ("torch",):
+        monkeypatch.setenv(VARIABLE, engine)
+        fitness.append(method.optimise(planar_problem, 1, seed).fitness)
+    torch.testing.assert_close(fitness[0], fitness[-1], rtol=1e-4, atol=0)
 
 
 @pytest.mark.parametrize(("joints", "samples", "message"), [(3, 24, "joints"), (2, 6, "harmonics")])

@@ -64,6 +64,16 @@ def _reflect(a: Array, k: int, e: Array, tau: Array, w: Array) -> None:
 
 
 @kernel
+def _tridiagonal(matrix: Array, d: Array, e: Array, tau: Array, w: Array) -> None:
+    """Write the diagonals of a tridiagonal matrix with the same eigenvalues; reflections stay in the rows."""
+    size = len(matrix)
+    for k in range(size):
+        if k + 1 < size:
+            _reflect(matrix, k, e, tau, w)
+        d[k] = matrix[k, k]
+
+
+@kernel
 def _count(d: Array, e: Array, shifts: Array, pivots: Array, below: Array) -> None:
     """Number of eigenvalues below each shift."""
     for m in range(len(shifts)):
@@ -157,6 +167,16 @@ def room(size: int, count: int) -> tuple[Array, Array]:
 
 
 @kernel
+def ends(matrix: Array, values: Array, rows: Array, shifts: Array) -> None:
+    """Write the smallest and the largest eigenvalue, (2,), of a symmetric matrix with elements up to one.
+
+    The matrix (p, p) is overwritten; the rest is ``room`` for two values.
+    """
+    _tridiagonal(matrix, rows[0], rows[1], rows[2], rows[3])
+    _close_in(rows[0], rows[1], 1, values, shifts)
+
+
+@kernel
 def extremes(
     a: Array, low: int, values: Array, vectors: Array, sound: Array, rows: Array, shifts: Array
 ) -> None:
@@ -169,10 +189,7 @@ def extremes(
     size = a.shape[1]
     for b in range(len(a)):
         matrix = a[b]
-        for k in range(size):
-            if k + 1 < size:
-                _reflect(matrix, k, e, tau, w)
-            d[k] = matrix[k, k]
+        _tridiagonal(matrix, d, e, tau, w)
         _close_in(d, e, low, values[b], shifts)
         for k in range(values.shape[1]):
             _vector(d, e, values[b, k], vectors[b, k], w, up)

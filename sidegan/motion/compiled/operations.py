@@ -36,7 +36,7 @@ def gram(body: "RigidBody", columns: Tensor, states: States) -> Tensor:
         return plain.gram(body, columns, states)
     columns, order = columns.sort()
     batch, count, joints = states[0].shape
-    size, of_links = len(columns), _columns(columns, joints)
+    size, of_links = len(columns), columns_of_links(columns, joints)
     grams = np.zeros((batch, size, size))
 
     def work(k: slice) -> None:
@@ -57,7 +57,7 @@ def torques(body: "RigidBody", states: States, sets: Tensor) -> Tensor:
 
 def sums(body: "RigidBody", states: States, torque: Tensor) -> Tensor:
     """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples (S, J)."""
-    joints, columns = torque.shape[1], _columns(body.base.columns, torque.shape[1])
+    joints, columns = torque.shape[1], columns_of_links(body.base.columns, torque.shape[1])
     size, threads = len(columns.kinds) + 1, threads_for(len(torque), len(torque))
     products = np.zeros((threads, joints, size, size))
     parts = [torch.tensor_split(x.detach(), threads) for x in (*states, torque)]
@@ -154,7 +154,7 @@ def _slopes(
     return torch.from_numpy(value), [x.transpose(1, 2) for x in torch.from_numpy(slope)]
 
 
-def _columns(columns: Tensor, joints: int) -> regressor.Columns:
+def columns_of_links(columns: Tensor, joints: int) -> regressor.Columns:
     """Ascending columns of the full regressor as kernels take them."""
     first = torch.searchsorted(columns // 10, torch.arange(joints + 1))
     return regressor.Columns((columns % 10).numpy(), first.numpy())

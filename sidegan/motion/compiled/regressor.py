@@ -143,6 +143,29 @@ def grams(chain: Chain, states: Array, columns: Columns, gram: Array, work: Room
         _mirror(gram[b], 1 / count)
 
 
+@kernel_in_any_order
+def _square(x: Array, high: int) -> float:
+    total = 0.0
+    for n in range(high):
+        total += x[n] * x[n]
+    return total
+
+
+@kernel
+def diagonal(chain: Chain, states: Array, columns: Columns, squares: Array, work: Room, y: Array) -> None:
+    """Write the diagonal of YᵀY / T, (p,), of the one trajectory of states (5, 1, J, T); zeros before.
+
+    There is room in y for the regressor, (p, J · SPAN).
+    """
+    count, first = states.shape[3], columns.first
+    rest(chain.gravity, work.links[0])
+    for start in range(0, count, SPAN):
+        span = _rows(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
+        for i in range(states.shape[2]):
+            for p in range(first[i], first[i + 1]):
+                squares[p] += _square(y[p], (i + 1) * span) / count
+
+
 @kernel
 def sums(
     chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Room, y: Array

@@ -5,7 +5,6 @@ the same bounds of their change within a cell, the same smallest margins. What c
 trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test that proves as much.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,13 +21,12 @@ from sidegan.motion.compiled.cells import (
     torques,
 )
 from sidegan.motion.compiled.chain import PLANE, Array
-from sidegan.motion.compiled.formulas import Vector, add, dot, less, times
+from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
+from sidegan.motion.compiled.formulas import dot, less
 from sidegan.motion.compiled.jit import inline, kernel
-from sidegan.motion.compiled.links import TOUCHING, nearest, place_capsules, row
+from sidegan.motion.compiled.links import place_capsules, row
 
 POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT = range(5)  # columns of the margins
-
-_HALVINGS = 36  # of a capsule's axis at a box: leaves 1e-11 of its length
 
 
 class Smallest(NamedTuple):
@@ -54,59 +52,6 @@ class Here(NamedTuple):
     n: int
     time: float
     last: bool
-
-
-@inline
-def _distance(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> float:
-    """Distance [m] between two segments."""
-    one, two = nearest(a1, b1, a2, b2)
-    gap = less(one, two)
-    distance = math.sqrt(dot(gap, gap))
-    return TOUCHING if distance < TOUCHING else distance
-
-
-@inline
-def _to_plane(numbers: Array, r: int, a: Vector, b: Vector) -> float:
-    """Signed distance [m] of a segment to a half space."""
-    normal = row(numbers, r)
-    return min(dot(normal, a), dot(normal, b)) - numbers[r, 3]
-
-
-@inline
-def _point_to_box(x: Vector, half: Vector) -> float:
-    """Signed distance [m] of a point from a box at the origin."""
-    bx, by, bz = abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2]
-    beyond = max(bx, 0.0), max(by, 0.0), max(bz, 0.0)
-    return max(math.sqrt(dot(beyond, beyond)), TOUCHING) + min(max(bx, by, bz), 0.0)
-
-
-@inline
-def _slope(x: Vector, half: Vector, along: Vector) -> float:
-    """What has the sign of the growth of the distance from a box along a direction."""
-    beyond = abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2]
-    farthest = max(beyond[0], beyond[1], beyond[2])
-    total = 0.0
-    for k in range(3):
-        inside = 1.0 if beyond[k] == farthest else 0.0
-        size = max(beyond[k], 0.0) if farthest > 0 else inside
-        total += math.copysign(size, x[k]) * along[k]
-    return total
-
-
-@inline
-def _to_box(centre: Vector, half: Vector, a: Vector, b: Vector) -> float:
-    """Signed distance [m] of a segment to a box: convex along the segment, so halving finds the least."""
-    a, b = less(a, centre), less(b, centre)
-    along = less(b, a)
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        if _slope(add(a, times(middle, along)), half, along) < 0:
-            low = middle
-        else:
-            high = middle
-    before, after = add(a, times(low, along)), add(a, times(high, along))
-    return min(_point_to_box(before, half), _point_to_box(after, half))
 
 
 @inline
@@ -178,7 +123,7 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
         apart = less(row(middle, i), row(middle, j))
         if dot(apart, apart) >= far * far:
             continue
-        distance = _distance(row(a, i), row(b, i), row(a, j), row(b, j))
+        distance = between_segments(row(a, i), row(b, i), row(a, j), row(b, j))
         margin = distance - (shapes.radius[i] + shapes.radius[j])
         if not margin >= need:
             slack = _reached(model.pair_reach, p, work.motion)
@@ -197,12 +142,12 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
         need = max(smallest.margin[here.n, KEEP_OUT], most)
         a, b = row(ends[0], k), row(ends[1], k)
         if shapes.kinds[r] == PLANE:
-            distance = _to_plane(numbers, r, a, b)
+            distance = to_plane(numbers, r, a, b)
         else:
             centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
-            if _point_to_box(less(row(ends[2], k), centre), half) >= need + shapes.size[k]:
+            if point_to_box(less(row(ends[2], k), centre), half) >= need + shapes.size[k]:
                 continue
-            distance = _to_box(centre, half, a, b)
+            distance = to_box(centre, half, a, b)
         margin = distance - shapes.radius[k]
         if not margin >= need:
             slack = _reached(model.region_reach, g, work.motion)

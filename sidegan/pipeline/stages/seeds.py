@@ -9,10 +9,11 @@ from sidegan.seeds import Tasks, make_seeds
 
 
 def seed_set(task: Task, title: str = "seeds") -> Artifact:
-    """The seed set, or the configured half of it."""
+    """The seed set, or the configured half of it; each method is a maker of its own."""
     settings = task.cfg.seeds
+    maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
-    whole = task.artifact("seeds", label, _make, settings, title=title, alone=True)
+    whole = task.artifact(maker, label, _make, settings, title=title, alone=True)
     if task.cfg.half is None:
         return whole
     name, values = f"{label}-half{task.cfg.half}", {"half": task.cfg.half}

@@ -1,0 +1,282 @@
+"""One trajectory's fitness and worst margins at its samples, compiled from end to end.
+
+What an optimiser without gradients asks ten thousand times: the numbers of ``sidegan.design.evaluation``,
+which remains the reference, without the overhead of a call for each of their parts.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.motion.compiled import eigen, lanes, regressor
+from sidegan.motion.compiled.chain import PLANE, Array, Chain, Shapes
+from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
+from sidegan.motion.compiled.formulas import dot, less
+from sidegan.motion.compiled.jit import inline, kernel
+from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
+
+FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, NUMBERS = range(7)  # of a trajectory
+_EPS = float(np.finfo(np.float64).eps)
+_STILL = 1e-9  # least share of a limit that a joint is taken to use
+
+
+class Subject(NamedTuple):
+    """An arm in its workspace, and the samples at which its trajectories are evaluated."""
+
+    chain: Chain
+    shapes: Shapes
+    columns: regressor.Columns  # base columns, ascending
+    subspace: Array  # lower triangular C; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (p, p)
+    parameters: Array  # inertial parameters, (1, 1, 10 J)
+    home: Array  # position that trajectories start from, (J,) [rad or m]
+    lower: Array  # position limits, (J,)
+    upper: Array  # position limits, (J,)
+    room: Array  # way from home that a joint may go at most, (J,)
+    speed: Array  # velocity limits, (J,)
+    torque: Array  # torque limits, (J,); infinite where nothing is limited
+    basis: Array  # derivatives 0 to 2 of the K basis functions at the T samples, (3, K, T)
+    fine: Array  # derivatives 0 and 1 at the samples that joints are scaled by, (2, K, S)
+
+
+class Measure(NamedTuple):
+    """What the numbers mean."""
+
+    diagonal: bool  # diagonal fitness instead of the eigenvalue fitness
+    hopeless: float  # stands for an infinite fitness
+    use: float  # share of its tightest limit to which a joint that would use more is scaled down
+    distance: float  # clearance that counts like a whole limit [m]
+
+
+class Room(NamedTuple):
+    """Room for the kernel at work; not to be shared among threads."""
+
+    c: Array  # coefficients, (J, K)
+    line: Array  # a joint at the finer samples, (S,)
+    states: Array  # (5, 1, J, T)
+    torque: Array  # (1, 1, J, T)
+    lanes: lanes.Room
+    y: Array  # regressor
+    gram: Array  # (1, p, p)
+    product: Array  # (p, p)
+    inner: Array  # (p, p)
+    ends: Array  # smallest and largest eigenvalue, (2,)
+    rows: Array  # of ``eigen``
+    shifts: Array  # of ``eigen``
+    world: Frames
+    capsules: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
+
+
+def room(subject: Subject) -> Room:
+    """Room to evaluate trajectories of a subject."""
+    joints, size = len(subject.home), len(subject.columns.kinds)
+    (_, functions, samples), fine = subject.basis.shape, subject.fine.shape[2]
+    return Room(
+        np.zeros((joints, functions)),
+        lanes.aligned(fine),
+        lanes.aligned(5, 1, joints, samples),
+        lanes.aligned(1, 1, joints, samples),
+        lanes.room(joints),
+        lanes.aligned(size, joints * regressor.SPAN),
+        np.zeros((1, size, size)),
+        np.zeros((size, size)),
+        np.zeros((size, size)),
+        np.zeros(2),
+        *eigen.room(size, 2),
+        frames(joints),
+        np.zeros((3, len(subject.shapes.frame), 3)),
+    )
+
+
+@kernel
+def _combine(c: Array, basis: Array, start: float, out: Array) -> None:
+    """Write the sum of K basis functions (K, T) with coefficients (K,), from a start."""
+    for n in range(len(out)):
+        out[n] = start
+    for k in range(len(c)):
+        factor, function = c[k], basis[k]
+        for n in range(len(out)):
+            out[n] += factor * function[n]
+
+
+@kernel
+def _largest(x: Array) -> float:
+    most = 0.0
+    for n in range(len(x)):
+        most = max(most, abs(x[n]))
+    return most
+
+
+@kernel
+def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
+    """Write coefficients, (J, K), of which each joint uses at most so much of its tightest limit."""
+    for j in range(len(x)):
+        _combine(x[j], subject.fine[0], 0.0, work.line)
+        use = max(_largest(work.line) / subject.room[j], _STILL)
+        _combine(x[j], subject.fine[1], 0.0, work.line)
+        use = max(use, _largest(work.line) / subject.speed[j])
+        factor = most / max(use, most)
+        for k in range(x.shape[1]):
+            work.c[j, k] = x[j, k] * factor
+
+
+@kernel
+def _roll_out(subject: Subject, work: Room) -> None:
+    """Write the states of a trajectory."""
+    states = work.states
+    for j in range(len(subject.home)):
+        _combine(work.c[j], subject.basis[0], subject.home[j], states[lanes.Q, 0, j])
+        _combine(work.c[j], subject.basis[1], 0.0, states[lanes.DQ, 0, j])
+        _combine(work.c[j], subject.basis[2], 0.0, states[lanes.DDQ, 0, j])
+        for n in range(states.shape[3]):
+            q = states[lanes.Q, 0, j, n]
+            states[lanes.SIN, 0, j, n], states[lanes.COS, 0, j, n] = math.sin(q), math.cos(q)
+
+
+@kernel
+def _within(x: Array, limit: float) -> float:
+    """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
+    return 1.0 - _largest(x) / limit if math.isfinite(limit) else 1.0
+
+
+@kernel
+def _check_limits(subject: Subject, work: Room, numbers: Array) -> None:
+    """Take positions, velocities and torques into account."""
+    limited = False
+    for j in range(len(subject.home)):
+        limited |= math.isfinite(subject.torque[j])
+    if limited:
+        lanes.torques(subject.chain, work.states, subject.parameters, work.torque, work.lanes)
+    for j in range(len(subject.home)):
+        low, high, q = subject.lower[j], subject.upper[j], work.states[lanes.Q, 0, j]
+        least = 1.0
+        if math.isfinite(high - low):
+            for n in range(len(q)):
+                least = min(least, min(q[n] - low, high - q[n]) / ((high - low) / 2))
+        numbers[POSITION] = max(numbers[POSITION], -least)
+        speed = _within(work.states[lanes.DQ, 0, j], subject.speed[j])
+        numbers[VELOCITY] = max(numbers[VELOCITY], -speed)
+        if limited:
+            numbers[TORQUE] = max(numbers[TORQUE], -_within(work.torque[0, 0, j], subject.torque[j]))
+
+
+@inline
+def _nearest_pair(shapes: Shapes, ends: Array, least: float) -> float:
+    """The smallest distance [m] of a pair of capsules, or ``least`` where that is smaller."""
+    for p in range(len(shapes.pairs)):
+        i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+        apart, far = less(row(ends[2], i), row(ends[2], k)), least + shapes.size[i] + shapes.size[k]
+        if far <= 0 or dot(apart, apart) < far * far:
+            distance = between_segments(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
+            least = min(least, distance - (shapes.radius[i] + shapes.radius[k]))
+    return least
+
+
+@inline
+def _nearest_region(shapes: Shapes, ends: Array, least: float) -> float:
+    """The same for capsules and keep-out regions."""
+    for g in range(len(shapes.guarded)):
+        r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+        a, b = row(ends[0], k), row(ends[1], k)
+        if shapes.kinds[r] == PLANE:
+            distance = to_plane(shapes.regions, r, a, b)
+        else:
+            centre = row(shapes.regions, r)
+            half = shapes.regions[r, 3], shapes.regions[r, 4], shapes.regions[r, 5]
+            if point_to_box(less(row(ends[2], k), centre), half) >= least + shapes.size[k]:
+                continue
+            distance = to_box(centre, half, a, b)
+        least = min(least, distance - shapes.radius[k])
+    return least
+
+
+@kernel
+def _check_distances(subject: Subject, distance: float, work: Room, numbers: Array) -> None:
+    """Take collisions and keep-out regions into account."""
+    shapes, states = subject.shapes, work.states
+    if len(shapes.pairs) + len(shapes.guarded) == 0:
+        return
+    apart, clear = np.inf, np.inf
+    for n in range(states.shape[3]):
+        for i in range(states.shape[2]):
+            sine, cosine, q = (
+                states[lanes.SIN, 0, i, n],
+                states[lanes.COS, 0, i, n],
+                states[lanes.Q, 0, i, n],
+            )
+            r, shift = placement(joint(subject.chain, i), sine, cosine, q)
+            locate(work.world, i, r, shift)
+        place_capsules(shapes, work.world, work.capsules)
+        apart = _nearest_pair(shapes, work.capsules, apart)
+        clear = _nearest_region(shapes, work.capsules, clear)
+    numbers[COLLISION], numbers[KEEP_OUT] = -apart / distance, -clear / distance
+
+
+@kernel
+def _to_orthonormal(subspace: Array, work: Room) -> float:
+    """Write Cᵀ G C divided by its largest element, which comes back."""
+    gram, product, inner, size = work.gram[0], work.product, work.inner, len(subspace)
+    for i in range(size):
+        lanes.clear(product[i])
+        lanes.clear(inner[i])
+        for k in range(size):
+            factor, column = gram[i, k], subspace[k]
+            for j in range(k + 1):
+                product[i, j] += factor * column[j]
+    for k in range(size):
+        for i in range(k + 1):
+            factor, part = subspace[k, i], product[k]
+            for j in range(i, size):
+                inner[i, j] += factor * part[j]
+    scale = 0.0
+    for i in range(size):
+        scale = max(scale, inner[i, i])  # positive semi-definite: no element is larger
+    for i in range(size):
+        for j in range(i, size):
+            inner[i, j] /= scale
+            inner[j, i] = inner[i, j]
+    return scale
+
+
+@kernel
+def _spectral_ratio(subject: Subject, work: Room) -> float:
+    """Condition number of YᵀY in an orthonormal basis; infinite where a direction is not excited."""
+    for i in range(work.gram.shape[1]):
+        lanes.clear(work.gram[0, i])
+    regressor.grams(subject.chain, work.states, subject.columns, work.gram, work.lanes, work.y)
+    scale = _to_orthonormal(subject.subspace, work)
+    if not (math.isfinite(scale) and scale > 0):
+        return np.inf
+    eigen.ends(work.inner, work.ends, work.rows, work.shifts)
+    low, high = work.ends[0], work.ends[1]
+    return high / low if low > len(work.inner) * _EPS * high else np.inf
+
+
+@kernel
+def _diagonal_ratio(subject: Subject, work: Room) -> float:
+    """Largest over smallest diagonal element of YᵀY over the base columns."""
+    squares = work.gram[0, 0]
+    lanes.clear(squares)
+    regressor.diagonal(subject.chain, work.states, subject.columns, squares, work.lanes, work.y)
+    low, high = np.inf, 0.0
+    for p in range(len(squares)):
+        low, high = min(low, squares[p]), max(high, squares[p])
+    return high / low if low > _EPS * high else np.inf
+
+
+@kernel
+def evaluate(subject: Subject, measure: Measure, x: Array, numbers: Array, work: Room) -> None:
+    """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
+
+    A violation is the worst relative margin with its sign turned: positive where the constraint is violated.
+    """
+    for b in range(len(x)):
+        for n in range(NUMBERS):
+            numbers[b, n] = -np.inf
+        _scale_down(subject, measure.use, x[b], work)
+        _roll_out(subject, work)
+        _check_limits(subject, work, numbers[b])
+        _check_distances(subject, measure.distance, work, numbers[b])
+        ratio = _diagonal_ratio(subject, work) if measure.diagonal else _spectral_ratio(subject, work)
+        ratio = ratio if ratio < measure.hopeless else measure.hopeless
+        numbers[b, FITNESS] = math.log(ratio)

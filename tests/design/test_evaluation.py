@@ -1,0 +1,98 @@
+"""The compiled evaluation of single trajectories against the plain one: random arms, regions and motions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.design.evaluation import Evaluation
+from sidegan.design.problem import HOPELESS, Problem
+from sidegan.motion.compiled import VARIABLE, compiled
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane
+from tests.chains import random_chain
+
+DESK = Plane((0.0, 0.0, 1.0), 0.1)
+REGIONS = {"none": (), "desk": (DESK,), "both": (DESK, Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)))}
+USE, DISTANCE = 0.97, 1.0
+
+
+def candidates(problem, count, seed=0, size=1.0):
+    """Coefficients, (count, J, H, 2), of which some hold each constraint and some do not."""
+    random = np.random.default_rng(seed)
+    speed = problem.constraints.arm.velocity_limit.numpy()
+    share = random.uniform(0.01, size, (count, 1, 1, 1))
+    return share * speed[:, None, None] * random.normal(size=(count, *problem.trajectory.shape))
+
+
+def assert_same(problem, c, use=USE):
+    """Both give the same numbers; violations are positive for the same trajectories."""
+    evaluation = Evaluation(problem, use, DISTANCE)
+    numbers, expected = evaluation(c), evaluation.plain(c)
+    assert numbers.shape == expected.shape == (len(c), 1 + len(problem.constraints.labels))
+    # The smallest eigenvalue is known to so many rounding errors of the largest.
+    known = np.exp(expected[:, 0]) * 1e-13
+    np.testing.assert_allclose(numbers[known < 1e-3, 0], expected[known < 1e-3, 0], rtol=0, atol=1e-3)
+    excess = np.abs(numbers[:, 0] - expected[:, 0]) - 1e-9
+    assert (excess[known < 1e-3] <= known[known < 1e-3]).all()
+    np.testing.assert_allclose(numbers[:, 1:], expected[:, 1:], rtol=1e-9, atol=1e-9)
+    clear = np.abs(expected[:, 1:]) > 1e-9  # elsewhere rounding decides
+    assert ((numbers[:, 1:] > 0) == (expected[:, 1:] > 0))[clear].all()
+    return numbers
+
+
+@pytest.mark.parametrize("torque", [True, False])
+@pytest.mark.parametrize("diagonal", [True, False])
+def test_the_compiled_numbers_are_those_of_torch(arm, torque, diagonal):
+    pytest.importorskip("numba")
+    problem = Problem(Constraints(arm, [DESK], torque), Trajectory(7), 60, diagonal)
+    numbers = assert_same(problem, candidates(problem, 60))
+    assert set(problem.constraints.labels) == {"position", "velocity", "collision", "keep_out"} | (
+        {"torque"} if torque else set()
+    )
+    assert (numbers[:, 1:].max(1) <= 0).any() and (numbers[:, 1:].max(1) > 0).any()
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    joints=st.integers(1, 8),
+    seed=st.integers(0, 10_000),
+    regions=st.sampled_from(sorted(REGIONS)),
+    samples=st.sampled_from([9, 60, 64, 65, 150]),
+    diagonal=st.booleans(),
+    limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+    use=st.sampled_from([0.5, 0.97, 1e9]),
+)
+def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, limit, use):
+    pytest.importorskip("numba")
+    arm, _ = random_chain(joints, seed)
+    torque = torch.full((joints,), limit, dtype=torch.float64)
+    torque[::2] = 150.0
+    constraints = Constraints(replace(arm, torque_limit=torque), REGIONS[regions])
+    home = 0.3 * (arm.position_lower + arm.position_upper)
+    problem = Problem(constraints, Trajectory(joints, 3, 7.0, home.tolist()), samples, diagonal)
+    assert_same(problem, candidates(problem, 4, seed), use)
+
+
+def test_trajectories_do_not_depend_on_those_beside_them(lwr_problem):
+    evaluation, c = Evaluation(lwr_problem, USE, DISTANCE), candidates(lwr_problem, 5)
+    alone = np.concatenate([evaluation(one[None]) for one in c])
+    np.testing.assert_allclose(evaluation(c), alone, rtol=1e-12)
+
+
+def test_an_arm_that_does_not_move_has_a_hopeless_fitness(lwr_problem):
+    for problem in (lwr_problem, replace(lwr_problem, diagonal=True)):
+        evaluation, still = Evaluation(problem, USE, DISTANCE), np.zeros((1, *problem.trajectory.shape))
+        np.testing.assert_allclose(evaluation(still), evaluation.plain(still), atol=1e-9)
+        assert evaluation(still)[0, 0] == pytest.approx(np.log(HOPELESS))
+
+
+def test_torch_answers_where_kernels_are_not_wanted(lwr_problem, monkeypatch):
+    c = candidates(lwr_problem, 3)
+    monkeypatch.setenv(VARIABLE, "torch")
+    evaluation = Evaluation(lwr_problem, USE, DISTANCE)
+    assert not compiled()
+    np.testing.assert_array_equal(evaluation(c), evaluation.plain(c))
