@@ -32,6 +32,7 @@ class Scale:
     seed_steps: Count  # optimiser steps per seed
     labelled: Count  # samples that the surrogates learn from
     surrogate_epochs: Count
+    shallow_epochs: Count  # of the paper's surrogates
     gan_epochs: Count
     gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
     fitness_start: Natural  # first epoch in which the fitness loss counts
@@ -51,6 +52,7 @@ class Scale:
     trainings: list[Natural]  # of each variant
     side_trainings: list[Natural]  # of each variant on fewer seeds
     ablation_trainings: list[Natural]  # of each variant of the ablation
+    ladder_trainings: list[Natural]  # of each rung of the ladder
     brief_epochs: Count  # of exact variants that are compared with each other only
     transfer_epochs: Count  # of a training from scratch that transfer is compared with
     polished: Count  # trajectories of the polish curve
