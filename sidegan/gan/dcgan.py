@@ -47,7 +47,7 @@ def image_critic(joints: int, harmonics: int, width: int) -> nn.Sequential:
 
 
 def feature_critic(features: int, width: int) -> nn.Sequential:
-    """Logits (B,) of standardised features (B, p); a list has no neighbourhoods, so its layers are full ones."""
+    """Logits (B,) of standardised features (B, p); a list has no neighbours, so its layers are full."""
     layers: list[nn.Module] = [nn.Linear(features, width), nn.LeakyReLU(_SLOPE)]
     for _ in range(_LAYERS - 2):
         layers += [nn.Linear(width, width, bias=False), nn.BatchNorm1d(width), nn.LeakyReLU(_SLOPE)]

@@ -128,7 +128,7 @@ class Training(pl.LightningModule):
 
 
 def averaged(network: Any, decay: float) -> AveragedModel:
-    """Exponential average of a network's weights, which begins as their plain mean and so forgets the start."""
+    """Exponential average of a network's weights, which begins as their plain mean."""
     return AveragedModel(network, avg_fn=partial(_averaged, decay), use_buffers=True)
 
 
