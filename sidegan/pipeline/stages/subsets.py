@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.training import generator, generators, needed_surrogates, surrogates
+from sidegan.pipeline.stages.training import generator, generators, needed_surrogates
 from sidegan.pipeline.task import Task
 
 
@@ -19,8 +19,7 @@ def on_subset(task: Task, size: int) -> Task:
 def _artifacts(task: Task) -> Iterator[Artifact]:
     for size in task.cfg.discussion.sizes:
         smaller = on_subset(task, size)
-        if needed := needed_surrogates(smaller, smaller.cfg.gan.values()):
-            yield from (*needed, surrogates(smaller, "broad"))
+        yield from needed_surrogates(smaller, smaller.cfg.gan.values())
         yield from (generator(smaller, *one) for one in generators(smaller))
 
 
