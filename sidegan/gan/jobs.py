@@ -56,7 +56,8 @@ class Pretraining:
             return
         sources = training_seeds(self.seeds)[0], self.negatives[:-_HELD_OUT_NEGATIVES]
         if self.kind == "paper":
-            samples = torch.cat([source[share::SHARES] for source in sources])
+            half = self.samples // 2
+            samples = torch.cat([source[:half][share::SHARES] for source in sources])
         else:
             samples = MIXTURES[self.kind](*sources, -(-self.settings.samples // SHARES), generator)
         steps = self.settings.margin_steps
@@ -109,6 +110,12 @@ class Pretraining:
     def epochs(self) -> int:
         """Number of passes over the labelled samples."""
         return self.settings.shallow.epochs if self.kind == "paper" else self.settings.epochs
+
+    @property
+    def samples(self) -> int:
+        """Number of labelled samples; the paper's surrogates learn from seeds and as many others."""
+        learnt = training_seeds(self.seeds)[0]
+        return 2 * len(learnt) if self.kind == "paper" else self.settings.samples
 
     def _share(self, number: int) -> Path:
         return self.work / f"labels-{number}.pt"

@@ -126,7 +126,7 @@ def _pretrain(task: Task, build: Build, kind: Kind) -> None:
     labelling: list[Job] = [
         partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)
     ]
-    run_jobs("labels", labelling, workers, settings.samples)
+    run_jobs("labels", labelling, workers, pretraining.samples)
     trainings: list[Job] = [
         partial(pretraining.train_success, build.folder, task.number("success")),
         *(
