@@ -63,7 +63,7 @@ def test_an_ablation_is_a_variant_with_changes():
     eigen, cold = config.gan["eigen"], config.ablation["eigen_cold"]
     assert cold == dataclasses.replace(eigen, gaussian_start=False) != eigen
     undiverse = config.ablation["eigen_undiverse"].weights
-    assert undiverse == dataclasses.replace(eigen.weights, spread=0, distance=0)
+    assert undiverse == dataclasses.replace(eigen.weights, spread=0, distance=0, rank=0)
     assert configured("scale=paper").ablation["eigen_conv"].epochs == 50
     with pytest.raises(ConfigError, match=r"ablation needs variants, and changes"):
         altered({"variants": {}, "changes": {"new": {"of": "eigen"}}}, "ablation")
@@ -99,8 +99,9 @@ def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
     rungs = list(config.ladder.values())
     assert rungs[0] == config.gan["eigen_paper"]
     assert rungs[-1] == config.gan["eigen"]
-    together = {"rates": {"learning_rate", "critic_rate", "betas", "decay"}}  # what one step may be made of
+    together = {"rates": {"learning_rate", "critic_rate", "betas", "decay", "clip"}}  # what one step may be made of
     together |= {"perceptron": {"body"}, "converter": {"surrogates", "real_features"}}
+    together |= {"generator": {"width", "activation", "noise"}}
     for name, before, after in zip(list(config.ladder)[1:], rungs, rungs[1:]):
         fields = {one.name for one in dataclasses.fields(after)}
         different = {key for key in fields if getattr(before, key) != getattr(after, key)}
@@ -120,8 +121,8 @@ def test_the_scale_reaches_the_other_groups_whatever_their_choice():
 def test_the_variants_share_what_is_not_their_own():
     vanilla, eigen, diagonal = configured("gan=all").gan.values()
     assert [v.features for v in (vanilla, eigen, diagonal)] == ["none", "spectrum", "diagonal"]
-    own = {"features": "spectrum", "weights": eigen.weights, "learning_rate": eigen.learning_rate}
-    shared = dataclasses.replace(vanilla, **own)
+    own = ("features", "weights", "learning_rate", "activation", "width", "noise", "limited", "clip")
+    shared = dataclasses.replace(vanilla, **{name: getattr(eigen, name) for name in own})
     assert shared == eigen == dataclasses.replace(diagonal, features="spectrum", weights=eigen.weights)
     assert configured("gan=eigen").gan["eigen"] == eigen
 
