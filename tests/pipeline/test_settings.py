@@ -99,7 +99,8 @@ def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
     rungs = list(config.ladder.values())
     assert rungs[0] == config.gan["eigen_paper"]
     assert rungs[-1] == config.gan["eigen"]
-    together = {"rates": {"learning_rate", "critic_rate", "betas", "decay", "clip"}}  # what one step may be made of
+    # What one step may be made of.
+    together = {"rates": {"learning_rate", "critic_rate", "betas", "decay", "clip"}}
     together |= {"perceptron": {"body"}, "converter": {"surrogates", "real_features"}}
     together |= {"generator": {"width", "activation", "noise"}}
     for name, before, after in zip(list(config.ladder)[1:], rungs, rungs[1:]):
