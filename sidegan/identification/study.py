@@ -23,7 +23,7 @@ from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
-from sidegan.identification.sums import Sums
+from sidegan.identification.sums import Sums, no_sums
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
@@ -81,6 +81,9 @@ def measured_sums(
     Arguments are as for ``compare``; progress receives (done, N).
     """
     generator, count = np.random.default_rng(random), len(family[1])
+    model = TorqueModel(body, RIGID)
+    if not count:
+        return no_sums(model.joints, len(model.names))
 
     def data() -> Iterator[Measurements]:
         parts = _measured(body, family, settings.rate, settings.noise, generator, _TRAJECTORIES_AT_ONCE)
@@ -89,7 +92,7 @@ def measured_sums(
             if progress is not None:
                 progress(min(k * _TRAJECTORIES_AT_ONCE, count), count)
 
-    return gather(TorqueModel(body, RIGID), data()).sums
+    return gather(model, data()).sums
 
 
 def combined(
