@@ -139,8 +139,12 @@ class Artifacts:
     @property
     def seed_seconds(self) -> float:
         """CPU time of one seed [s]; not a number where that was not kept."""
-        whole = seed_set(self.task.with_settings(half=None))
-        return float(self.costs(whole)["cpu_seconds"]) / self.cfg.seeds.count
+        return float(self.whole_seeds[0]["cpu_seconds"]) / self.cfg.seeds.count
+
+    @cached_property
+    def whole_seeds(self) -> tuple[Report, Library]:
+        """Report and library of the seed set before it was halved."""
+        return self._with_library(seed_set(self.task.with_settings(half=None)))
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""

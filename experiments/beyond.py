@@ -36,7 +36,7 @@ def present(artifacts: BeyondArtifacts, folder: Path, tracker: Tracker) -> None:
         "called": beyond_tables.called,
     }
     tables = {"goals": beyond_goals.table(judged), **beyond_tables.shown(artifacts)}
-    numbers = {f"{name}.{key}": row[key] for name, row in measures.items() for key in _COMPARED}
+    numbers = {name: {key: row[key] for key in _COMPARED} for name, row in measures.items()}
     page = Page("beyond", tables, _figures(artifacts), numbers, context)
     publish(page, Path(artifacts.cfg.publish or folder), tracker)
 

@@ -46,8 +46,11 @@ def longs(artifacts: Artifacts) -> pd.DataFrame:
     return table.rename_axis("single long trajectory")
 
 
-def durations(artifacts: Artifacts) -> pd.DataFrame:
-    """Each time of the paper's text beside ours [s], by key: what, ours, paper; NaN where not measured."""
+def durations(artifacts: Artifacts, colony: float | None = None) -> pd.DataFrame:
+    """Each time of the paper's text beside ours [s], by key: what, ours, paper; NaN where not measured.
+
+    That of a seed by the paper's optimiser is given, where there is one.
+    """
     seeds, speed, task = artifacts.seeds, artifacts.speed, artifacts.task
     walls = [artifacts.seconds(trained(task, name, k)) for name, k in generators(task)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
@@ -63,10 +66,9 @@ def durations(artifacts: Artifacts) -> pd.DataFrame:
     }
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
     frame["paper"] = pd.Series(PAPER["seconds"], dtype=float).reindex(frame.index)
-    if "paper" not in artifacts.kinds:  # the paper's optimiser
+    if colony is None:
         return frame.drop(index="colony")
-    kind, _ = artifacts.kinds["paper"]
-    frame.loc["colony", ["ours", "paper"]] = kind["cpu_seconds"] / kind["count"], frame.paper["seed"]
+    frame.loc["colony", ["ours", "paper"]] = colony, frame.paper["seed"]
     return frame
 
 

@@ -28,7 +28,7 @@ class Page:
         name: of the page, of its template and of the folder of its tables and figures.
         tables: for people, by the name of their file.
         figures: by the name of their file.
-        metrics: the numbers that a later run is compared by.
+        metrics: the numbers that a later run is compared by, a file of a few for every row.
         context: whatever else the template names.
         interactive: figures of the same names for an HTML page; None where there is no such page.
     """
@@ -36,7 +36,7 @@ class Page:
     name: str
     tables: Mapping[str, pd.DataFrame]
     figures: Mapping[str, "Figure"]
-    metrics: Mapping[str, float]
+    metrics: Mapping[str, Mapping[str, float]]
     context: Mapping[str, Any]
     interactive: "Mapping[str, go.Figure] | None" = field(default=None)
 
@@ -48,9 +48,12 @@ def publish(page: Page, folder: Path, tracker: Tracker) -> None:
     if page.interactive is not None:
         target = target.with_suffix(".html")
         write_html(text, target, page.interactive)
-    write_json(folder / page.name / "metrics.json", dict(page.metrics))
+    for name, numbers in page.metrics.items():
+        write_json(folder / page.name / "metrics" / f"{name}.json", dict(numbers))
     tracker.log_artifact(target, "report")
-    tracker.log_metrics(dict(page.metrics))
+    tracker.log_metrics(
+        {f"{name}/{key}": x for name, numbers in page.metrics.items() for key, x in numbers.items()}
+    )
 
 
 def leave(

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 from torch import Tensor
 
@@ -51,8 +52,8 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
             for name, group in groups.items()
         },
     }
-    shown = {"claims": claims.table(judged, groups), **_own_tables(artifacts)}
-    drawn = _own_figures(artifacts) | {name: _static(picture) for name, picture in pictures.items()}
+    shown = {"claims": claims.table(judged, groups), **_own_tables(groups)}
+    drawn = _own_figures(groups) | {name: _static(picture) for name, picture in pictures.items()}
     for name, group in groups.items():
         shown |= {_file(name, key): table for key, table in _tables(group).items()}
         drawn |= {_file(name, key): figure for key, figure in _figures(group).items()}
@@ -61,21 +62,20 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
     publish(page, Path(artifacts.cfg.publish or folder), tracker)
 
 
-def metrics(groups: Groups) -> dict[str, float]:
-    """The numbers that a later run is compared by: of every generator and table, mean over trainings."""
-    numbers: dict[str, float] = {}
-    for name, group in groups.items():
-        generators = group.frame("generators").groupby("name")
-        for key in ("success", "condition", "distance", "rank"):
-            numbers |= _named(name, generators[key].mean().dropna(), key)
+def metrics(groups: Groups) -> dict[str, dict[str, float]]:
+    """The numbers that a later run is compared by, of the seeds and every variant, mean over trainings."""
+    rows = {}
+    for group_name, group in groups.items():
         raw, facts = group.frame("errors"), group.frame("whole_facts")
-        numbers |= _named(name, raw[~raw.weighted].groupby("set").nmse.mean(), "nmse")
-        numbers |= _named(name, facts.groupby("set").covariance_norm.mean(), "covariance")
-    return numbers
-
-
-def _named(group: str, values: pd.Series, key: str) -> dict[str, float]:
-    return {f"{group}.{key}.{name}": float(f"{value:.4g}") for name, value in values.items()}
+        nmse = raw[~raw.weighted].groupby("set").nmse.mean()
+        norms = facts.groupby("set").covariance_norm.mean().rename({"seeds ×1": SEEDS})
+        frame = group.frame("generators")
+        frame = frame.assign(valid=frame.success.fillna(frame.valid) if "valid" in frame else frame.success)
+        for name, part in frame.groupby("name"):
+            mean = part[["valid", "condition", "distance", "rank"]].astype(float).mean()
+            row = mean.to_dict() | {"nMSE": nmse[name], "‖diag P‖ [1e-9]": 1e9 * norms[name]}
+            rows[f"{group_name}-{name}"] = {k: float(f"{x:.4g}") for k, x in row.items() if np.isfinite(x)}
+    return rows
 
 
 def _file(group: str, name: str) -> str:
@@ -98,13 +98,14 @@ def _tables(group: Group) -> dict[str, pd.DataFrame]:
     return shown | {name: table for name, (table, _) in exp2.tables2(whole, cfg).items()}
 
 
-def _own_tables(artifacts: Artifacts) -> dict[str, pd.DataFrame]:
+def _own_tables(groups: Groups) -> dict[str, pd.DataFrame]:
     """The tables of our own settings alone, by name."""
+    artifacts = groups[OURS].first
     changed = artifacts.sensitivity
     shown = {
         "long": comparisons.longs(artifacts),
-        "timing": comparisons.costs(comparisons.durations(artifacts)),
-        "kinds": comparisons.kinds(artifacts.kinds),
+        "timing": comparisons.costs(comparisons.durations(artifacts, _colony(groups))),
+        "kinds": comparisons.kinds(_kinds(groups)),
         "ablation": comparisons.ablation(artifacts.ablation),
     }
     for end, weighted in {"": False, "_weighted": True}.items():
@@ -127,17 +128,34 @@ def _figures(group: Group) -> dict[str, "Figure"]:
     }
 
 
-def _own_figures(artifacts: Artifacts) -> dict[str, "Figure"]:
+def _own_figures(groups: Groups) -> dict[str, "Figure"]:
     """The flat figures of our own settings alone, by name."""
+    artifacts = groups[OURS].first
     nmse = [Panel("nmse", "nMSE, mean over joints", log=True)]
     counts = comparisons.counts(artifacts.sensitivity)
     selected = Across("trajectories", "selected trajectories", log=True)
     labels = ("distance to the nearest other seed", "cond(YᵀY)")
     return {
-        "timing-bars": figures.timing(comparisons.durations(artifacts)),
-        "kinds-scatter": figures.quality_diversity(comparisons.kind_points(artifacts.kinds), labels),
+        "timing-bars": figures.timing(comparisons.durations(artifacts, _colony(groups))),
+        "kinds-scatter": figures.quality_diversity(comparisons.kind_points(_kinds(groups)), labels),
         "counts": figures.panels(counts, selected, nmse, "set", columns=1, markers=True),
     }
+
+
+def _paper(groups: Groups) -> Artifacts | None:
+    """What was made under the first column whose seeds are by the paper's optimiser."""
+    return next((one.first for one in groups.values() if one.first.cfg.seeds.method == "paper"), None)
+
+
+def _colony(groups: Groups) -> float | None:
+    paper = _paper(groups)
+    return None if paper is None else paper.seed_seconds
+
+
+def _kinds(groups: Groups) -> comparisons.Kinds:
+    """Report and library of the seeds, of other kinds of seeds, and of the paper's."""
+    kinds, paper = dict(groups[OURS].first.kinds), _paper(groups)
+    return kinds if paper is None else kinds | {"gaco, compass search": paper.whole_seeds}
 
 
 def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:

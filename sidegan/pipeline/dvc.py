@@ -118,14 +118,15 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
     }
     beyond, page = stages.pop("beyond"), _published("beyond", ".md")
     stages["beyond"] = {**beyond, **page, "outs": beyond["outs"] + page["outs"]}  # last: it is the longest
-    return {"stages": stages}
+    shown = [f"docs/{name}/metrics" for name in ("reproduction", "beyond")]
+    return {"stages": stages, "metrics": shown, "plots": ["docs/reproduction/figures/training.png"]}
 
 
 def _published(name: str, *pages: str) -> dict[str, Any]:
     """What a published page consists of; it is kept in git."""
     kept = {"cache": False, "persist": True}
-    files = [*(f"docs/{name}{page}" for page in pages), f"docs/{name}/tables", f"docs/{name}/figures"]
-    return {"outs": [{one: kept} for one in files], "metrics": [{f"docs/{name}/metrics.json": kept}]}
+    parts = [f"docs/{name}/{part}" for part in ("tables", "figures", "metrics")]
+    return {"outs": [{one: kept} for one in (*(f"docs/{name}{page}" for page in pages), *parts)]}
 
 
 class _Line(list[Any]):

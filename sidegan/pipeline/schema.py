@@ -22,7 +22,6 @@ _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 class Kinds:
     """How many seeds of other kinds."""
 
-    paper: Count
     diagonal: Count
 
 
