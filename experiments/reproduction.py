@@ -43,6 +43,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "artifacts": artifacts,
         "cfg": artifacts.cfg,
         "paper": PAPER,
+        "letter": _paper(groups),
         "reliable": training.RELIABLE,
         "confidence": CONFIDENCE,
         "claims": judged,
@@ -74,7 +75,9 @@ def metrics(groups: Groups) -> dict[str, dict[str, float]]:
         for name, part in frame.groupby("name"):
             mean = part[["valid", "condition", "distance", "rank"]].astype(float).mean()
             row = mean.to_dict() | {"nMSE": nmse[name], "‖diag P‖ [1e-9]": 1e9 * norms[name]}
-            rows[f"{group_name}-{name}"] = {k: float(f"{x:.4g}") for k, x in row.items() if np.isfinite(x)}
+            rows[f"{group_name}-{name}"] = {
+                str(k): float(f"{x:.4g}") for k, x in row.items() if np.isfinite(x)
+            }
     return rows
 
 
