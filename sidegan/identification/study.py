@@ -142,12 +142,8 @@ def covariance_norms(
         random: of that noise.
     """
     samples = round(float(whole.weight))
-    sums = {
-        one.forgetting: whole
-        if one.forgetting == 1
-        else _remembered(body, family, one.forgetting, settings, random)
-        for one in recursions
-    }
+    factors = {one.forgetting for one in recursions}
+    sums = {x: whole if x == 1 else _remembered(body, family, x, settings, random) for x in factors}
     return [_norm(recursive(sums[one.forgetting], samples, one.prior, one.forgetting)) for one in recursions]
 
 

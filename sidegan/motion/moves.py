@@ -1,6 +1,5 @@
 """Moves from rest to rest, as in pick and place."""
 
-from collections.abc import Iterable
 from itertools import pairwise
 
 import torch
@@ -36,7 +35,7 @@ def pick_and_place(waypoints: Tensor, velocity: Tensor, rest: float, rate: float
     return Motion(torch.arange(states[0].shape[1], dtype=waypoints.dtype) / rate, *states)
 
 
-def _move(start: Tensor, end: Tensor, velocity: Tensor, rate: float) -> Iterable[Tensor]:
+def _move(start: Tensor, end: Tensor, velocity: Tensor, rate: float) -> tuple[Tensor, Tensor, Tensor]:
     """Position, velocity and acceleration of one move, (S, J) each, its start left out and its end not."""
     way = end - start
     steps = max(1, int(torch.ceil((_PEAK * way.abs() / velocity).max() * rate)))
