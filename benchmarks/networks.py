@@ -62,7 +62,7 @@ def train(setting: Setting, name: str, variant: Variant, count: int) -> None:
     constraints, trajectory = setting.problem.constraints, setting.problem.trajectory
     seeds = setting.start(count)
     predictor = converter = None
-    if variant.surrogates:
+    if variant.learned:
         names = len(constraints.labels)
         predictor = SuccessPredictor(constraints.arm, trajectory, names, _WIDTH, _MARGIN_STEPS)
         predictor.eval().requires_grad_(False)

@@ -74,7 +74,9 @@ class Artifacts:
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
     random = cached_property(lambda self: self.report(random_set(self.task)))
-    surrogates = cached_property(lambda self: self.report(surrogates(self.task, self.cfg.gan["eigen"].data)))
+    surrogates = cached_property(
+        lambda self: self.report(surrogates(self.task, self.cfg.gan["eigen"].surrogates.predictor))
+    )
     speed = cached_property(lambda self: self.costs(timing(self.task, "eigen")))
 
     @property
@@ -131,7 +133,7 @@ class Artifacts:
         for row in last.rename(columns={"variant": "name"}).to_dict("records"):
             kept = self.task.report(library(self.task, row["name"], row["training"]))
             # A library holds what is valid: its condition number is not that of all that the generator makes.
-            both = {"condition": row["condition"], "condition_valid": kept["condition"]}
+            both = {"condition": row["condition"], "condition_valid": kept.get("condition", math.nan)}
             rows.append({str(key): value for key, value in row.items()} | kept | both)
         return pd.DataFrame(rows)
 

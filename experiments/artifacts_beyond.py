@@ -99,7 +99,7 @@ class BeyondArtifacts(Artifacts):
         return {
             "cpu": cpu,
             "seeds": self.seconds(seed_set(task)) if variant.seeded else 0.0,
-            "surrogates": sum(map(self.seconds, taught)) if variant.surrogates else 0.0,
+            "surrogates": sum(map(self.seconds, taught)) if variant.learned else 0.0,
             "wall": wall,
             "training_seconds": wall if np.isnan(cpu) else cpu,
         }
@@ -141,7 +141,7 @@ class BeyondArtifacts(Artifacts):
         """Metrics after the last epoch, a row per variant, number of seeds and training that there is."""
         task, rows = self.task, []
         parts = [(size, on_few(task, size)) for size in few_sizes(task)]
-        taught = {name: one for name, one in task.cfg.gan.items() if one.surrogates}
+        taught = {name: one for name, one in task.cfg.gan.items() if one.learned}
         sizes = self.cfg.discussion.sizes if taught else []
         smaller = [(size, on_subset(task, size)) for size in sizes]
         for size, part in [*smaller, (task.cfg.seeds.count, task)]:

@@ -50,6 +50,8 @@ def against(values: pd.Series, seeds: pd.Series) -> pd.Series:
 
 def words(measured: Interval, form: str = ".3g") -> str:
     """A mean and its interval."""
+    if np.isnan(measured.mean):
+        return "nothing to measure"
     if not np.isfinite(measured.low):
         return f"{measured.mean:{form}} (one training)"
     return f"{measured.mean:{form}} ({measured.low:{form}} … {measured.high:{form}})"

@@ -56,8 +56,10 @@ class Evaluation:
 
     @cached_property
     def _compiled(self) -> "CompiledEvaluation | None":
+        """The kernel, where it can be had and knows the motion and every constraint."""
         known = set(self.problem.constraints.labels) <= set(NAMES)
-        if not (known and usable(self.problem.body.base.values)):
+        moves_so = type(self.problem).motion is Problem.motion
+        if not (known and moves_so and usable(self.problem.body.base.values)):
             return None
         from sidegan.design.compiled import CompiledEvaluation
 

@@ -1,5 +1,6 @@
 """The surrogates' work in resumable pieces: shares of labelled samples, then one training each."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,9 +12,17 @@ from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_torch
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import MIXTURES, Labelled, label
-from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
+from sidegan.gan.pretrain import (
+    accuracy,
+    explained,
+    split,
+    train_classifier,
+    train_converter,
+    train_predictor,
+)
+from sidegan.gan.shallow import ShallowConverter, ShallowPredictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates, SurrogateSettings
-from sidegan.gan.variants import Variant
+from sidegan.gan.variants import Kind
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -35,7 +44,7 @@ class Pretraining:
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
-    data: str  # the mixture of samples, ``broad`` or ``paper``
+    kind: Kind  # of surrogates (``variants.Learned``)
     seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
     negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
     work: Path  # folder of the labelled samples
@@ -46,7 +55,11 @@ class Pretraining:
         if readable(path):
             return
         sources = training_seeds(self.seeds)[0], self.negatives[:-_HELD_OUT_NEGATIVES]
-        samples = MIXTURES[self.data](*sources, -(-self.settings.samples // SHARES), generator)
+        if self.kind == "paper":
+            half = self.samples // 2
+            samples = torch.cat([source[:half][share::SHARES] for source in sources])
+        else:
+            samples = MIXTURES[self.kind](*sources, -(-self.settings.samples // SHARES), generator)
         steps = self.settings.margin_steps
         write_torch(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
 
@@ -58,9 +71,13 @@ class Pretraining:
         is within 5 % of its limit's range of zero.
         """
         data, held, generator = self._begin(seed)
-        content = {"sizes": _sizes(self.settings), "names": len(self.constraints.labels)}
+        content = {"sizes": _sizes(self.settings, self.kind), "names": len(self.constraints.labels)}
         predictor = _predictor(self.constraints.arm, self.trajectory, content)
-        train_predictor(predictor, data, self.settings.epochs, generator, progress)
+        if isinstance(predictor, ShallowPredictor):
+            predictor.layers.fit_scale(training_seeds(self.seeds)[0])
+            train_classifier(predictor, data, self.epochs, generator, progress)
+        else:
+            train_predictor(predictor, data, self.epochs, generator, progress)
         write_torch(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
@@ -80,12 +97,25 @@ class Pretraining:
         """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
         data, held, generator = self._begin(seed)
         target = getattr(data, features)
-        content = {"sizes": _sizes(self.settings), "features": target.shape[1]}
+        content = {"sizes": _sizes(self.settings, self.kind), "features": target.shape[1]}
         converter = _converter(self.constraints.arm, self.trajectory, content)
-        train_converter(converter, data.c, target, self.settings.epochs, generator, progress)
+        if isinstance(converter, ShallowConverter):
+            converter.layers.fit_scale(training_seeds(self.seeds)[0])
+        train_converter(converter, data.c, target, self.epochs, generator, progress)
         write_torch(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
         r2 = explained(converter, held.c, getattr(held, features))
         return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
+
+    @property
+    def epochs(self) -> int:
+        """Number of passes over the labelled samples."""
+        return self.settings.shallow.epochs if self.kind == "paper" else self.settings.epochs
+
+    @property
+    def samples(self) -> int:
+        """Number of labelled samples; the paper's surrogates learn from seeds and as many others."""
+        learnt = training_seeds(self.seeds)[0]
+        return 2 * len(learnt) if self.kind == "paper" else self.settings.samples
 
     def _share(self, number: int) -> Path:
         return self.work / f"labels-{number}.pt"
@@ -104,38 +134,52 @@ def training_seeds(seeds: Tensor) -> tuple[Tensor, Tensor]:
     return seeds[:cut], seeds[cut:]
 
 
-def negatives_count(samples: int) -> int:
-    """Number of a vanilla GAN's samples to draw for that many labelled ones."""
-    return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
+def negatives_count(kind: Kind, samples: int, seeds: int) -> int:
+    """Number of a vanilla GAN's samples to draw: half of the labelled ones, or as many as there are seeds."""
+    wanted = seeds + _HELD_OUT_NEGATIVES if kind == "paper" else samples // 2
+    return max(wanted, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
 
 
-def load_surrogates(folder: Path, variant: Variant, arm: Arm, trajectory: Trajectory) -> Surrogates:
-    """The frozen surrogates in ``folder`` that a variant needs.
+def load_surrogates(
+    folders: Mapping[str, Path], features: str, arm: Arm, trajectory: Trajectory
+) -> Surrogates:
+    """Frozen surrogates, each from its folder, as far as there is one: ``predictor``, and ``converter``.
 
     Raises:
         ArtifactError: when one is missing, damaged, or of another arm.
     """
-    content = read_torch(folder / f"{_SUCCESS}.pt")
-    predictor = _frozen(_predictor(arm, trajectory, content), content["weights"], folder)
-    if variant.features == "none":
-        return Surrogates(predictor)
-    content = read_torch(folder / f"{variant.features}.pt")
-    return Surrogates(predictor, _frozen(_converter(arm, trajectory, content), content["weights"], folder))
+    predictor = converter = None
+    if folder := folders.get("predictor"):
+        content = read_torch(folder / f"{_SUCCESS}.pt")
+        predictor = _frozen(_predictor(arm, trajectory, content), content["weights"], folder)
+    if folder := folders.get("converter"):
+        content = read_torch(folder / f"{features}.pt")
+        converter = _frozen(_converter(arm, trajectory, content), content["weights"], folder)
+    return Surrogates(predictor, converter)
 
 
-def _predictor(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> SuccessPredictor:
+def _predictor(
+    arm: Arm, trajectory: Trajectory, content: dict[str, Any]
+) -> SuccessPredictor | ShallowPredictor:
     sizes = content["sizes"]
+    if sizes["shallow"]:
+        return ShallowPredictor(*trajectory.shape[:2], sizes["width"])
     return SuccessPredictor(arm, trajectory, content["names"], sizes["width"], sizes["margin_steps"])
 
 
-def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter:
+def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter | ShallowConverter:
     sizes = content["sizes"]
+    if sizes["shallow"]:
+        return ShallowConverter(*trajectory.shape[:2], content["features"], sizes["width"])
     return Converter(arm, trajectory, content["features"], sizes["width"], sizes["feature_steps"])
 
 
-def _sizes(settings: SurrogateSettings) -> dict[str, Any]:
+def _sizes(settings: SurrogateSettings, kind: Kind) -> dict[str, Any]:
     """Sizes of the networks, as their files keep them."""
-    return {key: getattr(settings, key) for key in ("width", "margin_steps", "feature_steps")}
+    if kind == "paper":
+        return {"shallow": True, "width": settings.shallow.width}
+    sizes = {key: getattr(settings, key) for key in ("width", "margin_steps", "feature_steps")}
+    return {"shallow": False, **sizes}
 
 
 def _frozen(network: Network, weights: dict[str, Tensor], folder: Path) -> Network:

@@ -65,7 +65,7 @@ def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator)
     return torch.cat([pick(seeds, part) * uniform(0.94, 1.06, part), broad * uniform(0.5, 1.1, len(broad))])
 
 
-def paper(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
+def narrow(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
     """Coefficients (count, J, H, 2) as in the paper: one half seeds, one half a vanilla GAN's output."""
     rows = torch.randint(len(seeds), (count // 2,), generator=generator)
     return torch.cat(
@@ -73,7 +73,7 @@ def paper(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator)
     )
 
 
-MIXTURES = {"broad": blend, "paper": paper}
+MIXTURES = {"broad": blend, "narrow": narrow}
 
 
 @torch.no_grad()

@@ -4,12 +4,14 @@ import logging
 import signal
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
 from torch.utils.data import DataLoader
 
 from sidegan.base.storage import read_torch
@@ -23,8 +25,6 @@ Evaluate = Callable[[int], dict[str, float]]
 EpochEnd = Callable[[int, dict[str, float]], None]
 
 _LAST = "last.ckpt"
-_BETAS = (0.0, 0.9)
-_LONE_BETAS = (0.9, 0.99)  # of a generator that no discriminator follows
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
 
@@ -47,6 +47,7 @@ class Training(pl.LightningModule):
         self.name, self.sampler, self.schedule = name, sampler, schedule
         self.parts, self.terms = list(terms), nn.ModuleList(terms)
         self.adversaries = [term for term in terms if isinstance(term, Adversary)]
+        self.average = None if schedule.average is None else averaged(sampler.network, schedule.average)
         self.steps_done = 0
         self.history: list[dict[str, float]] = []
 
@@ -58,9 +59,25 @@ class Training(pl.LightningModule):
             self._step(optimiser, self.adversary_loss(rows), None)
         for _ in range(self.schedule.generator_steps):
             self._step(generator, self.generator_loss(len(rows)), self.schedule.clip)
+            if self.average is not None:
+                self.average.update_parameters(self.sampler.network)
         for rate in _several(self.lr_schedulers()):
             rate.step()
         self.steps_done += 1
+
+    @property
+    def kept(self) -> Any:
+        """The network that the training is for: the average, where there is one."""
+        return self.sampler.network if self.average is None else self.average.module
+
+    @torch.no_grad()
+    def sampled(self, count: int, random: torch.Generator) -> Tensor:
+        """Trajectories (count, J, H, 2) [rad/s] float64 of the kept network, as it is used afterwards."""
+        network, learning = self.sampler.network, self.sampler.network.training
+        self.sampler.network = self.kept.eval()
+        c = self.sampler(count, random).coefficients.double()
+        self.sampler.network = network.train(learning)
+        return c
 
     def adversary_loss(self, rows: Tensor) -> Tensor:
         """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""
@@ -95,10 +112,10 @@ class Training(pl.LightningModule):
     def configure_optimizers(self) -> tuple[list[torch.optim.Optimizer], list[Any]]:
         """Adam for the generator, and for the discriminators where there are any."""
         critics = [parameter for term in self.adversaries for parameter in term.network.parameters()]
-        rates, betas = self.schedule, _BETAS if critics else _LONE_BETAS
+        rates, betas = self.schedule, self.schedule.betas
         adams = [torch.optim.Adam(self.sampler.network.parameters(), rates.learning_rate, betas)]
         if critics:
-            adams.append(torch.optim.Adam(critics, rates.critic_rate, _BETAS))
+            adams.append(torch.optim.Adam(critics, rates.critic_rate, betas))
         return list(adams), [torch.optim.lr_scheduler.LambdaLR(adam, rates.rate) for adam in adams]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
@@ -108,6 +125,16 @@ class Training(pl.LightningModule):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Go on with them."""
         self.steps_done, self.history = (checkpoint["progress"][key] for key in ("steps_done", "history"))
+
+
+def averaged(network: Any, decay: float) -> AveragedModel:
+    """Exponential average of a network's weights, which begins as their plain mean."""
+    return AveragedModel(network, avg_fn=partial(_averaged, decay), use_buffers=True)
+
+
+def _averaged(decay: float, average: Tensor, now: Tensor, count: Tensor | int) -> Tensor:
+    share = min(decay, float(count) / (float(count) + 1))
+    return average + (1 - share) * (now - average)
 
 
 class _Watch(pl.Callback):

@@ -6,18 +6,20 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.errors import ConfigError
+from sidegan.gan import dcgan
 
-BODIES = ("conv", "mlp")
+BODIES = ("conv", "mlp", "dcgan")
 ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "silu": nn.SiLU}
 _WHISPER = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
 _DRAWS = 1024  # over which the layers' mean is taken
 
 
 class Generator(nn.Module):
-    """Images (B, 2, J, H) of noise (B, Z) in [−1, 1], of unit spread from the start.
+    """Images (B, 2, J, H) of noise (B, Z) in [−1, 1].
 
-    Its body is ``conv`` (DCGAN: Radford, Metz, Chintala 2016) or ``mlp``, as wide as its widest layer; a
-    shortcut is a linear path beside the layers (``start_from``).
+    Its body is ``mlp`` or ``conv``, of unit spread from the start, or ``dcgan``, which yields images in
+    [−1, 1] (Radford, Metz, Chintala 2016); as wide as its widest layer. A shortcut is a linear path beside
+    the layers (``start_from``), for which a ``dcgan`` has no room.
     """
 
     def __init__(
@@ -65,9 +67,14 @@ class Generator(nn.Module):
             self.layers = nn.Sequential(
                 *_hidden(noise, width, 3, between), nn.Linear(width, out), nn.Unflatten(1, self.shape)
             )
+        elif body == "dcgan":
+            if shortcut or activation != "relu":
+                raise ConfigError("a dcgan has no shortcut, and ReLU between its layers")
+            self.layers = dcgan.generator_layers(joints, harmonics, noise, width)
         else:
             raise ConfigError(f"body {body!r} must be one of {', '.join(BODIES)}")
-        self._unit_spread()
+        if body != "dcgan":
+            self._unit_spread()
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, J, H)."""
@@ -137,8 +144,10 @@ class Discriminator(nn.Module):
         return self.last(x)[:, 0]
 
 
-def image_discriminator(joints: int, harmonics: int, body: str, width: int, minibatch: bool) -> Discriminator:
-    """Discriminator of images (B, 2, J, H), the paper's first."""
+def image_discriminator(joints: int, harmonics: int, body: str, width: int, minibatch: bool) -> nn.Module:
+    """Discriminator of images (B, 2, J, H), the paper's first; a ``dcgan`` has no minibatch feature."""
+    if body == "dcgan":
+        return dcgan.image_critic(joints, harmonics, width)
     if body == "mlp":
         layers = [nn.Flatten(), *_hidden(2 * joints * harmonics, width, 3)]
         return Discriminator(layers, width, minibatch)
@@ -155,8 +164,10 @@ def image_discriminator(joints: int, harmonics: int, body: str, width: int, mini
     return Discriminator(layers, width, minibatch)
 
 
-def feature_discriminator(features: int, width: int, minibatch: bool) -> Discriminator:
+def feature_discriminator(features: int, body: str, width: int, minibatch: bool) -> nn.Module:
     """Discriminator of standardised features (B, p), the paper's second."""
+    if body == "dcgan":
+        return dcgan.feature_critic(features, width)
     return Discriminator(_hidden(features, width, 3), width, minibatch)
 
 

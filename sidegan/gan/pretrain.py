@@ -8,7 +8,8 @@ from torch import Tensor, nn
 
 from sidegan.base.parallel import Report
 from sidegan.gan.labels import Labelled
-from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.gan.shallow import ShallowPredictor
+from sidegan.gan.surrogates import Standard, SuccessPredictor
 
 _HELD_OUT = 0.15
 _BATCH = 100
@@ -43,15 +44,33 @@ def train_predictor(
     _train(predictor, loss, len(data.c), epochs, generator, progress)
 
 
+def train_classifier(
+    predictor: ShallowPredictor,
+    data: Labelled,
+    epochs: int,
+    generator: torch.Generator,
+    progress: Report | None = None,
+) -> None:
+    """Fit the paper's success predictor to the labels alone, valid ones and faulty ones weighing the same."""
+    faulty = float((~data.valid).sum()) / max(1.0, float(data.valid.sum()))
+    weight = torch.where(data.valid, max(faulty, 1e-3), 1.0)
+
+    def loss(rows: Tensor) -> Tensor:
+        logits, valid = predictor.logits(data.c[rows]), data.valid[rows].float()
+        return nn.functional.binary_cross_entropy_with_logits(logits, valid, weight[rows])
+
+    _train(predictor, loss, len(data.c), epochs, generator, progress)
+
+
 def train_converter(
-    converter: Converter,
+    converter: Standard,
     c: Tensor,
     features: Tensor,
     epochs: int,
     generator: torch.Generator,
     progress: Report | None = None,
 ) -> None:
-    """Fit the converter to the logs of true features (N, p) of coefficients (N, J, H, 2)."""
+    """Fit the converter to true features (N, p), standardised, of coefficients (N, J, H, 2)."""
     converter.fit_standard(features)
     target = converter.standardise(features)
 
@@ -62,15 +81,15 @@ def train_converter(
 
 
 @torch.no_grad()
-def accuracy(predictor: SuccessPredictor, c: Tensor, valid: Tensor) -> float:
+def accuracy(predictor: nn.Module, c: Tensor, valid: Tensor) -> float:
     """Share of trajectories whose label the predictor gets right."""
     guess = torch.cat([predictor(part) for part in c.float().split(500)]).exp() > 0.5
     return float((guess == valid).double().mean())
 
 
 @torch.no_grad()
-def explained(converter: Converter, c: Tensor, features: Tensor) -> Tensor:
-    """Coefficient of determination R² of each log feature, (p,)."""
+def explained(converter: Standard, c: Tensor, features: Tensor) -> Tensor:
+    """Coefficient of determination R² of each standardised feature, (p,)."""
     predicted = torch.cat([converter(part) for part in c.float().split(500)])
     target = converter.standardise(features)
     return 1 - ((predicted - target) ** 2).mean(0) / target.var(0, unbiased=False).clamp_min(1e-12)

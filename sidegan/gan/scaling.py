@@ -21,8 +21,8 @@ class Scaling:
     def fit(c: Tensor, kind: str = "joint") -> "Scaling":
         """Scaling of a seed set (N, J, H, 2).
 
-        ``joint`` whitens each joint's 2 H coefficients; ``range`` only divides each element by its largest
-        absolute value, as the paper does.
+        ``joint`` whitens each joint's 2 H coefficients; ``range`` divides each element by its largest
+        absolute value, so that the images of the seeds are in [−1, 1].
         """
         if len(c) < 2:
             raise ShapeError(f"scaling needs at least two seeds, got {len(c)}")

@@ -19,6 +19,10 @@ class Schedule:
     generator_steps: int = 1  # generator steps per discriminator step
     decay: bool = True  # whether both rates fall to nothing over the training, along a cosine
     clip: float | None = None  # largest norm of the generator's gradient; None: any
+    betas: tuple[float, float] = (0.9, 0.99)  # Adam's decay of the gradient's mean and of its square's
+    average: float | None = (
+        None  # decay, per generator step, of the average of weights that is kept; None: the last
+    )
 
     def rate(self, step: int) -> float:
         """Learning rate after so many steps, in that of the beginning."""

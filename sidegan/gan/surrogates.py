@@ -18,6 +18,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
+_TINY = 1e-12  # features below it count as it
+_LEAST_SPREAD = 1e-3  # of log features
 _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
 
 
@@ -31,10 +33,27 @@ class SurrogateSettings:
     margin_steps: Count  # time points per trajectory at which margins are predicted
     feature_steps: Count  # time points per trajectory that the converter sees
     negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
+    shallow: "ShallowSettings"
 
     def __post_init__(self) -> None:
-        if len(self.negatives) != 1:
-            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
+        _check_one(self.negatives)
+
+
+@dataclass(frozen=True)
+class ShallowSettings:
+    """How the paper's surrogates are trained, on as many generated trajectories as seeds."""
+
+    epochs: Count
+    width: Count
+    negatives: dict[str, Variant]  # the paper's vanilla GAN
+
+    def __post_init__(self) -> None:
+        _check_one(self.negatives)
+
+
+def _check_one(negatives: dict[str, Variant]) -> None:
+    if len(negatives) != 1:
+        raise ConfigError(f"negatives are of one variant, got {sorted(negatives)}")
 
 
 class SuccessPredictor(nn.Module):
@@ -73,30 +92,42 @@ class SuccessPredictor(nn.Module):
 
 
 class Standard(nn.Module):
-    """Standardised logs of positive features, (B, p)."""
+    """Standardised logs of positive features, (B, p); the features themselves where no log is taken."""
 
     mean: Tensor
     spread: Tensor
+    floor: Tensor
 
-    def __init__(self, features: int) -> None:
+    def __init__(self, features: int, log: bool = True) -> None:
         super().__init__()
+        self.log = log
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("spread", torch.ones(features))
+        self.register_buffer("floor", torch.tensor(_TINY))
 
     def standardise(self, features: Tensor) -> Tensor:
         """Standardised logs of true features (B, p)."""
-        return (features.clamp_min(1e-12).log().float() - self.mean) / self.spread
+        return (self._scale(features) - self.mean) / self.spread
 
     def log_features(self, standardised: Tensor) -> Tensor:
-        """Natural logs of features, from standardised ones."""
-        return standardised * self.spread + self.mean
+        """Natural logs of features, from standardised ones.
+
+        Without logs a network may predict what is not positive; no feature counts as less than the smallest
+        that was learned from.
+        """
+        x = standardised * self.spread + self.mean
+        return x if self.log else x.clamp_min(self.floor).log()
 
     @torch.no_grad()
     def fit_standard(self, features: Tensor) -> None:
         """Set mean and spread from true features (N, p)."""
-        logs = features.clamp_min(1e-12).log().float()
-        self.mean.copy_(logs.mean(0))
-        self.spread.copy_(logs.std(0).clamp_min(1e-3))
+        x = self._scale(features)
+        self.mean.copy_(x.mean(0))
+        self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD if self.log else _TINY))
+        self.floor.copy_(features.min().clamp_min(_TINY))
+
+    def _scale(self, features: Tensor) -> Tensor:
+        return features.clamp_min(_TINY).log().float() if self.log else features.float()
 
 
 class Converter(Standard):
@@ -122,8 +153,8 @@ class Converter(Standard):
 class Surrogates:
     """The frozen surrogates of one variant, as far as it needs them."""
 
-    predictor: SuccessPredictor | None = None
-    converter: Converter | None = None
+    predictor: nn.Module | None = None  # log probability of being valid, (B,), of coefficients (B, J, H, 2)
+    converter: Standard | None = None  # standardised features (B, p) of the same
 
 
 def _by_moment(*channels: int) -> nn.Sequential:

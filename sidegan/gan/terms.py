@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Standard, SuccessPredictor
+from sidegan.gan.surrogates import Standard
 
 
 class Batch:
@@ -113,10 +113,11 @@ class Formula(LossTerm):
 
 
 class Adversary(LossTerm):
-    """A discriminator: rewards what it takes for an example (non-saturating: Goodfellow et al. 2014).
+    """A discriminator: rewards what it takes for an example.
 
     Its network gives logits (B,) of its view of a batch, and learns to tell that from examples (N, …), with
-    the R1 penalty of its gradient (Mescheder, Geiger, Nowozin 2018).
+    the R1 penalty of its gradient (Mescheder, Geiger, Nowozin 2018). The generator's loss is −log D, or
+    log(1 − D) where the game is a ``minimax`` one (Goodfellow et al. 2014).
     """
 
     examples: Tensor
@@ -128,14 +129,19 @@ class Adversary(LossTerm):
         examples: Tensor,
         view: Callable[[Batch], Tensor],
         gradient_penalty: float,
+        minimax: bool = False,
     ) -> None:
         super().__init__(weight)
         self.network, self.view, self.gradient_penalty = network, view, gradient_penalty
+        self.minimax = minimax
         self.register_buffer("examples", examples.contiguous(), persistent=False)
 
     def forward(self, batch: Batch) -> Tensor:
-        """Mean surprise of the discriminator, 0-dimensional."""
-        return nn.functional.softplus(-self.network(self.view(batch))).mean()
+        """Mean loss of the generator by this discriminator, 0-dimensional."""
+        logits = self.network(self.view(batch))
+        if self.minimax:
+            return -nn.functional.softplus(logits).mean()
+        return nn.functional.softplus(-logits).mean()
 
     def update_loss(self, rows: Tensor, batch: Batch) -> Tensor:
         """Loss of the discriminator itself on some examples and a batch without gradient, 0-dimensional."""
@@ -149,22 +155,24 @@ class Adversary(LossTerm):
 
 
 class PredictedSuccess(LossTerm):
-    """Minus the mean log probability of being valid, by a frozen predictor."""
+    """Minus the mean log probability of being valid, by a frozen predictor; or the probability of not."""
 
-    def __init__(self, weight: float, predictor: SuccessPredictor) -> None:
+    def __init__(self, weight: float, predictor: nn.Module, log: bool = True) -> None:
         super().__init__(weight)
-        self.predictor = predictor
+        self.predictor, self.log = predictor, log
 
     def forward(self, batch: Batch) -> Tensor:
         """Loss, 0-dimensional."""
-        return -self.predictor(batch.coefficients).mean()
+        log_valid = self.predictor(batch.coefficients)
+        return -log_valid.mean() if self.log else -torch.expm1(log_valid).mean()
 
 
-def predicted_ratio(weight: float, standard: Standard, start: int) -> Formula:
-    """Mean log ratio of the largest to the smallest feature, by a frozen converter."""
+def predicted_ratio(weight: float, standard: Standard, start: int, log: bool = True) -> Formula:
+    """Mean (log) ratio of the largest to the smallest feature, by a frozen converter."""
 
     def loss(batch: Batch) -> Tensor:
         logs = standard.log_features(batch.features)
-        return (logs.amax(1) - logs.amin(1)).mean()
+        ratio = logs.amax(1) - logs.amin(1)
+        return (ratio if log else ratio.exp()).mean()
 
     return Formula(weight, loss, start=start)

@@ -83,19 +83,18 @@ def train_variant(
     training = assemble(variant, constraints, trajectory, seeds, run, surrogates)
     schedule, sampler = training.schedule, training.sampler
     examples = TensorDataset(torch.arange(len(seeds)))
-    order = RandomSampler(examples, replacement=True, num_samples=schedule.steps * schedule.batch)
+    order = RandomSampler(examples, num_samples=schedule.steps * schedule.batch)  # whole passes first
 
     def evaluate(epoch: int) -> dict[str, float]:
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
-        with torch.no_grad():
-            c = sampler(max(2, run.evaluation), noise).coefficients.double().cpu()
+        c = training.sampled(max(2, run.evaluation), noise).cpu()
         if not torch.isfinite(c).all():
             training.stop("not a number")
         return measure(constraints, trajectory, c) if run.evaluation else {}
 
     loader = DataLoader(examples, schedule.batch, sampler=order)
     fit(training, loader, run.work, evaluate, run.epoch_end, run.device)
-    network, names = sampler.network.eval(), (constraints.arm.name, constraints.arm.digest, run.name)
+    network, names = training.kept.eval(), (constraints.arm.name, constraints.arm.digest, run.name)
     generator = TrajectoryGenerator(network, sampler.scaling, trajectory, *names, sampler.limits)
     return Trained(generator, training.history)
 
@@ -127,13 +126,18 @@ def assemble(
     elif variant.weights.success > 0:
         if surrogates.predictor is None:
             raise ConfigError(f"{run.name} needs a predictor of success")
-        terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor))
+        log = variant.losses.success == "log_probability"
+        terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor, log))
     if features is not None:
-        excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
-        examples = features.standardise(getattr(excitation, variant.features))
+        if variant.real_features == "predicted":
+            examples = _predicted(features, seeds)
+        else:
+            excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
+            examples = features.standardise(getattr(excitation, variant.features))
         terms.append(_feature_adversary(variant, examples))
         if problem is None:
-            terms.append(predicted_ratio(variant.weights.fitness, features, variant.fitness_start))
+            log = variant.losses.fitness == "log_ratio"
+            terms.append(predicted_ratio(variant.weights.fitness, features, variant.fitness_start, log))
     terms += _diversity(variant, seeds)
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
@@ -163,14 +167,22 @@ def _image_adversary(variant: Variant, sampler: Sampler, seeds: Tensor) -> list[
     critic = image_discriminator(joints, harmonics, variant.body, variant.width, variant.minibatch)
     examples = sampler.scaling.image(seeds.float())
     weight, penalty = variant.weights.adversarial, variant.gradient_penalty
-    return [Adversary(weight, critic, examples, lambda batch: batch.images, penalty)]
+    minimax = variant.losses.adversarial == "minimax"
+    return [Adversary(weight, critic, examples, lambda batch: batch.images, penalty, minimax)]
 
 
 def _feature_adversary(variant: Variant, examples: Tensor) -> Adversary:
     """The second discriminator, which sees standardised features (N, p)."""
-    critic = feature_discriminator(examples.shape[1], variant.width, variant.minibatch)
+    critic = feature_discriminator(examples.shape[1], variant.body, variant.width, variant.minibatch)
     weight, penalty = variant.weights.features, variant.gradient_penalty
-    return Adversary(weight, critic, examples, lambda batch: batch.features, penalty)
+    minimax = variant.losses.adversarial == "minimax"
+    return Adversary(weight, critic, examples, lambda batch: batch.features, penalty, minimax)
+
+
+@torch.no_grad()
+def _predicted(features: Standard, c: Tensor) -> Tensor:
+    """Standardised features (N, p) by a converter, of coefficients (N, J, H, 2)."""
+    return torch.cat([features(part) for part in c.float().split(500)])
 
 
 def _diversity(variant: Variant, seeds: Tensor) -> list[LossTerm]:

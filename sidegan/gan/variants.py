@@ -28,6 +28,36 @@ class Weights:
 
 
 @dataclass(frozen=True)
+class Losses:
+    """Which form the paper's terms have; the second one of each is as its objective is printed.
+
+    It prints log(1 − D), where a generator that is found out learns nothing: the usual form is −log D. It
+    adds the predicted success as if success were a loss: the sign is mended, 1 − P. And it adds the fitness
+    itself, the ratio of the largest to the smallest feature.
+    """
+
+    adversarial: Literal["non_saturating", "minimax"]
+    success: Literal["log_probability", "probability"]
+    fitness: Literal["log_ratio", "ratio"]
+
+
+Kind = Literal["broad", "narrow", "paper"]
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Which success predictor and which converter a variant learns from.
+
+    ``broad`` ones see the roll-out, compute what is linear, and learn from exactly labelled samples all
+    around the seeds; ``narrow`` ones are the same, but learn from seeds and a vanilla GAN's output alone;
+    ``paper`` ones are the paper's: shallow convolutions of the coefficients, which learn from the latter.
+    """
+
+    predictor: Kind
+    converter: Kind
+
+
+@dataclass(frozen=True)
 class Exact:
     """Exact physics in place of the surrogates."""
 
@@ -48,7 +78,10 @@ class Variant:
 
     features: Literal["none", "spectrum", "diagonal"]  # what the second discriminator sees
     weights: Weights
-    body: Literal["conv", "mlp"]
+    losses: Losses
+    surrogates: Learned
+    real_features: Literal["exact", "predicted"]  # what the second discriminator takes for those of the seeds
+    body: Literal["conv", "mlp", "dcgan"]
     width: Count  # of generator and discriminators
     noise: Count  # dimension of the generator's noise
     epochs: Count
@@ -58,12 +91,13 @@ class Variant:
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
     critic_rate: Positive
+    betas: tuple[Share, Share]  # of Adam
     decay: bool  # both rates fall to nothing over the training, along a cosine
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
     gradient_penalty: NonNegative  # R1 on the discriminators (Mescheder, Geiger, Nowozin 2018)
-    data: Literal["broad", "paper"]  # its surrogates' samples: around seeds and negatives, or these alone
     minibatch: bool  # the discriminators see the spread of a batch
-    scaling: Literal["joint", "range"]
+    scaling: Literal["joint", "range"]  # whitened per joint, or each element divided by its largest
+    average: Share | None  # decay of the average of the generator's weights that is kept; null: the last ones
     activation: Literal["relu", "silu"]  # between the generator's layers
     limited: bool  # position and velocity limits hold by construction
     clip: Positive | None  # largest norm of the generator's gradient; null: any
@@ -77,16 +111,30 @@ class Variant:
             raise ConfigError(
                 f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
             )
+        if max(*self.betas, self.average or 0) >= 1:
+            raise ConfigError(f"betas {self.betas} and average {self.average} must be less than 1")
+        if self.body == "dcgan":
+            self._check_dcgan()
         for term in self.exact.terms.values() if self.exact else ():
             if term.together > self.batch:
                 raise ConfigError(
                     f"an objective is of {term.together} trajectories together, batch is {self.batch}"
                 )
 
+    def _check_dcgan(self) -> None:
+        """Refuse what images in [−1, 1] of plain transposed convolutions cannot be."""
+        if self.scaling != "range":
+            raise ConfigError("a dcgan yields images in [−1, 1]: scaling must be range")
+        if self.gaussian_start or self.minibatch or self.activation != "relu" or self.limited:
+            raise ConfigError("a dcgan has no gaussian_start, minibatch, limited and activation but relu")
+
     @property
-    def surrogates(self) -> bool:
-        """Whether the variant needs the success predictor or a converter."""
-        return self.exact is None and (self.features != "none" or self.weights.success > 0)
+    def learned(self) -> dict[str, Kind]:
+        """The kind of each surrogate that the variant needs, ``predictor`` and ``converter``."""
+        if self.exact is not None:
+            return {}
+        needed = {"predictor": self.weights.success > 0, "converter": self.features != "none"}
+        return {name: getattr(self.surrogates, name) for name, needs in needed.items() if needs}
 
     @property
     def seeded(self) -> bool:
@@ -95,6 +143,15 @@ class Variant:
 
     def schedule(self, seeds: int) -> Schedule:
         """Schedule of a training on so many seeds."""
-        sizes = (self.epochs, self.steps or -(-seeds // self.batch), self.batch)
-        rates = (self.learning_rate, self.critic_rate)
-        return Schedule(*sizes, *rates, self.generator_steps, self.decay, self.clip)
+        return Schedule(
+            self.epochs,
+            self.steps or -(-seeds // self.batch),
+            self.batch,
+            self.learning_rate,
+            self.critic_rate,
+            self.generator_steps,
+            self.decay,
+            self.clip,
+            self.betas,
+            self.average,
+        )

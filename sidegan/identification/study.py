@@ -24,7 +24,7 @@ from sidegan.identification.measurements import Measurements, Noise, Samples, me
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score, score_of_sums
 from sidegan.identification.settings import Recursion, StudySettings
-from sidegan.identification.sums import Sums
+from sidegan.identification.sums import Sums, no_sums
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
@@ -83,6 +83,9 @@ def measured_sums(
     Arguments are as for ``compare``; progress receives (done, N).
     """
     generator, count = np.random.default_rng(random), len(family[1])
+    model = TorqueModel(body, RIGID)
+    if not count:
+        return no_sums(model.joints, len(model.names))
 
     def data() -> Iterator[Measurements]:
         parts = _measured(body, family, settings.rate, settings.noise, generator, _TRAJECTORIES_AT_ONCE)
@@ -91,7 +94,7 @@ def measured_sums(
             if progress is not None:
                 progress(min(k * _TRAJECTORIES_AT_ONCE, count), count)
 
-    return gather(TorqueModel(body, RIGID), data()).sums
+    return gather(model, data()).sums
 
 
 def combined(

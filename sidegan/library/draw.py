@@ -22,6 +22,7 @@ class Expansion:
     count: Count
     batch: Count
     draws: Count  # most samples drawn before giving up
+    least: Natural  # valid ones, with fewer of which a generator is refused
     polish: Natural  # gradient steps on every sample; 0: none
     reserve: Share  # of each limit, and twice that share of 0.25 m, that polished samples keep free
 

@@ -10,6 +10,7 @@ from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
+from sidegan.library.draw import Expansion
 from sidegan.seeds.settings import Seeds
 from sidegan.validity import Box, Plane
 
@@ -34,6 +35,7 @@ class Scale:
     seed_steps: Count  # optimiser steps per seed
     labelled: Count  # samples that the surrogates learn from
     surrogate_epochs: Count
+    shallow_epochs: Count  # of the paper's surrogates
     gan_epochs: Count
     gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
     fitness_start: Natural  # first epoch in which the fitness loss counts
@@ -53,6 +55,7 @@ class Scale:
     trainings: list[Natural]  # of each variant
     side_trainings: list[Natural]  # of each variant on fewer seeds
     ablation_trainings: list[Natural]  # of each variant of the ablation
+    ladder_trainings: list[Natural]  # of each rung of the ladder
     brief_epochs: Count  # of exact variants that are compared with each other only
     transfer_epochs: Count  # of a training from scratch that transfer is compared with
     polished: Count  # trajectories of the polish curve
@@ -105,6 +108,7 @@ class Column:
     seeds: Seeds | None = None
     surrogates: SurrogateSettings | None = None
     gan: dict[str, Variant] | None = None
+    library: Expansion | None = None
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,7 @@ class Config:
     sensitivity: Sensitivity = _group("sensitivity")
     discussion: Discussion = _group("discussion")
     ablation: dict[str, Variant] = _group("ablation")  # that show what each part of the recipe does
+    ladder: dict[str, Variant] = _group("ladder")  # from the paper's recipe to ours, one change at a time
     beyond: Beyond = _group("beyond")
     conditional: ConditionalSettings = _group("conditional")
     recordings: list[str] = _group("recordings")  # files to identify from
@@ -126,7 +127,12 @@ class Config:
         return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
-        variants = [name for group in ("gan", "ablation") if self.has(group) for name in getattr(self, group)]
+        variants = [
+            name
+            for group in ("gan", "ablation", "ladder")
+            if self.has(group)
+            for name in getattr(self, group)
+        ]
         for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants)]:
             if not _NAME.fullmatch(name):
                 raise ConfigError(f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'")
@@ -233,8 +239,9 @@ def validate(cfg: DictConfig) -> Config:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise ConfigError(f"{error.full_key}: {str(error.msg).splitlines()[0]}") from error
-    if "ablation" in values:
-        values["ablation"] = altered(values["ablation"], "ablation")
+    for group in ("ablation", "ladder"):
+        if group in values:
+            values[group] = altered(values[group], group)
     for group in ("objectives", "few_seeds"):
         if group in values.get("beyond", {}):
             values["beyond"][group] = altered(values["beyond"][group], f"beyond.{group}")
@@ -245,22 +252,24 @@ def altered(group: Any, path: str) -> dict[str, Any]:
     """Variants that differ from others in some settings, by name.
 
     Args:
-        group: ``variants`` by name, and ``changes`` by name, each ``{of: variant, …}`` with what differs.
+        group: ``variants`` by name, and ``changes`` by name, each ``{of: variant, …}`` with what differs; the
+            variant may be a change before it.
         path: of the group, for messages.
 
     Raises:
         ConfigError: when a change is of a variant that is not there.
     """
+    made: dict[str, Any] = {}
     try:
-        variants, changes = group["variants"], group["changes"]
-        return {
-            name: _merged(variants[one["of"]], {k: v for k, v in one.items() if k != "of"})
-            for name, one in changes.items()
-        }
+        known, changes = dict(group["variants"]), group["changes"]
+        for name, one in changes.items():
+            made[name] = _merged(known[one["of"]], {k: v for k, v in one.items() if k != "of"})
+            known[name] = made[name]
     except (KeyError, TypeError) as error:
         raise ConfigError(
             f"{path} needs variants, and changes that are each of one of them: {error}"
         ) from error
+    return made
 
 
 def _merged(values: Any, changes: Any) -> Any:

@@ -96,3 +96,18 @@ def test_torch_answers_where_kernels_are_not_wanted(lwr_problem, monkeypatch):
     evaluation = Evaluation(lwr_problem, USE, DISTANCE)
     assert not compiled()
     np.testing.assert_array_equal(evaluation(c), evaluation.plain(c))
+
+
+class Slower(Problem):
+    """Moves otherwise than the kernel thinks."""
+
+    def motion(self, c):
+        return super().motion(c / 2)
+
+
+def test_a_problem_that_moves_otherwise_is_not_mistaken_for_a_usual_one(lwr_problem):
+    slower = Slower(lwr_problem.constraints, lwr_problem.trajectory, lwr_problem.samples)
+    c = candidates(lwr_problem, 3)
+    evaluation = Evaluation(slower, USE, DISTANCE)
+    np.testing.assert_array_equal(evaluation(c), evaluation.plain(c))
+    assert not np.allclose(evaluation(c)[:, 0], Evaluation(lwr_problem, USE, DISTANCE)(c)[:, 0])

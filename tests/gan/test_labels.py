@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from sidegan.design.excitation import excite
-from sidegan.gan.labels import blend, label, paper, scaled_margins
+from sidegan.gan.labels import blend, label, narrow, scaled_margins
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
 from tests.gan.conftest import STEPS, random
@@ -74,8 +74,8 @@ def test_a_part_keeps_the_rows_together(labelled):
         torch.testing.assert_close(value, getattr(data, name)[rows])
 
 
-def test_the_papers_data_is_seeds_and_others_as_they_are(seeds, wild):
-    c = paper(seeds, wild, 61, random())
+def test_the_narrow_data_is_seeds_and_others_as_they_are(seeds, wild):
+    c = narrow(seeds, wild, 61, random())
     known = (
         {tuple(row) for row in seeds.flatten(1).tolist()},
         {tuple(row) for row in wild.flatten(1).tolist()},

@@ -2,8 +2,9 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError
-from sidegan.gan.networks import BODIES, Generator, feature_discriminator, image_discriminator
+from sidegan.gan.networks import Generator, feature_discriminator, image_discriminator
 
+BODIES = ("conv", "mlp")
 SIZES = [(1, 1), (1, 4), (2, 3), (7, 6), (3, 5)]
 
 
@@ -18,13 +19,13 @@ def test_images_have_the_coefficients_shape_and_unit_spread(body, joints, harmon
     assert images.std(0).mean() == pytest.approx(1, abs=0.15)
 
 
-@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("body", [*BODIES, "dcgan"])
 @pytest.mark.parametrize(("joints", "harmonics"), SIZES)
 @pytest.mark.parametrize("minibatch", [False, True])
 def test_discriminators_give_one_logit_per_image(body, joints, harmonics, minibatch):
     images = torch.randn(5, 2, joints, harmonics)
     assert image_discriminator(joints, harmonics, body, 16, minibatch)(images).shape == (5,)
-    assert feature_discriminator(4, 16, minibatch)(torch.randn(5, 4)).shape == (5,)
+    assert feature_discriminator(4, body, 16, minibatch)(torch.randn(5, 4)).shape == (5,)
 
 
 def test_noise_is_uniform_and_follows_its_generator():
@@ -37,9 +38,9 @@ def test_noise_is_uniform_and_follows_its_generator():
     assert (z != network.draw(4000, torch.Generator().manual_seed(2))).any()
 
 
-@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("body", [*BODIES, "dcgan"])
 def test_the_settings_make_the_same_network(body):
-    network = Generator(3, 5, 12, body, 16, True)
+    network = Generator(3, 5, 12, body, 16, body != "dcgan")
     twin = Generator(**network.settings)
     twin.load_state_dict(network.state_dict())
     z = network.draw(7)
@@ -88,7 +89,7 @@ def test_a_start_needs_a_shortcut():
 
 
 def test_an_unknown_body_is_refused():
-    with pytest.raises(ConfigError, match="'vit' must be one of conv, mlp"):
+    with pytest.raises(ConfigError, match="'vit' must be one of conv, mlp, dcgan"):
         Generator(2, 3, body="vit")
 
 

@@ -5,11 +5,12 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError
-from sidegan.gan.loop import Training
+from sidegan.gan.loop import Training, averaged
 from sidegan.gan.surrogates import Surrogates
 from sidegan.gan.terms import Adversary, LossTerm
 from sidegan.gan.training import Run, assemble
-from tests.gan.conftest import ADVERSARIAL, NONE, random
+from sidegan.gan.variants import Losses
+from tests.gan.conftest import ADVERSARIAL, FULL, NONE, random
 
 
 @pytest.fixture
@@ -55,12 +56,13 @@ def stepped(training, measure, size=0.05):
     return before, now()
 
 
-def log_ratio(converter):
-    def measure(c):
-        logs = converter.log_features(converter(c))
-        return (logs.amax(1) - logs.amin(1)).mean()
+def log_ratios(converter, c):
+    logs = converter.log_features(converter(c))
+    return logs.amax(1) - logs.amin(1)
 
-    return measure
+
+def log_ratio(converter):
+    return lambda c: log_ratios(converter, c).mean()
 
 
 def test_the_success_loss_raises_the_predicted_success(weighed, predictor):
@@ -83,6 +85,57 @@ def test_the_adversarial_losses_raise_what_the_discriminators_say(weighed, conve
     critic = adversaries(training)[1]
     before, after = stepped(training, lambda c: critic(converter(c)).mean())
     assert after > before
+
+
+def test_the_printed_losses_are_their_closed_forms(weighed, predictor, converter):
+    printed = Losses("minimax", "probability", "ratio")
+    training = weighed(FULL, losses=printed, fitness_start=0)
+    batch = training.sampler(32)
+    first, second = (critic.eval() for critic in adversaries(training))
+    c = batch.coefficients
+    expected = {
+        0: torch.log(1 - first(batch.images).sigmoid()).mean(),  # D1
+        1: 1 - predictor(c).exp().mean(),
+        2: torch.log(1 - second(converter(c)).sigmoid()).mean(),  # D2
+        3: torch.exp(log_ratios(converter, c)).mean(),
+    }
+    for i, value in expected.items():
+        torch.testing.assert_close(training.parts[i](batch), value, rtol=1e-4, atol=1e-6)
+
+
+def test_our_losses_are_their_logs(weighed, predictor, converter):
+    training = weighed(FULL, fitness_start=0)
+    batch = training.sampler(32)
+    c, (first, _) = batch.coefficients, adversaries(training)
+    torch.testing.assert_close(training.parts[0](batch), -torch.log(first(batch.images).sigmoid()).mean())
+    torch.testing.assert_close(training.parts[1](batch), -predictor(c).mean())
+    torch.testing.assert_close(training.parts[3](batch), log_ratios(converter, c).mean())
+
+
+def test_adam_has_the_betas_of_the_settings(weighed):
+    adams, _ = weighed(FULL, betas=(0.5, 0.999)).configure_optimizers()
+    assert len(adams) == 2
+    assert all(group["betas"] == (0.5, 0.999) for adam in adams for group in adam.param_groups)
+
+
+def test_the_second_discriminator_may_see_predicted_features_of_the_seeds(weighed, converter, seeds):
+    exact, predicted = (
+        weighed(FULL, real_features=x).adversaries[1].examples for x in ("exact", "predicted")
+    )
+    torch.testing.assert_close(predicted, converter(seeds.float()))
+    assert (exact - predicted).abs().max() > 1e-3
+
+
+def test_averaged_weights_begin_as_a_mean_and_then_forget():
+    network = torch.nn.Linear(1, 1, bias=False)
+    average = averaged(network, 0.75)
+    seen = []
+    for value in (1.0, 2.0, 3.0, 4.0, 5.0):
+        with torch.no_grad():
+            network.weight.fill_(value)
+        average.update_parameters(network)
+        seen.append(float(average.module.weight.detach()))
+    assert seen == pytest.approx([1, 1.5, 2, 2.5, 2.5 + (5 - 2.5) / 4])
 
 
 @pytest.mark.parametrize("term", ["spread", "distance"])

@@ -6,9 +6,11 @@ import pytest
 import torch
 
 from sidegan.errors import ShapeError, SideganError
+from sidegan.gan.metrics import measure
 from sidegan.gan.surrogates import Surrogates
 from sidegan.gan.training import Run, train_variant
 from sidegan.validity import check
+from tests.gan.conftest import random
 
 
 @pytest.fixture
@@ -45,6 +47,8 @@ def test_the_same_seed_gives_the_same_generator(train, vanilla, tmp_path):
     "settings",
     [
         {"body": "conv"},
+        {"body": "dcgan", "scaling": "range", "gaussian_start": False, "minibatch": False},
+        {"average": 0.9},
         {"scaling": "range", "gaussian_start": False},
         {"minibatch": False, "decay": False, "gradient_penalty": 0.0},
         {"steps": None},
@@ -56,8 +60,19 @@ def test_every_option_trains(train, vanilla, settings, tmp_path):
     assert torch.isfinite(trained.generator.sample(5)).all()
 
 
-def test_an_interrupted_training_goes_on_where_it_was(train, vanilla, tmp_path):
-    first, second = [], []
+@pytest.mark.parametrize("body", ["mlp", "dcgan"])
+def test_what_is_measured_is_what_is_kept(train, vanilla, constraints, family, body, tmp_path):
+    plain = {"scaling": "range", "gaussian_start": False, "minibatch": False}
+    trained = train(replace(vanilla, body=body, average=0.5, **plain), tmp_path, evaluation=50)
+    noise = random(1_000_003 + 2)  # of the last epoch
+    found = measure(constraints, family, trained.generator.sample(50, noise))
+    assert found["distance"] == pytest.approx(trained.history[-1]["distance"], rel=1e-4)
+    assert found["condition"] == pytest.approx(trained.history[-1]["condition"], rel=1e-2)
+
+
+@pytest.mark.parametrize("average", [None, 0.9])
+def test_an_interrupted_training_goes_on_where_it_was(train, vanilla, average, tmp_path):
+    first, second, vanilla = [], [], replace(vanilla, average=average)
 
     def stop(epoch, metrics):
         first.append((epoch, metrics))

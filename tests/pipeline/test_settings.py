@@ -5,6 +5,7 @@ import pytest
 import yaml
 
 from sidegan.errors import ConfigError
+from sidegan.gan.variants import Weights
 from sidegan.pipeline.graph import flatten
 from sidegan.pipeline.run import CONF
 from sidegan.pipeline.settings import Config, altered, validate
@@ -62,12 +63,51 @@ def test_an_ablation_is_a_variant_with_changes():
     eigen, cold = config.gan["eigen"], config.ablation["eigen_cold"]
     assert cold == dataclasses.replace(eigen, gaussian_start=False) != eigen
     undiverse = config.ablation["eigen_undiverse"].weights
-    assert undiverse == dataclasses.replace(eigen.weights, spread=0, distance=0)
+    assert undiverse == dataclasses.replace(eigen.weights, spread=0, distance=0, rank=0)
     assert configured("scale=paper").ablation["eigen_conv"].epochs == 50
     with pytest.raises(ConfigError, match=r"ablation needs variants, and changes"):
         altered({"variants": {}, "changes": {"new": {"of": "eigen"}}}, "ablation")
+    chain = {"one": {"of": "base", "a": {"x": 1}}, "two": {"of": "one", "b": 2}}
+    assert altered({"variants": {"base": {"a": {"x": 0, "y": 0}}}, "changes": chain}, "ladder") == {
+        "one": {"a": {"x": 1, "y": 0}},
+        "two": {"a": {"x": 1, "y": 0}, "b": 2},
+    }
     with pytest.raises(ConfigError, match=r"ablation\.eigen_conv\.width is 0, expected a whole number"):
         configured("ablation.changes.eigen_conv.width=0")
+
+
+def test_the_paper_is_taken_to_the_letter():
+    variants = configured("gan=paper", "scale=paper").gan
+    vanilla, eigen, diagonal = variants.values()
+    assert list(variants) == ["vanilla_paper", "eigen_paper", "diagonal_paper"]
+    assert [one.features for one in variants.values()] == ["none", "spectrum", "diagonal"]
+    assert dataclasses.replace(eigen, features="diagonal") == diagonal
+    assert dataclasses.replace(eigen, features="none", weights=vanilla.weights) == vanilla
+    assert eigen.weights == Weights(1, 1, 1, 1, 0, 0, 0)
+    assert (eigen.epochs, eigen.fitness_start, eigen.batch, eigen.noise, eigen.generator_steps) == (
+        *(50, 10, 100, 100),
+        2,
+    )
+    assert (eigen.learning_rate, eigen.critic_rate, eigen.betas) == (2e-4, 2e-4, (0.5, 0.999))
+    assert eigen.learned == {"predictor": "paper", "converter": "paper"}
+    ours = (eigen.decay, eigen.gaussian_start, eigen.minibatch, eigen.gradient_penalty, eigen.average)
+    assert ours == (False, False, False, 0, None)
+
+
+def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
+    config = configured("gan=[eigen,paper]", experiment="ladder")
+    rungs = list(config.ladder.values())
+    assert rungs[0] == config.gan["eigen_paper"]
+    assert rungs[-1] == config.gan["eigen"]
+    # What one step may be made of.
+    together = {"rates": {"learning_rate", "critic_rate", "betas", "decay", "clip"}}
+    together |= {"perceptron": {"body"}, "converter": {"surrogates", "real_features"}}
+    together |= {"generator": {"width", "activation", "noise"}}
+    for name, before, after in zip(list(config.ladder)[1:], rungs, rungs[1:]):
+        fields = {one.name for one in dataclasses.fields(after)}
+        different = {key for key in fields if getattr(before, key) != getattr(after, key)}
+        assert different, name
+        assert different == together.get(name, different) and (len(different) == 1 or name in together)
 
 
 def test_the_scale_reaches_the_other_groups_whatever_their_choice():
@@ -82,8 +122,8 @@ def test_the_scale_reaches_the_other_groups_whatever_their_choice():
 def test_the_variants_share_what_is_not_their_own():
     vanilla, eigen, diagonal = configured("gan=all").gan.values()
     assert [v.features for v in (vanilla, eigen, diagonal)] == ["none", "spectrum", "diagonal"]
-    own = {"features": "spectrum", "weights": eigen.weights, "learning_rate": eigen.learning_rate}
-    shared = dataclasses.replace(vanilla, **own)
+    own = ("features", "weights", "learning_rate", "activation", "width", "noise", "limited", "clip")
+    shared = dataclasses.replace(vanilla, **{name: getattr(eigen, name) for name in own})
     assert shared == eigen == dataclasses.replace(diagonal, features="spectrum", weights=eigen.weights)
     assert configured("gan=eigen").gan["eigen"] == eigen
 

@@ -51,10 +51,10 @@ def _make(task: Task, build: Build, name: str, training: int) -> None:
 
     draws = draw_valid(
         sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
-    ).require(1, f"drawn from {name}")
+    ).require(settings.least, f"drawn from {name}")
     made = measured(task.constraints, task.trajectory, draws.coefficients, name)
     made.save(build.folder / LIBRARY)
-    facts = {key: x for key, x in summary(made).items() if key != "valid"}
+    facts = {key: x for key, x in summary(made).items() if key != "valid"} if len(made) else {"count": 0}
     if task.cfg.gan[name].seeded:
         facts |= _union(task, made, noise)
     share = {"drawn": draws.drawn, "valid_share": draws.valid / draws.drawn}

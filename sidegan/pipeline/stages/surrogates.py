@@ -4,7 +4,7 @@ import logging
 
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.training import needed_surrogates, surrogates
+from sidegan.pipeline.stages.training import needed_surrogates
 from sidegan.pipeline.task import Task
 
 log = logging.getLogger(__name__)
@@ -14,8 +14,7 @@ def _artifacts(task: Task) -> list[Artifact]:
     needed = needed_surrogates(task, task.cfg.gan.values())
     if not needed:
         log.info("no surrogates: none of %s learns from them", ", ".join(task.cfg.gan))
-        return []
-    return [*needed, surrogates(task, "broad")]
+    return needed
 
 
 STAGE = Stage(_artifacts, columnwise=True)

@@ -8,12 +8,14 @@ from typing import Any
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import write_json
 from sidegan.gan import Variant
+from sidegan.gan.variants import Kind
 from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import finite
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
 
+_OWN = ("negatives", "shallow")  # settings of surrogates that are not those of all of them
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
 
@@ -37,8 +39,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
     """A trained variant; one of the configured ones where none is given."""
     variant = variant or task.cfg.gan[name]
     inputs = {"seeds": seed_set(task)} if variant.seeded else {}
-    if variant.surrogates:
-        inputs["surrogates"] = surrogates(task, variant.data)
+    inputs |= {name: surrogates(task, kind) for name, kind in variant.learned.items()}
     return task.artifact(
         "gan",
         name,
@@ -52,25 +53,30 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
     )
 
 
-def surrogates(task: Task, data: str) -> Artifact:
-    """Success predictor and converters that learn from ``broad`` samples, or from those of the ``paper``."""
-    settings = asdict(task.cfg.surrogates) | {"data": data}
-    del settings["negatives"]
-    inputs = {"seeds": seed_set(task), "negatives": negatives(task)}
-    make = partial(_pretrain, data=data)
-    settings |= taught(task)
-    return task.artifact("surrogates", data, make, settings, inputs, title=f"surrogates {data}", alone=True)
+def surrogates(task: Task, kind: Kind) -> Artifact:
+    """Success predictor and converters of a kind (``gan.variants.Learned``)."""
+    settings = {key: value for key, value in asdict(task.cfg.surrogates).items() if key not in _OWN}
+    if kind == "paper":
+        settings = {
+            key: value for key, value in asdict(task.cfg.surrogates.shallow).items() if key not in _OWN
+        }
+    inputs = {"seeds": seed_set(task), "negatives": negatives(task, kind)}
+    make = partial(_pretrain, kind=kind)
+    settings |= {"kind": kind} | taught(task)
+    return task.artifact("surrogates", kind, make, settings, inputs, title=f"surrogates {kind}", alone=True)
 
 
 def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]:
     """The surrogates that some variants learn from, and what these learn from."""
-    data = {one.data for one in variants if one.surrogates}
-    return [negatives(task), *(surrogates(task, one) for one in sorted(data))] if data else []
+    kinds = sorted({kind for one in variants for kind in one.learned.values()})
+    taught_by = {one.digest: one for one in (negatives(task, kind) for kind in kinds)}
+    return [*taught_by.values(), *(surrogates(task, kind) for kind in kinds)]
 
 
-def negatives(task: Task) -> Artifact:
-    """The generator whose output the surrogates learn from, beside the seeds."""
-    ((name, variant),) = task.cfg.surrogates.negatives.items()
+def negatives(task: Task, kind: Kind = "broad") -> Artifact:
+    """The generator whose output the surrogates of a kind learn from, beside the seeds."""
+    settings = task.cfg.surrogates.shallow if kind == "paper" else task.cfg.surrogates
+    ((name, variant),) = settings.negatives.items()
     return generator(task, name, _NEGATIVES_TRAINING, variant)
 
 
@@ -81,13 +87,10 @@ def taught(task: Task) -> dict[str, Any]:
 
 def _train(task: Task, build: Build, name: str, training: int, variant: Variant) -> None:
     from sidegan.gan.jobs import load_surrogates
-    from sidegan.gan.surrogates import Surrogates
     from sidegan.gan.training import Run, train_variant
 
-    learnt = Surrogates()
-    if variant.surrogates:
-        source = task.store.require(surrogates(task, variant.data))
-        learnt = load_surrogates(source, variant, task.arm, task.trajectory)
+    folders = {name: task.store.require(surrogates(task, kind)) for name, kind in variant.learned.items()}
+    learnt = load_surrogates(folders, variant.features, task.arm, task.trajectory)
     run = Run(
         name,
         task.number(f"gan {name}", training),
@@ -111,19 +114,19 @@ def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
     write_json(build.folder / HISTORY, rows)
 
 
-def _pretrain(task: Task, build: Build, data: str) -> None:
+def _pretrain(task: Task, build: Build, kind: Kind) -> None:
     from sidegan.gan import TrajectoryGenerator
     from sidegan.gan.jobs import SHARES, Pretraining, negatives_count
 
     settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
-    vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)
-    faulty = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
+    vanilla = TrajectoryGenerator.load(task.store.require(negatives(task, kind)) / GENERATOR, task.arm)
     seeds = training_seeds(task).coefficients
-    pretraining = Pretraining(task.constraints, task.trajectory, settings, data, seeds, faulty, build.work)
+    faulty = vanilla.sample(negatives_count(kind, settings.samples, len(seeds)), task.number("negatives"))
+    pretraining = Pretraining(task.constraints, task.trajectory, settings, kind, seeds, faulty, build.work)
     labelling: list[Job] = [
         partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)
     ]
-    run_jobs("labels", labelling, workers, settings.samples)
+    run_jobs("labels", labelling, workers, pretraining.samples)
     trainings: list[Job] = [
         partial(pretraining.train_success, build.folder, task.number("success")),
         *(
@@ -131,5 +134,5 @@ def _pretrain(task: Task, build: Build, data: str) -> None:
             for name in ("spectrum", "diagonal")
         ),
     ]
-    parts = run_jobs("surrogates", trainings, workers, settings.epochs * len(trainings))
+    parts = run_jobs("surrogates", trainings, workers, pretraining.epochs * len(trainings))
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})

@@ -1,0 +1,40 @@
+import pandas as pd
+import pytest
+
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import ladder
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
+from tests.tiny import tiny
+
+
+@pytest.fixture(scope="module")
+def climbed(outputs, tmp_path_factory):
+    """The task of a ladder of three rungs that was run, and the run's folder."""
+    folder = tmp_path_factory.mktemp("ladder")
+    config = tiny(f"outputs={outputs}", experiment="ladder")
+    run_stages(config, folder, "ladder")
+    return Task(config, Store(outputs)), folder
+
+
+def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
+    task, folder = climbed
+    table = pd.read_csv(folder / "ladder.csv", index_col=0)
+    assert list(table.index) == ["seeds", "letter", "non_saturating", "ours"]
+    assert list(table.columns) == [
+        "valid share",
+        "median cond(YᵀY) of the valid",
+        "mean distance",
+        "effective rank",
+    ]
+    (ours,) = ladder.rungs(task)["ours"]
+    assert float(table["effective rank"]["ours"]) == pytest.approx(task.history(ours)[-1]["rank"], rel=0.01)
+    assert (folder / "ladder.md").read_text().startswith("From the paper's recipe to ours")
+
+
+def test_rungs_share_the_surrogates_of_their_kind(climbed):
+    task, _ = climbed
+    made = {name: artifacts[0].inputs for name, artifacts in ladder.rungs(task).items()}
+    assert made["letter"]["predictor"].digest == made["non_saturating"]["predictor"].digest
+    assert made["letter"]["predictor"].digest == made["letter"]["converter"].digest
+    assert made["letter"]["predictor"].digest != made["ours"]["predictor"].digest
