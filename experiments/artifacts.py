@@ -19,6 +19,7 @@ from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.conditional import STUDY, Conditions
 from sidegan.pipeline.stages.density import density
+from sidegan.pipeline.stages.elsewhere import elsewhere
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.kinds import kind
 from sidegan.pipeline.stages.library import library
@@ -26,6 +27,7 @@ from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
 from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
 from sidegan.pipeline.stages.random import random_set
+from sidegan.pipeline.stages.readings import covariance, readings
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import excitation_sets, selection
@@ -48,6 +50,9 @@ class Artifacts:
         task: the settings and where their artifacts are.
         whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
+        covariances: covariance norm of the same sets by set, training, prior and forgetting.
+        elsewhere: NMSE of experiment 1's sets, and error as a share of the torque limit, by set, training,
+            repeat, weighted, kind of test and joint.
         sensitivity: experiment 1 with other settings.
         density: samples of kernel density estimates, a row for each bandwidth.
         seeds: report of the seed set, with what it took.
@@ -63,6 +68,8 @@ class Artifacts:
 
     whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
     whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
+    covariances = cached_property(lambda self: self.task.frame(covariance(self.task)))
+    elsewhere = cached_property(lambda self: self.task.frame(elsewhere(self.task)))
     sensitivity = cached_property(lambda self: self.task.frame(sensitivity(self.task)))
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
@@ -92,6 +99,13 @@ class Artifacts:
         """NMSE of every excitation set as executed on the plant, by seed, set, training, repeat, …."""
         frames = [self.task.frame(plant(self.task, one)) for one in excitation_sets(self.task)]
         return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
+
+    @cached_property
+    def readings(self) -> pd.DataFrame:
+        """NMSE of experiment 2 by reading of its noise, set, training, repeat, weighted and joint."""
+        tasks = readings(self.task)
+        frames = [task.frame(replication(task)).assign(reading=name) for name, task in tasks.items()]
+        return pd.concat(frames, ignore_index=True)
 
     @cached_property
     def histories(self) -> pd.DataFrame:

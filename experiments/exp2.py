@@ -80,6 +80,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
         rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(_runs(part)).covariance_norm.mean()),
             "samples": f"{part.samples.mean():.0f}",
+            "‖diag P‖ × samples": f"{(part.covariance_norm * part.samples).mean():.3g}",
             "paper": PAPER["table3"].get(name, "—"),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
-from experiments import claims, comparisons, exp1, exp2, training
+from experiments import claims, comparisons, exp1, exp2, readings, training
 from experiments.artifacts import SEEDS, Artifacts, Group, comparison
 from experiments.pages import Page, publish
 from experiments.verdicts import CONFIDENCE
@@ -48,6 +48,11 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "confidence": CONFIDENCE,
         "claims": judged,
         "signed": claims.signed,
+        "recursions": {
+            name: readings.distances(group.frame("covariances")) for name, group in groups.items()
+        },
+        "unchanged": readings.unchanged(),
+        "usual": readings.named(artifacts.cfg.identification.prior, artifacts.cfg.identification.forgetting),
         "verdicts": {
             group.title: claims.counted(claim.findings[name].verdict for claim in judged)
             for name, group in groups.items()
@@ -98,7 +103,8 @@ def _tables(group: Group) -> dict[str, pd.DataFrame]:
         "whole": exp2.errors(whole),
         "density": comparisons.densities(group.first.density),
     }
-    return shown | {name: table for name, (table, _) in exp2.tables2(whole, cfg).items()}
+    shown |= {name: table for name, (table, _) in exp2.tables2(whole, cfg).items()}
+    return shown | readings.shown(group)
 
 
 def _own_tables(groups: Groups) -> dict[str, pd.DataFrame]:

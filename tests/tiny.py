@@ -43,6 +43,7 @@ SMALL = {
         "discussion.sizes=[20]",
         "discussion.draws=30",
         "sensitivity.priors=[1]",
+        "recursions=[{prior:1e6,forgetting:1},{prior:1e-6,forgetting:1},{prior:1e6,forgetting:0.99}]",
         "sensitivity.counts=[2]",
         "~sensitivity.noises.additive",
         "~columns.letter_second",

@@ -5,7 +5,12 @@ from sidegan.identification.live import Live
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score
-from sidegan.identification.settings import EstimationSettings, ReplicationSettings, StudySettings
+from sidegan.identification.settings import (
+    EstimationSettings,
+    Recursion,
+    ReplicationSettings,
+    StudySettings,
+)
 from sidegan.identification.trust import trust
 
 __all__ = [
@@ -17,6 +22,7 @@ __all__ = [
     "Live",
     "Measurements",
     "Noise",
+    "Recursion",
     "ReplicationSettings",
     "Score",
     "StudySettings",

@@ -103,6 +103,11 @@ class Noise:
     torque: bool  # whether measured torques are noisy
     state: bool  # whether measured positions, velocities and accelerations are noisy
 
+    @property
+    def exact(self) -> bool:
+        """Whether nothing is noisy."""
+        return not self.level or not (self.torque or self.state)
+
     def add(self, x: Tensor, draw: Tensor) -> Tensor:
         """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""
         scale = x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True)

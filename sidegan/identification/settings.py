@@ -23,15 +23,25 @@ class StudySettings:
 
 @dataclass(frozen=True)
 class ReplicationSettings:
-    """Whole sets measured with noise on everything, the seeds several times over."""
+    """Whole sets measured with noise, the seeds several times over."""
 
+    reading: str  # name of the reading of the paper's words about noise
     replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
-    noise: Noise
+    noise: Noise  # of every measurement of the seeds
+    generated: Noise  # of the measurements of generated trajectories
     repeats: Count
 
     def __post_init__(self) -> None:
         if not self.replicas or len(set(self.replicas)) < len(self.replicas):
             raise ConfigError(f"replicas is {self.replicas}, expected one number or more, each once")
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """Recursive least squares from P₀ = prior · I, in which a sample of age k counts forgetting^k."""
+
+    prior: Positive
+    forgetting: Annotated[float, Bound(">", 0), Bound("≤", 1)]
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from sidegan.pipeline.task import Task
 SEEDS = "seeds"  # the stage that makes those of all columns
 SETTINGS = "outputs/settings.yaml"
 _RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
+_MANY = 6  # outputs that get a line each
 _VERSIONS = "sidegan/pipeline/versions.yaml"
 HEAD = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`.
@@ -108,7 +109,7 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
             "cmd": _RUN.format("beyond" if name == "beyond" else "reproduction") + alone,
             "params": _Line([{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}]),
             **({"deps": list(dict.fromkeys(map(path, parents)))} if parents else {}),
-            "outs": [{one: {"persist": True}} for one in dict.fromkeys(map(path, artifacts))],
+            "outs": _outs(map(path, artifacts)),
         }
     everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
     stages["report"] = {
@@ -120,6 +121,12 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
     stages["beyond"] = {**beyond, **page, "outs": beyond["outs"] + page["outs"]}  # last: it is the longest
     shown = [f"docs/{name}/metrics" for name in ("reproduction", "beyond")]
     return {"stages": stages, "metrics": shown, "plots": ["docs/reproduction/figures/training.png"]}
+
+
+def _outs(paths: Iterable[str]) -> list[Any]:
+    """Outputs that persist, each once; many of them stand side by side."""
+    outs = [{one: {"persist": True}} for one in dict.fromkeys(paths)]
+    return _Line(outs) if len(outs) > _MANY else outs
 
 
 def _published(name: str, *pages: str) -> dict[str, Any]:

@@ -139,6 +139,17 @@ class Discussion:
 
 
 @dataclass(frozen=True)
+class Elsewhere:
+    """Test trajectories that are unlike those that models are identified from."""
+
+    slow: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # size, of a random valid trajectory's
+    fast: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the tightest joint limit that is used
+    moves: Count  # from rest to rest in one recording of pick and place
+    velocity: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the limits that they reach
+    rest: Positive  # between two of them [s]
+
+
+@dataclass(frozen=True)
 class Target:
     """What a generator is transferred to; null: as it was."""
 

@@ -17,12 +17,19 @@ from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
-from sidegan.identification import EstimationSettings, ReplicationSettings, StudySettings, Terms
+from sidegan.identification import (
+    EstimationSettings,
+    Recursion,
+    ReplicationSettings,
+    StudySettings,
+    Terms,
+)
 from sidegan.library.draw import Expansion
 from sidegan.pipeline.schema import (
     Beyond,
     Column,
     Discussion,
+    Elsewhere,
     Parallel,
     Robot,
     Scale,
@@ -92,6 +99,9 @@ class Config:
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")
     replication: ReplicationSettings = _group("replication")
+    readings: dict[str, ReplicationSettings] = _group("readings")  # others, of the paper's words about noise
+    recursions: list[Recursion] = _group("recursions")  # of which covariance norms are taken
+    elsewhere: Elsewhere = _group("elsewhere")
     columns: dict[str, Column] = _group("columns")  # other settings for the whole comparison
     only: list[str] | None = None  # columns to make, "ours" among them; null: all
     column: str | None = None  # which of them this is; null: none
@@ -141,9 +151,20 @@ class Config:
             raise ConfigError(
                 "replication adds sums that have no order in time: identification.forgetting must be 1"
             )
+        if self.has("replication", "readings"):
+            self._check_readings()
         if self.has("seeds", "trajectory"):
             self._check_counts()
             self._check_rates()
+
+    def _check_readings(self) -> None:
+        """Refuse readings that would be taken for each other."""
+        for name, one in self.readings.items():
+            if one.reading != name or name == self.replication.reading:
+                raise ConfigError(
+                    f"readings.{name}.reading is {one.reading!r}, expected {name!r}, "
+                    f"and another one than replication.reading = {self.replication.reading!r}"
+                )
 
     def _check_files(self) -> None:
         """Refuse a recording that is named twice, or that a model would be validated on after training."""

@@ -53,6 +53,7 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page):
     assert web.count('<img src="data:image/png;base64,') == 9
     assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
     names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
+    names |= {"readings", "reading_verdicts", "recursions", "elsewhere", "elsewhere_weighted"}
     assert names <= tables
     assert not list(docs.glob("*/figures/*.svg"))
     seeds, eigen = (
@@ -175,6 +176,28 @@ def test_table_2_and_3_show_the_papers_numbers_beside_ours(artifacts):
     third = exp2.table3(artifacts.whole_facts)
     assert list(third.index)[:3] == ["seeds ×1", "seeds ×4", "seeds ×10"]
     assert third.loc["seeds + eigen", "paper"] == "1.89143"
+    told = third.loc[["seeds ×1", "seeds ×10"], "‖diag P‖ × samples"].astype(float)
+    assert told.iloc[0] == pytest.approx(told.iloc[1], rel=0.1)  # more samples of the same trajectories
+
+
+def test_what_nobody_changed_is_the_same_in_every_reading(artifacts):
+    errors, facts = artifacts.readings, artifacts.whole_facts
+    assert set(errors.reading) == {"everything", "replications", "torques"}
+    table = errors.set_index(["set", "training", "repeat", "weighted", "joint"]).sort_index()
+    own, seeds_alone = (table[table.reading == x].nmse for x in ("everything", "replications"))
+    pd.testing.assert_series_equal(own, artifacts.whole_errors.set_index(table.index.names).nmse.sort_index())
+    seeds = [name for name in facts["set"].unique() if name.startswith("seeds")]
+    pd.testing.assert_series_equal(own.loc[seeds], seeds_alone.loc[seeds])
+    assert (own.loc["eigen"] != seeds_alone.loc["eigen"]).all()
+
+
+def test_a_recursion_that_forgets_nothing_has_the_norms_of_table_3(artifacts):
+    norms = artifacts.covariances
+    usual = norms[(norms.prior == artifacts.cfg.identification.prior) & (norms.forgetting == 1)]
+    facts = artifacts.whole_facts[artifacts.whole_facts.repeat == 0]
+    both = usual.merge(facts, on=["set", "training"])
+    assert len(both) == len(facts) == len(usual)
+    assert both.covariance_norm_x.to_numpy() == pytest.approx(both.covariance_norm_y.to_numpy(), rel=1e-6)
 
 
 def test_epochs_to_reliability():

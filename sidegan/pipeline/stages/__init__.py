@@ -17,6 +17,8 @@ STAGES = {
     "identification": "Table I: identification from each set",
     "plant": "the same sets executed on the arm in MuJoCo",
     "replication": "Tables II and III: identification from whole sets",
+    "readings": "the same under other readings of the paper's words about noise and recursion",
+    "elsewhere": "the arm identified from each set, tested on motions unlike those in it",
     "kinds": "seeds of other kinds",
     "sensitivity": "Table I with one setting changed at a time",
     "subsets": "surrogates and variants on fewer seeds",

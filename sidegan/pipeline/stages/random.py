@@ -20,15 +20,17 @@ def random_set(task: Task) -> Artifact:
     return task.artifact("random", "random", _make, settings, alone=True)
 
 
-def random_valid(task: Task, count: int, purpose: str) -> Draws:
+def random_valid(task: Task, count: int, purpose: str, reach: float = REACH) -> Draws:
     """Random valid trajectories, (count, J, H, 2), and how many were drawn for them.
+
+    Every joint uses ``reach`` of its tightest position or velocity limit.
 
     Raises:
         InfeasibleError: when random trajectories are almost never valid.
     """
     generator = torch.Generator().manual_seed(task.number(purpose))
     draws = draw_valid(
-        lambda n: task.problem.start(n, generator, REACH), task.check, count, count, _TRIES * count
+        lambda n: task.problem.start(n, generator, reach), task.check, count, count, _TRIES * count
     )
     if draws.valid < count:
         raise InfeasibleError("random trajectories are almost never valid in this workspace")

@@ -1,6 +1,6 @@
-"""Stage replication: identification from whole sets with noise on everything, the seeds measured again."""
+"""Stage replication: identification from whole sets that are measured with noise, the seeds repeatedly."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import pandas as pd
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
-from sidegan.identification import StudySettings
+from sidegan.identification import Noise, StudySettings
 from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.graph import Artifact, Build, Metrics
@@ -20,6 +20,31 @@ from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
 SUMS = "sums.pt"
+EVERYTHING = "everything"  # the reading that needs no name
+
+
+@dataclass(frozen=True)
+class Measured:
+    """How a whole set is measured."""
+
+    noise: Noise
+    repeats: int  # noise realisations; one where nothing is noisy
+    replicas: int  # times in each of them; the seeds as often as they are replicated
+
+    @classmethod
+    def of(cls, task: Task, pool: Pool) -> "Measured":
+        """How a set is measured under the task's reading."""
+        settings = task.cfg.replication
+        if pool.name == SEEDS:
+            return cls(settings.noise, settings.repeats, max(settings.replicas))
+        return cls(settings.generated, 1 if settings.generated.exact else settings.repeats, 1)
+
+    @property
+    def mark(self) -> str:
+        """What tells its artifact from those measured otherwise; nothing where everything is noisy."""
+        noisy = (self.noise.state and "states", self.noise.torque and "torques")
+        named = [] if self.noise.exact else [name for name in noisy if name]
+        return "" if len(named) == len(noisy) else f"-{named[0] if named else 'exact'}"
 
 
 def whole_sets(task: Task) -> list[Pool]:
@@ -28,26 +53,45 @@ def whole_sets(task: Task) -> list[Pool]:
 
 
 def sums(task: Task, pool: Pool) -> Artifact:
-    """The sums of the noisy measurements of a whole set."""
-    settings = asdict(task.cfg.replication) | {"rate": task.cfg.identification.rate}
-    settings["replicas"] = _replicas(task, pool)
+    """The sums of the measurements of a whole set; readings that measure it alike share them."""
+    measured = Measured.of(task, pool)
+    settings, label = asdict(measured) | {"rate": task.cfg.identification.rate}, pool.name + measured.mark
     make = partial(_measure, pool=pool)
-    return task.artifact("sums", pool.name, make, settings, pool.inputs, training=pool.training)
+    return task.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
 
 
 def replication(task: Task) -> Artifact:
     """What identification from each combination of whole sets is worth."""
     inputs = {f"{one.name} {one.training or 0}": sums(task, one) for one in whole_sets(task)}
-    settings = asdict(task.cfg.identification) | asdict(task.cfg.replication)
-    metrics = partial(_mean_errors, task)
+    own = asdict(task.cfg.replication)
+    reading = own.pop("reading")
+    del own["generated"]  # the inputs have it
+    names = [*task.cfg.gan, *([] if reading == EVERYTHING else [reading])]
     return task.artifact(
-        "replication", "-".join(task.cfg.gan), _combine, settings, inputs, title="nmse", metrics=metrics
+        "replication",
+        "-".join(names),
+        _combine,
+        asdict(task.cfg.identification) | own,
+        inputs,
+        title="/".join(["nmse", *names[len(task.cfg.gan) :]]),
+        metrics=partial(_mean_errors, task),
     )
 
 
-def _replicas(task: Task, pool: Pool) -> int:
-    """How often a set is measured; the seeds as often as they are replicated."""
-    return max(task.cfg.replication.replicas) if pool.name == SEEDS else 1
+def draws(task: Task, pool: Pool) -> list[list[Sums]]:
+    """The sums over a whole set by noise realisation and replica.
+
+    Raises:
+        ArtifactError: when they are not there.
+    """
+    measured = read_torch(task.store.require(sums(task, pool)) / SUMS)
+    every = [[Sums(**part) for part in draw] for draw in measured]
+    return every * (task.cfg.replication.repeats if len(every) == 1 else 1)
+
+
+def study_settings(task: Task, noise: Noise) -> StudySettings:
+    """The comparison's settings with the noise of whole sets."""
+    return replace(task.cfg.identification, noise=noise)
 
 
 def _mean_errors(task: Task, folder: Path) -> Metrics:
@@ -61,22 +105,18 @@ def _mean_errors(task: Task, folder: Path) -> Metrics:
 
 def _measure(task: Task, build: Build, pool: Pool) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
-    settings, replicas, library = task.cfg.replication, _replicas(task, pool), pool.load(task)
-    parts = {(r, k): build.work / f"{r}-{k}.pt" for r in range(settings.repeats) for k in range(replicas)}
+    measured, library = Measured.of(task, pool), pool.load(task)
+    settings, every = study_settings(task, measured.noise), range(measured.repeats)
+    parts = {(r, k): build.work / f"{r}-{k}.pt" for r in every for k in range(measured.replicas)}
     for done, ((repeat, replica), path) in enumerate(parts.items()):
         if not readable(path):
             random = task.random(f"measured {pool.name} {repeat} {replica}", pool.training)
             family = (task.trajectory, library.coefficients)
             report = partial(_report_part, build.report, done, len(parts))
-            write_torch(path, measured_sums(task.body, family, _study(task), random, report)._asdict())
+            write_torch(path, measured_sums(task.body, family, settings, random, report)._asdict())
         build.report(done + 1, len(parts))
-    draws = [[read_torch(parts[r, k]) for k in range(replicas)] for r in range(settings.repeats)]
-    write_torch(build.folder / SUMS, draws)
-
-
-def _study(task: Task) -> StudySettings:
-    """The comparison's settings with the noise of whole sets."""
-    return replace(task.cfg.identification, noise=task.cfg.replication.noise)
+    sums_by_draw = [[read_torch(parts[r, k]) for k in range(measured.replicas)] for r in every]
+    write_torch(build.folder / SUMS, sums_by_draw)
 
 
 def _report_part(report: Report, before: int, total: int, done: int, count: int) -> None:
@@ -86,24 +126,19 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
 def _combine(task: Task, build: Build) -> None:
     settings = task.cfg.replication
     tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests").coefficients)
-    seeds, *libraries = ((one, _sums(task, one)) for one in whole_sets(task))
+    seeds, *libraries = ((one, draws(task, one)) for one in whole_sets(task))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.repeats):
         first = seeds[1][repeat]
         jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas})]
         for training in task.cfg.trainings:
-            of_training = [(pool, draws) for pool, draws in libraries if pool.training == training]
-            jobs.append((training, {pool.name: [first[0], *draws[repeat]] for pool, draws in of_training}))
+            of_training = [(pool, parts) for pool, parts in libraries if pool.training == training]
+            jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, _study(task))
+            frames = combined(task.body, sets, tests, study_settings(task, settings.noise))
             tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
-
-
-def _sums(task: Task, pool: Pool) -> list[list[Sums]]:
-    draws = read_torch(task.store.require(sums(task, pool)) / SUMS)
-    return [[Sums(**part) for part in draw] for draw in draws]
 
 
 STAGE = Stage(
