@@ -183,9 +183,7 @@ def read_stamp(folder: Path) -> dict[str, Any]:
     if not isinstance(stamp, dict) or not isinstance(files := stamp.pop("files", None), dict):
         raise ArtifactError(f"{folder / STAMP} is not a stamp")
     if "maker" not in stamp:
-        raise ArtifactError(
-            f"{folder} is of version 0.1; python -m sidegan.pipeline.takeover takes over what it can"
-        )
+        raise ArtifactError(f"{folder} is of version 0.1")
     for name, digest in files.items():
         path = folder / name
         if not path.is_file():

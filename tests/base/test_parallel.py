@@ -170,7 +170,7 @@ def test_a_cluster_that_goes_away_is_told(tmp_path):
     scheduler = subprocess.Popen([*dask, "scheduler", "--port", "0", *where], **quiet)
     worker = subprocess.Popen([*dask, "worker", "--nthreads", "1", "--no-nanny", *where], **quiet)
     try:
-        wait_until(scheduler_file.exists)
+        wait_until(lambda: scheduler_file.exists() and scheduler_file.read_text())
         address = json.loads(scheduler_file.read_text())["address"]
         with engine("dask", address):
             assert run_jobs("short", [partial(slow, 0.0)], None) == [0.0]

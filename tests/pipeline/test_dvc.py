@@ -55,7 +55,7 @@ def test_every_artifact_is_made_by_one_stage(made):
     outs = [Path(path) for stage in PIPELINE.values() for path in paths(stage, "outs")]
     for artifacts in made.values():
         for one in artifacts:
-            folder = Path("outputs", one.maker, one.label)
+            folder = Path("outputs", one.shelf, one.label)
             assert sum(folder == out or out in folder.parents for out in outs) == 1, folder
 
 
@@ -69,7 +69,12 @@ def test_a_changed_setting_reruns_the_stage_that_it_is_of(tmp_path, made, monkey
 
     monkeypatch.setattr(dvc, "task", changed)
     after = dvc.settings(dvc.parts(tmp_path))
-    assert {name for name in after if after[name] != before[name]} == {"gan", "subsets", "ours_second", "ours_on_paper"}
+    assert {name for name in after if after[name] != before[name]} == {
+        "gan",
+        "subsets",
+        "ours_second",
+        "ours_on_paper",
+    }
 
 
 def test_the_settings_are_those_of_the_stamps(made):

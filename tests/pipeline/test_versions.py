@@ -44,6 +44,8 @@ def makers(outputs, run):
         run_stages(config, run / experiment, "versions")
         task = Task(config, Store(Path(outputs)))
         artifacts += [(one, task.store) for name in names for one in stage(name).artifacts(task)]
+        if "seeds" in names:  # those of columns, too
+            artifacts += [(one, task.store) for one in stage("seeds").listed(task)]
     stores = {one.digest: store for one, store in artifacts}
     for wave in waves(one for one, _ in artifacts):
         for one in wave:
