@@ -14,11 +14,13 @@ from types import ModuleType
 from typing import Any
 
 import numba
+from filelock import FileLock, Timeout
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import register_jitable
 
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 _ANY_ORDER: Any = {"contract", "reassoc"}
+_PATIENCE = 120.0  # [s] with another process that compiles a function, before compiling it as well
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -27,6 +29,7 @@ class _Cache(FunctionCache):
     """Cache on disk of a function, stale as soon as any file of this package changes.
 
     Numba's own looks at the function's file alone, although a compiled function contains those it calls.
+    Where several processes need a function that is not there, one of them compiles it and the others wait.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -34,6 +37,27 @@ class _Cache(FunctionCache):
         self._cache_file = IndexDataCacheFile(
             self._impl.locator.get_cache_path(), self._impl.filename_base, source_stamp=_digest()
         )
+        folder = Path(self._impl.locator.get_cache_path())
+        self._compiling = FileLock(folder / f"{self._impl.filename_base}.lock", timeout=_PATIENCE)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function, or None when this process has to compile it."""
+        there = super().load_overload(sig, target_context)
+        if there is None:
+            with suppress(OSError, Timeout):
+                self._impl.locator.ensure_cache_path()
+                self._compiling.acquire()
+                there = super().load_overload(sig, target_context)
+        if there is not None:
+            self._compiling.release()
+        return there
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a function that was compiled."""
+        try:
+            super().save_overload(sig, data)
+        finally:
+            self._compiling.release()
 
 
 @cache

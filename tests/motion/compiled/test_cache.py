@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -75,3 +76,24 @@ def test_kernels_are_compiled_where_there_is_no_place_for_a_cache(package):
     nowhere = "import numba.core.caching as c; c.CacheImpl._locator_classes = []\n"
     for _ in range(2):
         assert run(nowhere + KERNEL, package.parents[2]) == "6.0 0"
+
+
+def test_processes_that_need_a_kernel_at_once_compile_it_once(package):
+    wait = """
+import time
+from pathlib import Path
+from sidegan.motion.compiled import caller
+Path(sys.argv[1]).touch()
+end = time.monotonic() + 60
+while not Path("go").exists() and time.monotonic() < end:
+    time.sleep(0.001)
+"""
+    folder, code = package.parents[2], KERNEL.replace("import sys\n", f"import sys\n{wait}", 1)
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    names, options = ("first", "second"), {"cwd": folder, "env": environment, "stdout": subprocess.PIPE}
+    both = [subprocess.Popen([sys.executable, "-c", code, name], text=True, **options) for name in names]
+    while not all((folder / name).exists() or one.poll() is not None for name, one in zip(names, both)):
+        time.sleep(0.01)
+    (folder / "go").touch()
+    assert sorted(one.communicate(timeout=120)[0].strip() for one in both) == ["6.0 0", "6.0 1"]
