@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -219,10 +219,14 @@ class Group:
         """What was made for its first column."""
         return next(iter(self.parts.values()))
 
+    _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
+
     def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over all columns, each told by ``column``."""
-        frames = [getattr(part, name).assign(column=column) for column, part in self.parts.items()]
-        return pd.concat(frames, ignore_index=True)
+        """A frame of ``Artifacts`` over all columns, each told by ``column``; put together once."""
+        if name not in self._frames:
+            frames = [getattr(part, name).assign(column=column) for column, part in self.parts.items()]
+            self._frames[name] = pd.concat(frames, ignore_index=True)
+        return self._frames[name]
 
     def seeds(self, key: str) -> pd.Series:
         """A number of the seed set, by column."""

@@ -109,9 +109,9 @@ def _more_diverse(group: Group) -> Finding:
 
 def _comparable(group: Group) -> Finding:
     effects = {
-        f"{name}, {what}": against(at(group, name, key, _LATE), group.seeds(key))
+        f"{name}, {key}": against(at(group, name, key, _LATE), group.seeds(key))
         for name in SIDE_GANS
-        for key, what in (("nearest", "nearest"), ("rank", "rank"))
+        for key in ("nearest", "rank")
     }
     verdict = together(above(x, np.log(_COMPARABLE)) for x in effects.values())
     distance = {n: against(at(group, n, "distance", _LATE), group.seeds("distance")) for n in SIDE_GANS}
@@ -166,7 +166,7 @@ def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
     """A metric after the last epoch on the smallest subset of the seeds, by variant, and its size."""
     frame = group.frame("subsets")
     smallest = int(frame.seeds.min())
-    part = frame[(frame.seeds == smallest)]
+    part = frame[frame.seeds == smallest]
     last = part[part.epoch == part.groupby("variant").epoch.transform("max")].set_index(["column", TRAINING])
     return {n: last[last.variant == n][key] for n in SIDE_GANS}, smallest
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from experiments.artifacts import Artifacts
 from experiments.pages import leave
+from experiments.verdicts import levels
 from experiments.words import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.settings import Config
@@ -63,7 +64,7 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
         for replicas in config.replication.replicas:
             gain = improvement(part, name, f"seeds ×{replicas}")
             joints = gain.groupby("joint").improvement.mean()
-            trainings = gain.groupby(_runs(gain)).improvement.mean()
+            trainings = gain.groupby(levels(gain)).improvement.mean()
             cells = rows.setdefault(tables.title(name), {})
             cells[f"×{replicas}"] = f"{joints.mean():.3g} ± {joints.std():.2g}"
             if len(trainings) > 1:
@@ -78,7 +79,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
     for name in tables.ordered(facts["set"].unique()):
         part = facts[facts["set"] == name]
         rows[tables.title(name)] = {
-            "‖diag P‖": tables.spread(part.groupby(_runs(part)).covariance_norm.mean()),
+            "‖diag P‖": tables.spread(part.groupby(levels(part)).covariance_norm.mean()),
             "samples": f"{part.samples.mean():.0f}",
             "‖diag P‖ × samples": f"{(part.covariance_norm * part.samples).mean():.3g}",
             "paper": PAPER["table3"].get(name, "—"),
@@ -91,12 +92,7 @@ def errors(results: pd.DataFrame) -> pd.DataFrame:
     rows: dict[str, dict[str, str]] = {}
     for name in tables.ordered(results["set"].unique()):
         own = results[results["set"] == name]
-        mean = {w: p.groupby([*_runs(p), "repeat"]).nmse.mean() for w, p in own.groupby("weighted")}
+        mean = {w: p.groupby(levels(p, "repeat")).nmse.mean() for w, p in own.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
         rows[tables.title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")
-
-
-def _runs(frame: pd.DataFrame) -> list[str]:
-    """The columns that tell single trainings."""
-    return [key for key in ("column", "training") if key in frame]

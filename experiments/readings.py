@@ -8,7 +8,7 @@ import pandas as pd
 from experiments.artifacts import Group
 from experiments.claims_identification import OF_WHOLE_SETS, gain
 from experiments.finding import words
-from experiments.verdicts import interval
+from experiments.verdicts import interval, levels
 from experiments.words import PAPER
 from sidegan.pipeline.settings import Config
 from sidegan.report import tables
@@ -85,11 +85,10 @@ def elsewhere(errors: pd.DataFrame, weighted: bool) -> pd.DataFrame:
     """Errors of every set's model by kind of test, mean over joints."""
     part = errors[errors.weighted == weighted]
     sets = tables.ordered(part["set"].unique())
-    runs = [key for key in ("column", "training", "repeat") if key in part]
     rows = []
     for kind, own in part.groupby("test", sort=False):
         for key, what, scale in (("nmse", "nMSE", 1), ("share", "RMS error [% of torque limit]", 100)):
-            means = (scale * own.groupby(["set", *runs])[key].mean()).groupby("set")
+            means = (scale * own.groupby(["set", *levels(part, "repeat")])[key].mean()).groupby("set")
             cells = {tables.title(name): tables.spread(means.get_group(name)) for name in sets}
             rows.append({"test": kind, "error": what, **cells})
     return pd.DataFrame(rows).set_index("test")

@@ -10,6 +10,7 @@ import pandas as pd
 
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
+from experiments.verdicts import levels
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
@@ -55,8 +56,7 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
     """First epoch after which a generator is reliable, and its best and last valid share."""
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
-        runs = [key for key in ("column", "training") if key in part]
-        share = part.pivot(index="epoch", columns=runs, values="success").fillna(0.0)
+        share = part.pivot(index="epoch", columns=levels(part), values="success").fillna(0.0)
         reached = share >= RELIABLE
         first = reached.idxmax().where(reached.any())
         rows[name] = {

@@ -32,6 +32,11 @@ class Interval(NamedTuple):
         return Interval(*(float(np.exp(x)) for x in self))
 
 
+def levels(frame: pd.DataFrame, *more: str) -> list[str]:
+    """The columns that tell single trainings, and others after them, as far as a frame has them."""
+    return [key for key in (COLUMN, TRAINING, *more) if key in frame]
+
+
 def interval(effect: pd.Series) -> Interval:
     """Mean of an effect with its confidence interval (Student's t).
 

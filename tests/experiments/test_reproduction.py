@@ -1,11 +1,11 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from experiments import comparisons, exp2, reproduction, training
+from experiments.artifacts import Group
 from experiments.claims import claims, counted
 from experiments.verdicts import HOLDS, NOT, PART, UNDECIDED
 from experiments.words import PAPER
@@ -99,9 +99,8 @@ def test_verdicts_are_counted_in_words():
 
 
 def test_verdicts_follow_from_the_numbers(groups, artifacts, monkeypatch):
-    ours = {"ours": replace(groups["ours"], parts={"ours": artifacts})}
-
     def verdict(key):
+        ours = {"ours": Group("ours", "ours", {"ours": artifacts})}
         (found,) = (claim.findings["ours"].verdict for claim in claims(ours) if claim.key == key)
         return found
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import reduce
-from pathlib import Path
 
 import pandas as pd
 import torch
@@ -40,11 +39,7 @@ def covariance(task: Task) -> Artifact:
     for pool in whole_sets(task):
         key = f"{pool.name} {pool.training or 0}"
         inputs |= {f"{key} {one.maker}": one for one in (*pool.parts, sums(task, pool))}
-    return task.artifact("covariance", "-".join(task.cfg.gan), _make, settings, inputs, metrics=_none)
-
-
-def _none(folder: Path) -> dict[str, float]:
-    return {}
+    return task.artifact("covariance", "-".join(task.cfg.gan), _make, settings, inputs)
 
 
 def _make(task: Task, build: Build) -> None:

@@ -41,7 +41,7 @@ def sensitivity(task: Task) -> Artifact:
     settings["count"] = task.cfg.selection.count
     inputs = {f"{one.title} {part.maker}": part for one in compared(task) for part in one.parts}
     label = "-".join(task.cfg.gan)
-    return task.artifact("sensitivity", label, _make, settings, inputs, metrics=_none, alone=True)
+    return task.artifact("sensitivity", label, _make, settings, inputs, alone=True)
 
 
 def alternatives(task: Task) -> Iterator[Alternative]:
@@ -64,10 +64,6 @@ def compared(task: Task) -> list[Pool]:
     diagonal = Pool("seeds, diagonal", None, "seeds, diagonal", (kind(task, _DIAGONAL),))
     eigenvalue = Pool("seeds, eigenvalue", None, "seeds, eigenvalue", (seed_set(task),))
     return [*pools(task), eigenvalue, diagonal]
-
-
-def _none(folder: Path) -> dict[str, float]:
-    return {}
 
 
 def _make(task: Task, build: Build) -> None:

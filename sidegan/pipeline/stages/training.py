@@ -8,6 +8,7 @@ from typing import Any
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import write_json
 from sidegan.gan import Variant
+from sidegan.gan.surrogates import ShallowSettings, SurrogateSettings
 from sidegan.gan.variants import Kind
 from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build
@@ -55,11 +56,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
 
 def surrogates(task: Task, kind: Kind) -> Artifact:
     """Success predictor and converters of a kind (``gan.variants.Learned``)."""
-    settings = {key: value for key, value in asdict(task.cfg.surrogates).items() if key not in _OWN}
-    if kind == "paper":
-        settings = {
-            key: value for key, value in asdict(task.cfg.surrogates.shallow).items() if key not in _OWN
-        }
+    settings = {key: x for key, x in asdict(_settings(task, kind)).items() if key not in _OWN}
     inputs = {"seeds": seed_set(task), "negatives": negatives(task, kind)}
     make = partial(_pretrain, kind=kind)
     settings |= {"kind": kind} | taught(task)
@@ -75,9 +72,12 @@ def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]
 
 def negatives(task: Task, kind: Kind = "broad") -> Artifact:
     """The generator whose output the surrogates of a kind learn from, beside the seeds."""
-    settings = task.cfg.surrogates.shallow if kind == "paper" else task.cfg.surrogates
-    ((name, variant),) = settings.negatives.items()
+    ((name, variant),) = _settings(task, kind).negatives.items()
     return generator(task, name, _NEGATIVES_TRAINING, variant)
+
+
+def _settings(task: Task, kind: Kind) -> SurrogateSettings | ShallowSettings:
+    return task.cfg.surrogates.shallow if kind == "paper" else task.cfg.surrogates
 
 
 def taught(task: Task) -> dict[str, Any]:
