@@ -129,8 +129,8 @@ class Artifacts:
     def generators(self) -> pd.DataFrame:
         """Validity, fitness and diversity of the seeds and of each generator's every training, a row each."""
         rows: list[Report] = [{"name": SEEDS, "training": 0, **self.seeds}]
-        last = self.histories.groupby(["variant", "training"], sort=False).tail(1).drop(columns="epoch")
-        for row in last.rename(columns={"variant": "name"}).to_dict("records"):
+        ends = self.histories[self.histories.kept].drop(columns=["epoch", "kept"])
+        for row in ends.rename(columns={"variant": "name"}).to_dict("records"):
             kept = self.task.report(library(self.task, row["name"], row["training"]))
             # A library holds what is valid: its condition number is not that of all that the generator makes.
             both = {"condition": row["condition"], "condition_valid": kept.get("condition", math.nan)}
@@ -194,7 +194,7 @@ class Artifacts:
     def _history(self, artifact: Artifact) -> pd.DataFrame:
         rows = pd.DataFrame(self.task.history(artifact)).astype(float)
         rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
-        return rows
+        return rows.assign(kept=rows.epoch == self.task.report(artifact)["kept_epoch"])
 
     def _with_library(self, artifact: Artifact) -> tuple[Report, Library]:
         return self.report(artifact), self.task.load(artifact)

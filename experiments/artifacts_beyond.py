@@ -132,13 +132,14 @@ class BeyondArtifacts(Artifacts):
         pools = own_pools(task)
         if not all(self._exists(best_sets(task, pool)) for pool in pools):
             return pd.DataFrame()
-        best, last = self._judged(pools, task), self._histories(task, task.cfg.gan).groupby("variant").tail(1)
-        ends = last.rename(columns={"variant": "name"})[["name", "success", "condition", "distance", "rank"]]
+        best, histories = self._judged(pools, task), self._histories(task, task.cfg.gan)
+        ends = histories[histories.kept].rename(columns={"variant": "name"})
+        ends = ends[["name", "success", "condition", "distance", "rank"]]
         return best[best.name.isin(task.cfg.gan)].merge(ends, on="name", suffixes=("", "_one"))
 
     @cached_property
     def few(self) -> pd.DataFrame:
-        """Metrics after the last epoch, a row per variant, number of seeds and training that there is."""
+        """Metrics of the kept epoch, a row per variant, number of seeds and training that there is."""
         task, rows = self.task, []
         parts = [(size, on_few(task, size)) for size in few_sizes(task)]
         taught = {name: one for name, one in task.cfg.gan.items() if one.learned}
@@ -149,8 +150,8 @@ class BeyondArtifacts(Artifacts):
         for size, part in parts:
             for name, k in generators(part):
                 if self._exists(generator(part, name, k)):
-                    last = self._history(generator(part, name, k)).tail(1)
-                    rows.append(last.assign(variant=name, seeds=size, training=k))
+                    history = self._history(generator(part, name, k))
+                    rows.append(history[history.kept].assign(variant=name, seeds=size, training=k))
         return _stacked(rows)
 
     @cached_property
@@ -162,7 +163,7 @@ class BeyondArtifacts(Artifacts):
                 continue
             history, costs = self._history(artifact), self.costs(artifact)
             at = elapsed(len(history), costs["seconds"], costs.get("epochs"))
-            before = self.task.report(artifact)
+            before = {key: x for key, x in self.task.report(artifact).items() if key != "kept_epoch"}
             begun = pd.DataFrame([{"steps": 0, "seconds": 0.0, **before}] if before else [])
             steps = history.epoch * self.cfg.beyond.epoch
             curve = pd.concat([begun, history.assign(steps=steps, seconds=at)], ignore_index=True)

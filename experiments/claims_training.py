@@ -163,12 +163,12 @@ def _few_seeds_excite(group: Group) -> Finding:
 
 
 def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
-    """A metric after the last epoch on the smallest subset of the seeds, by variant, and its size."""
+    """A metric of the kept epoch on the smallest subset of the seeds, by variant, and its size."""
     frame = group.frame("subsets")
     smallest = int(frame.seeds.min())
     part = frame[frame.seeds == smallest]
-    last = part[part.epoch == part.groupby("variant").epoch.transform("max")].set_index(["column", TRAINING])
-    return {n: last[last.variant == n][key] for n in SIDE_GANS}, smallest
+    kept = part[part.kept].set_index(["column", TRAINING])
+    return {n: kept[kept.variant == n][key] for n in SIDE_GANS}, smallest
 
 
 def _faster(group: Group) -> Finding:

@@ -23,15 +23,9 @@ Kinds = dict[str, tuple[dict[str, Any], Library]]
 def ablation(histories: pd.DataFrame) -> pd.DataFrame:
     """What each part of the recipe does, over trainings."""
     length = histories.groupby("variant").epoch.transform("max")
-    last = histories[histories.epoch == length]
     early = histories[histories.epoch == length.clip(upper=EARLY)]
     first = tables.over_groups(early, "variant", {"success": f"valid after {EARLY} epochs"})
-    return first.join(tables.over_groups(last, "variant", COLUMNS["ablation"]))
-
-
-def last_epochs(histories: pd.DataFrame) -> pd.DataFrame:
-    """Metrics after the last epoch, a row per size, variant and training."""
-    return histories.groupby(["seeds", "variant", "training"], sort=False).tail(1)
+    return first.join(tables.over_groups(histories[histories.kept], "variant", COLUMNS["ablation"]))
 
 
 def densities(frame: pd.DataFrame) -> pd.DataFrame:

@@ -34,7 +34,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     shown = {
         "generators": (
             tables.generators(artifacts.generators),
-            f"Seeds and generators after the last epoch, true physics ({over})",
+            f"Seeds and generators of the kept epoch, true physics ({over})",
         ),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
+from sidegan.base.storage import read_torch, write_torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.excitation import excitation_of
 from sidegan.design.problem import Problem
@@ -18,7 +19,7 @@ from sidegan.gan.exact import ExactFeatures, objective, violation
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.loop import EpochEnd, Training, fit
-from sidegan.gan.metrics import measure
+from sidegan.gan.metrics import kept_epoch, measure
 from sidegan.gan.networks import Generator, feature_discriminator, image_discriminator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.surrogates import Standard, Surrogates
@@ -29,6 +30,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
+_EPOCH = "epoch-{}.pt"  # the weights that the training would keep after it
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
 _NO_SURROGATES = Surrogates()
 
@@ -41,6 +43,7 @@ class Trained(Generic[Made]):
 
     generator: Made
     history: list[dict[str, float]]
+    epoch: int = -1  # index in the history of the one whose generator this is
 
 
 @dataclass(frozen=True)
@@ -90,13 +93,16 @@ def train_variant(
         c = training.sampled(max(2, run.evaluation), noise).cpu()
         if not torch.isfinite(c).all():
             training.stop("not a number")
+        write_torch(run.work / _EPOCH.format(epoch), training.kept.state_dict())
         return measure(constraints, trajectory, c) if run.evaluation else {}
 
     loader = DataLoader(examples, schedule.batch, sampler=order)
     fit(training, loader, run.work, evaluate, run.epoch_end, run.device)
-    network, names = training.kept.eval(), (constraints.arm.name, constraints.arm.digest, run.name)
-    generator = TrajectoryGenerator(network, sampler.scaling, trajectory, *names, sampler.limits)
-    return Trained(generator, training.history)
+    kept = kept_epoch(training.history, variant.least_valid)
+    network, names = training.kept, (constraints.arm.name, constraints.arm.digest, run.name)
+    network.load_state_dict(read_torch(run.work / _EPOCH.format(kept)))
+    generator = TrajectoryGenerator(network.eval(), sampler.scaling, trajectory, *names, sampler.limits)
+    return Trained(generator, training.history, kept)
 
 
 def assemble(

@@ -127,7 +127,7 @@ def _make(task: Task, build: Build, target: Target, name: str, way: str) -> None
     trained = train_variant(variant, there.constraints, there.trajectory, None, run)
     trained.generator.save(build.folder / GENERATOR)
     keep_history(build, trained.history)
-    write_json(build.folder / REPORT, finite(facts))
+    write_json(build.folder / REPORT, finite({"kept_epoch": trained.epoch + 1, **facts}))
 
 
 STAGE = Stage(lambda task: list(transfers(task).values()))
