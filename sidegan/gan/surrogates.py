@@ -158,7 +158,7 @@ class Surrogates:
 
 
 class _ByMoment(nn.Sequential):
-    """Convolutions of kernel one, as one matrix product for all moments of all trajectories: twice as fast."""
+    """Convolutions of kernel one, as one product for all moments of all trajectories: twice as fast."""
 
     def forward(self, x: Tensor) -> Tensor:
         """Channels (B, C, T), of others (B, C', T)."""
