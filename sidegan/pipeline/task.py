@@ -1,5 +1,6 @@
 """The configured arm, workspace and trajectories, and the artifacts that are made for them."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import cached_property, partial
@@ -20,6 +21,8 @@ from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check
+
+log = logging.getLogger(__name__)
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, FACTS = "results.parquet", "facts.parquet"
@@ -52,6 +55,15 @@ class Task:
         constraints = Constraints(self.arm, [one.shape for one in workspace.regions], workspace.torque)
         constraints.refuse_home(self.trajectory.home or ())
         return constraints
+
+    def tell_checks(self) -> None:
+        """Say what trajectories are checked for, and warn where that is suspiciously little."""
+        log.info("checked: %s", self.constraints.described())
+        if self.constraints.doubtful:
+            log.warning(
+                "many pairs of links always touch and are not checked against each other: "
+                "are the collision shapes too large, or not in metres?"
+            )
 
     def check(self, c: Tensor) -> Validity:
         """Whether short trajectories, (B, J, H, 2), are valid."""

@@ -14,6 +14,9 @@ from sidegan.validity.capsules import capsule_axes, segment_distance
 from sidegan.validity.regions import Plane, Region
 
 _SAMPLES = 4_000  # random configurations that decide which pairs touch always
+_DOUBTFUL = 0.25  # share of always touching pairs from which on shapes are suspicious
+_SHOWN = 4  # excepted names that are told
+_FEW = 3  # pairs that may all touch always: a short arm has no others
 
 
 class Constraints:
@@ -21,7 +24,8 @@ class Constraints:
 
     Adjacent capsules are not checked against each other; pairs that touch in every one of 4,000
     random configurations, and capsules that violate a region in every one (links that cannot leave
-    it), are excepted too.
+    it), are excepted too: ``described`` says which. Where nothing is left of what was to be checked, the
+    shapes or the region are wrong.
 
     Args:
         arm: the arm.
@@ -32,6 +36,10 @@ class Constraints:
         pairs: checked capsule pairs, (P, 2).
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
+        excepted: what is not checked, since it cannot be otherwise, by constraint.
+
+    Raises:
+        InfeasibleError: when all pairs of links touch always, or no link ever leaves a region.
     """
 
     def __init__(self, arm: Arm, regions: Sequence[Region] = (), torque: bool = True) -> None:
@@ -39,15 +47,15 @@ class Constraints:
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
         self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
+        self.excepted: dict[str, tuple[str, ...]] = {}
         self.pairs, self.guarded = self._find_pairs()
-        names = arm.capsules.names
         self.labels: dict[str, tuple[str, ...]] = {"position": arm.joint_names, "velocity": arm.joint_names}
         if self.torque:
             self.labels["torque"] = arm.joint_names
         if len(self.pairs):
-            self.labels["collision"] = tuple(f"{names[i]} – {names[j]}" for i, j in self.pairs.tolist())
+            self.labels["collision"] = self._pair_names(self.pairs)
         if len(self.guarded):
-            self.labels["keep_out"] = tuple(f"{names[k]} in region {r}" for r, k in self.guarded.tolist())
+            self.labels["keep_out"] = self._guarded_names(self.guarded)
 
     def margins(self, q: Tensor, dq: Tensor, ddq: Tensor) -> dict[str, Tensor]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, N·m, m], of N states (N, J).
@@ -102,6 +110,26 @@ class Constraints:
         kinds = torch.tensor([PLANE if isinstance(region, Plane) else BOX for region in self.regions])
         return Shapes.of(self.arm.capsules, self.pairs, self.guarded, numbers, kinds.long())
 
+    def described(self) -> str:
+        """What is checked and what is not, as one line for people."""
+        torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
+        pairs, links = self.excepted.get("collision", ()), self.excepted.get("keep_out", ())
+        bare = self.arm.joints - len(set(self.arm.capsules.link[self.arm.capsules.link >= 0].tolist()))
+        parts = [
+            f"position and velocity of {self.arm.joints} joints, torque of {torque}",
+            f"{len(self.pairs)} of {len(self.pairs) + len(pairs)} pairs of links"
+            + _except(pairs, "always touch"),
+            f"{len(self.guarded)} of {len(self.guarded) + len(links)} links in {len(self.regions)} regions"
+            + _except(links, "never out"),
+        ]
+        return "; ".join(parts) + (f"; {bare} links without a shape are not checked" if bare else "")
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether so many pairs always touch that the shapes are too large to mean anything."""
+        touching = len(self.excepted.get("collision", ()))
+        return touching > _DOUBTFUL * (touching + len(self.pairs))
+
     def refuse_home(self, home: Sequence[float]) -> None:
         """Refuse a home position where the arm cannot rest.
 
@@ -145,9 +173,49 @@ class Constraints:
         pairs = torch.combinations(torch.arange(count))
         pairs = pairs[(link[pairs[:, 0]] - link[pairs[:, 1]]).abs() > 1]
         if len(pairs):
-            pairs = pairs[(self._pair_distances(a, b, pairs) > 0).any(1)]
+            apart = (self._pair_distances(a, b, pairs) > 0).any(1)
+            self._except_pairs(pairs, apart)
+            pairs = pairs[apart]
         moving = torch.nonzero(link >= 0)[:, 0]
         guarded = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
         if len(guarded):
-            guarded = guarded[(self._region_distances(a, b, guarded) > 0).any(1)]
+            leaves = (self._region_distances(a, b, guarded) > 0).any(1)
+            self._except_guarded(guarded, leaves)
+            guarded = guarded[leaves]
         return pairs, guarded
+
+    def _except_pairs(self, pairs: Tensor, apart: Tensor) -> None:
+        """Keep which pairs always touch; refuse shapes with which all of them do."""
+        if not apart.any() and len(pairs) > _FEW:
+            raise InfeasibleError(
+                f"all {len(pairs)} pairs of links that are not adjacent touch in every one of {_SAMPLES:,} "
+                "random configurations, so that none can be checked: are the shapes in metres?"
+            )
+        if not apart.all():
+            self.excepted["collision"] = self._pair_names(pairs[~apart])
+
+    def _except_guarded(self, guarded: Tensor, leaves: Tensor) -> None:
+        """Keep which links never leave a region; refuse a region that none does."""
+        for index in range(len(self.regions)):
+            if not leaves[guarded[:, 0] == index].any():
+                raise InfeasibleError(
+                    f"region {index} cannot be kept: no link is outside of it in any of {_SAMPLES:,} random "
+                    "configurations"
+                )
+        if not leaves.all():
+            self.excepted["keep_out"] = self._guarded_names(guarded[~leaves])
+
+    def _pair_names(self, pairs: Tensor) -> tuple[str, ...]:
+        names = self.arm.capsules.names
+        return tuple(f"{names[i]} – {names[j]}" for i, j in pairs.tolist())
+
+    def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
+        return tuple(f"{self.arm.capsules.names[k]} in region {r}" for r, k in guarded.tolist())
+
+
+def _except(names: tuple[str, ...], why: str) -> str:
+    """The first of some names, and why they are excepted."""
+    if not names:
+        return ""
+    rest = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f" ({why}: {', '.join(names[:_SHOWN])}{rest})"

@@ -31,6 +31,40 @@ def test_excepted_pair_touches_wherever_the_arm_is(arm: Arm) -> None:
     assert (every.clearances(random_states(arm, 5_000)[0])["collision"] < 0).all()
 
 
+def test_what_is_checked_and_what_is_not_is_said(arm: Arm) -> None:
+    constraints = Constraints(arm, [DESK])
+    assert constraints.excepted["collision"] == ("link_5 – link_7",)
+    assert constraints.excepted["keep_out"] == ("link_1 in region 0",)
+    said = constraints.described()
+    assert "position and velocity of 7 joints, torque of 7; " in said
+    assert f"{len(constraints.pairs)} of {len(constraints.pairs) + 1} pairs of links" in said
+    assert "(always touch: link_5 – link_7)" in said
+    assert "6 of 7 links in 1 regions (never out: link_1 in region 0)" in said
+    assert not constraints.doubtful
+    bare = replace(arm, capsules=only(arm.capsules, torch.arange(4)))
+    assert "links without a shape are not checked" in Constraints(bare).described()
+
+
+def thick(arm: Arm, factor: float) -> Arm:
+    return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
+
+
+def test_shapes_that_are_too_large_are_doubted_and_then_refused(arm: Arm) -> None:
+    large = Constraints(thick(arm, 3.0))
+    assert large.doubtful and len(large.excepted["collision"]) > 5
+    assert " more)" in large.described()
+    with pytest.raises(InfeasibleError, match="are the shapes in metres"):
+        Constraints(thick(arm, 1000.0))
+
+
+@pytest.mark.parametrize(
+    "region", [Plane((0.0, 0.0, 1.0), 5.0), Box((-3.0, -3.0, -3.0), (3.0, 3.0, 3.0))], ids=["plane", "box"]
+)
+def test_a_region_that_no_link_ever_leaves_is_refused(arm: Arm, region: Plane | Box) -> None:
+    with pytest.raises(InfeasibleError, match="region 1 cannot be kept"):
+        Constraints(arm, [DESK, region])
+
+
 def test_links_that_cannot_leave_the_desk_are_exempt(arm: Arm) -> None:
     """The base does not move, and link 1 only turns in place."""
     constraints = Constraints(arm, [DESK])

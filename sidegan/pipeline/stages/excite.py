@@ -41,6 +41,7 @@ def _show(task: Task, tracker: Tracker) -> None:
         f"{len(chosen)} trajectories of {task.trajectory.period:g} s, condition of the set "
         f"{criteria.condition:.3g}, at {cfg.identification.rate:g} Hz in {folder / FOLDER}"
     )
+    caption += f"; checked: {task.constraints.described()}"
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
 
 
