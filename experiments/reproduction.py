@@ -162,9 +162,9 @@ def _colony(groups: Groups) -> float | None:
 
 
 def _kinds(groups: Groups) -> comparisons.Kinds:
-    """Report and library of the seeds, of other kinds of seeds, and of the paper's."""
-    kinds, paper = dict(groups[OURS].first.kinds), _paper(groups)
-    return kinds if paper is None else kinds | {"gaco, compass search": paper.whole_seeds}
+    """Report and library of the seeds and of other kinds of seeds, by our optimiser and by the paper's."""
+    kinds, paper = groups[OURS].first.kinds, _paper(groups)
+    return kinds if paper is None else kinds | paper.kinds
 
 
 def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:
