@@ -21,7 +21,7 @@ def collect(task: Task) -> Task:
 
 def table(task: Task) -> pd.DataFrame:
     """What the generators of each rung make, over trainings, under the seeds."""
-    return over_groups(_rows(task), "rung", COLUMNS["ladder"])
+    return over_groups(rows(task), "rung", COLUMNS["ladder"])
 
 
 def present(task: Task, folder: Path, tracker: Tracker) -> None:
@@ -29,12 +29,12 @@ def present(task: Task, folder: Path, tracker: Tracker) -> None:
     made = table(task)
     show(made, "From the paper's recipe to ours: of the kept epoch, true physics, no sample filtered")
     page = Page(
-        "ladder", {"ladder": made}, {}, means(_rows(task), "rung", COLUMNS["ladder"]), {"cfg": task.cfg}
+        "ladder", {"ladder": made}, {}, means(rows(task), "rung", COLUMNS["ladder"]), {"cfg": task.cfg}
     )
     publish(page, Path(task.cfg.publish or folder), tracker)
 
 
-def _rows(task: Task) -> pd.DataFrame:
+def rows(task: Task) -> pd.DataFrame:
     """A row for the seeds, and one per rung and training."""
     rows = [{"rung": "seeds", "success": 1.0, **task.report(seed_set(task))}]
     rows[0]["condition_valid"] = rows[0]["condition"]

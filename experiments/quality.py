@@ -73,7 +73,7 @@ def adding(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def stops(frame: pd.DataFrame) -> str | None:
-    """The poorest seeds to which generated trajectories do not add in every training; None: there are none."""
+    """The poorest seeds to which generated trajectories do not add in every training, if there are any."""
     return next(
         (str(name) for name, part in frame.groupby("seeds", sort=False) if _adds(part) != _EVERY), None
     )

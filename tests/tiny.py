@@ -101,7 +101,6 @@ SMALL = {
         "~columns.steps_16",
         "~columns.steps_24",
         "~columns.ours_on_paper",
-        "trainings=[0,1]",
         "columns.steps_8.seeds.samples=20",
         "columns.steps_8.seeds.batch=20",
     ),

@@ -1,4 +1,4 @@
-"""Stage quality: what generated trajectories add to their seeds, by the best sets of both and of the seeds."""
+"""Stage quality: what generated trajectories add to their seeds, by the best sets of each."""
 
 import math
 from functools import partial
