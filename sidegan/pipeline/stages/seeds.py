@@ -16,6 +16,7 @@ def seed_set(task: Task, title: str = "seeds") -> Artifact:
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
     if gradient and settings.steps != task.cfg.scale.seed_steps:
         label += f"-{settings.steps}steps"  # sets of other quality stand side by side
+        title += f" {settings.steps} steps"
     whole = task.artifact(maker, label, _make, settings, title=title, alone=True)
     if task.cfg.half is None:
         return whole
