@@ -87,8 +87,8 @@ def _adds(part: pd.DataFrame) -> str:
 def figure(frame: pd.DataFrame) -> "Figure":
     """Fitness of what is generated and error of the best sets, as shares of the seeds', a dot a training."""
     shown = [
-        Panel("ratio", "median cond(YᵀY) of the valid generated", True, {SEEDS: 1.0}),
-        Panel("error", "expected error of the best set of both", False, {SEEDS: 1.0}),
+        Panel("ratio", "median cond(YᵀY), valid generated : seeds", True, {SEEDS: 1.0}),
+        Panel("error", "expected error, best of both : best seeds", False, {SEEDS: 1.0}),
     ]
     across = Across("seeds_condition", "median cond(YᵀY) of the seeds", log=True)
     return figures.panels(frame, across, shown, "seeds", "training", markers=True)
