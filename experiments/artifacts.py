@@ -41,6 +41,8 @@ __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "R
 
 Report = dict[str, Any]
 
+_OPTIMISERS = {"gradient": "gradient", "paper": "gaco, compass search"}  # of seeds, for people
+
 
 @dataclass(frozen=True)
 class Artifacts:
@@ -146,9 +148,13 @@ class Artifacts:
 
     @cached_property
     def kinds(self) -> dict[str, tuple[Report, Library]]:
-        """Report and library of the seeds and of the other kinds of seeds."""
-        sets = {"gradient": seed_set(self.task)} | {name: kind(self.task, name) for name in self.cfg.kinds}
-        return {name: self._with_library(artifact) for name, artifact in sets.items()}
+        """Report and library of the seeds and of the other kinds of seeds, by optimiser and kind."""
+        by = _OPTIMISERS[self.cfg.seeds.method]
+        others = {
+            f"{_OPTIMISERS[one.method]}, {name}": self._with_library(kind(self.task, name))
+            for name, one in self.cfg.kinds.items()
+        }
+        return {by: self.whole_seeds, **others}
 
     @property
     def seed_seconds(self) -> float:

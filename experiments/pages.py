@@ -1,13 +1,15 @@
 """How the results of an experiment are left and recorded: tables and figures alone, or a page of them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from sidegan.base.storage import write_json
+from sidegan.pipeline.graph import folder_name
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export
 from sidegan.report.document import write_page
@@ -54,6 +56,15 @@ def publish(page: Page, folder: Path, tracker: Tracker) -> None:
     tracker.log_metrics(
         {f"{name}/{key}": x for name, numbers in page.metrics.items() for key, x in numbers.items()}
     )
+
+
+def means(frame: pd.DataFrame, by: str, keys: Iterable[str]) -> dict[str, dict[str, float]]:
+    """Metrics of a page: the mean of each column that is known, by the values of the column ``by``."""
+    rows = frame.groupby(by, sort=False)[list(keys)].mean().to_dict("index")
+    return {
+        folder_name(str(name)): {str(key): float(f"{x:.4g}") for key, x in row.items() if np.isfinite(x)}
+        for name, row in rows.items()
+    }
 
 
 def leave(

@@ -114,7 +114,7 @@ def _own_tables(groups: Groups) -> dict[str, pd.DataFrame]:
     shown = {
         "long": comparisons.longs(artifacts),
         "timing": comparisons.costs(comparisons.durations(artifacts, _colony(groups))),
-        "kinds": comparisons.kinds(_kinds(groups)),
+        "kinds": comparisons.kinds(kinds_of(groups)),
         "ablation": comparisons.ablation(artifacts.ablation),
     }
     for end, weighted in {"": False, "_weighted": True}.items():
@@ -146,7 +146,7 @@ def _own_figures(groups: Groups) -> dict[str, "Figure"]:
     labels = ("distance to the nearest other seed", "cond(YᵀY)")
     return {
         "timing-bars": figures.timing(comparisons.durations(artifacts, _colony(groups))),
-        "kinds-scatter": figures.quality_diversity(comparisons.kind_points(_kinds(groups)), labels),
+        "kinds-scatter": figures.quality_diversity(comparisons.kind_points(kinds_of(groups)), labels),
         "counts": figures.panels(counts, selected, nmse, "set", columns=1, markers=True),
     }
 
@@ -161,10 +161,10 @@ def _colony(groups: Groups) -> float | None:
     return None if paper is None else paper.seed_seconds
 
 
-def _kinds(groups: Groups) -> comparisons.Kinds:
-    """Report and library of the seeds, of other kinds of seeds, and of the paper's."""
-    kinds, paper = dict(groups[OURS].first.kinds), _paper(groups)
-    return kinds if paper is None else kinds | {"gaco, compass search": paper.whole_seeds}
+def kinds_of(groups: Groups) -> comparisons.Kinds:
+    """Report and library of the seeds and of other kinds of seeds, by our optimiser and by the paper's."""
+    kinds, paper = groups[OURS].first.kinds, _paper(groups)
+    return kinds if paper is None else kinds | paper.kinds
 
 
 def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:

@@ -1,9 +1,10 @@
 """``dvc.yaml`` from the graph of artifacts: ``python -m sidegan.pipeline.dvc`` writes it.
 
 Each stage of the reproduction at paper scale is a stage of DVC, and the page on exact physics is one
-more. What a stage is made with stands in ``outputs/settings.yaml``, composed from ``conf/`` by the
-pipeline's first stage, so that a changed setting reruns what depends on it and nothing else. Outputs
-persist: the stages themselves know by their stamps what can be reused.
+more; the ladders stand in ``ladders/dvc.yaml``, a target of its own. What a stage is made with stands in
+``outputs/settings.yaml``, composed from ``conf/`` by the pipeline's first stage, so that a changed setting
+reruns what depends on it and nothing else. Outputs persist: the stages themselves know by their stamps what
+can be reused.
 """
 
 import argparse
@@ -23,14 +24,21 @@ from sidegan.pipeline.stages import STAGES, stage
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 
-SEEDS = "seeds"  # the stage that makes those of all columns
+SHARED = ("seeds", "kinds")  # stages that make theirs for all columns
+PAGES = ("beyond", "ladder", "quality")  # experiments with a page of their own
+LADDERS = "ladders/dvc.yaml"  # those of them that `dvc repro` leaves alone
 SETTINGS = "outputs/settings.yaml"
 _RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
 _MANY = 6  # outputs that get a line each
 _VERSIONS = "sidegan/pipeline/versions.yaml"
+_PARTS = ("/tables", "/figures", "/metrics")  # folders of a page
 HEAD = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`.
 # A stage that is killed goes on where it was.
+"""
+HEAD_LADDERS = """\
+# Written by `python -m sidegan.pipeline.dvc`; do not edit. From the paper's recipe to ours, and from poor
+# seeds to good ones, at the paper's scale: `dvc repro ladders/dvc.yaml`.
 """
 
 
@@ -44,14 +52,16 @@ def parts(outputs: Path) -> dict[str, list[Artifact]]:
     """Every stage of the pipeline and the artifacts that it makes; what two of them list is of the first."""
     owned: set[str] = set()
     made: dict[str, list[Artifact]] = {}
-    paper, beyond = task("reproduction", outputs), task("beyond", outputs)
+    paper = task("reproduction", outputs)
     stages = {name: stage(name) for name in paper.cfg.stages if name != "table"}
     ours = paper.with_settings(only=[OURS])
-    listed = {name: one.listed(paper if name == SEEDS else ours) for name, one in stages.items()}
+    listed = {name: one.listed(paper if name in SHARED else ours) for name, one in stages.items()}
     for column in paper.cfg.columns:
         alone = paper.with_settings(only=[column])
         listed[column] = [x for one in stages.values() if one.columnwise for x in one.listed(alone)]
-    listed["beyond"] = [one for name in beyond.cfg.stages for one in stage(name).listed(beyond)]
+    for page in PAGES:
+        whole = task(page, outputs)
+        listed[page] = [one for name in whole.cfg.stages for one in stage(name).listed(whole)]
     for name, artifacts in listed.items():
         new = {one.digest: one for one in artifacts if one.digest not in owned}
         owned |= set(new)
@@ -73,8 +83,18 @@ def settings(made: Mapping[str, Iterable[Artifact]]) -> dict[str, dict[str, Any]
     }
 
 
-def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
-    """The content of ``dvc.yaml``."""
+def files(made: Mapping[str, list[Artifact]]) -> dict[str, str]:
+    """The text of ``dvc.yaml`` and of that of the ladders, by path."""
+    stages = _stages(made)
+    apart = {name: {"wdir": "..", **stages.pop(name)} for name in PAGES if name != "beyond"}
+    shown = [f"docs/{name}/metrics" for name in ("reproduction", "beyond")]
+    plots = ["docs/reproduction/figures/training.png"]
+    whole = {"stages": stages, "metrics": shown, "plots": plots}
+    return {"dvc.yaml": text(whole, HEAD), LADDERS: text({"stages": apart}, HEAD_LADDERS)}
+
+
+def _stages(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
+    """Every stage as DVC knows it; those of pages come last."""
     owner = {one.digest: name for name, artifacts in made.items() for one in artifacts}
     makers: dict[str, set[str]] = {}
     for name, artifacts in made.items():
@@ -96,31 +116,31 @@ def pipeline(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
         }
     }
     columnwise = ",".join(
-        name for name in made if name in STAGES and name != SEEDS and stage(name).columnwise
+        name for name in made if name in STAGES and name not in SHARED and stage(name).columnwise
     )
     for name, artifacts in made.items():
-        alone = f" 'stages=[{name}]'" if name in STAGES else " publish=docs"
+        alone = " publish=docs" if name in PAGES else f" 'stages=[{name}]'"
         if any(one.column == name for one in artifacts):
             alone = f" 'only=[{name}]' 'stages=[{columnwise}]'"
         elif name in columnwise.split(","):
             alone += f" 'only=[{OURS}]'"
         parents = [p for one in artifacts for p in one.parents if owner[p.digest] != name]
         stages[name] = {
-            "cmd": _RUN.format("beyond" if name == "beyond" else "reproduction") + alone,
+            "cmd": _RUN.format(name if name in PAGES else "reproduction") + alone,
             "params": _Line([{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}]),
             **({"deps": list(dict.fromkeys(map(path, parents)))} if parents else {}),
             "outs": _outs(map(path, artifacts)),
         }
-    everything = [path(one) for name, artifacts in made.items() if name != "beyond" for one in artifacts]
+    everything = [path(one) for name, artifacts in made.items() if name not in PAGES for one in artifacts]
     stages["report"] = {
         "cmd": _RUN.format("reproduction") + " 'stages=[table]' publish=docs",
         "deps": ["experiments", *dict.fromkeys(everything)],
-        **_published("reproduction", ".md", ".html"),
+        **_published("reproduction", ".md", ".html", *_PARTS),
     }
-    beyond, page = stages.pop("beyond"), _published("beyond", ".md")
-    stages["beyond"] = {**beyond, **page, "outs": beyond["outs"] + page["outs"]}  # last: it is the longest
-    shown = [f"docs/{name}/metrics" for name in ("reproduction", "beyond")]
-    return {"stages": stages, "metrics": shown, "plots": ["docs/reproduction/figures/training.png"]}
+    for name in PAGES:  # last: they take longest
+        one, page = stages.pop(name), _published(name, ".md", *(_PARTS if name == "beyond" else ("",)))
+        stages[name] = {**one, **page, "outs": one["outs"] + page["outs"]}
+    return stages
 
 
 def _outs(paths: Iterable[str]) -> list[Any]:
@@ -129,11 +149,9 @@ def _outs(paths: Iterable[str]) -> list[Any]:
     return _Line(outs) if len(outs) > _MANY else outs
 
 
-def _published(name: str, *pages: str) -> dict[str, Any]:
-    """What a published page consists of; it is kept in git."""
-    kept = {"cache": False, "persist": True}
-    parts = [f"docs/{name}/{part}" for part in ("tables", "figures", "metrics")]
-    return {"outs": [{one: kept} for one in (*(f"docs/{name}{page}" for page in pages), *parts)]}
+def _published(name: str, *ends: str) -> dict[str, Any]:
+    """What a published page consists of, by the ends of its paths; it is kept in git."""
+    return {"outs": [{f"docs/{name}{end}": {"cache": False, "persist": True}} for end in ends]}
 
 
 class _Line(list[Any]):
@@ -169,7 +187,8 @@ def main(arguments: list[str] | None = None) -> int:
     if chosen.what == "settings":
         write_bytes(Path(SETTINGS), text(settings(made)).encode())
     else:
-        write_bytes(Path("dvc.yaml"), text(pipeline(made), HEAD).encode())
+        for path, content in files(made).items():
+            write_bytes(Path(path), content.encode())
     return 0
 
 

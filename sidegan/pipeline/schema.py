@@ -105,6 +105,7 @@ class Column:
     half: Literal[0, 1] | None = None  # of the seed set, that everything is trained on
     workspace: Workspace | None = None
     seeds: Seeds | None = None
+    kinds: dict[str, Seeds] | None = None
     surrogates: SurrogateSettings | None = None
     gan: dict[str, Variant] | None = None
     library: Expansion | None = None

@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from experiments import comparisons, exp2, reproduction, training
 from experiments.artifacts import Group
@@ -136,8 +137,21 @@ def test_tables_for_people_show_every_row(artifacts):
     assert costs.loc["one generated trajectory", "paper [s]"] == "0.0014"
     assert costs.loc["the surrogates, wall", "paper [s]"] == "—"
     table, points = comparisons.kinds(artifacts.kinds), comparisons.kind_points(artifacts.kinds)
-    assert set(table.index) == set(points.kind) == {"gradient", "diagonal"}
+    assert set(table.index) == set(points.kind) == {"gradient", "gradient, diagonal"}
     assert points.groupby("kind").size().nunique() == 1
+
+
+def test_kinds_of_seeds_are_of_the_optimiser_of_their_column(groups):
+    kinds = reproduction.kinds_of(groups)
+    assert list(kinds) == [
+        *("gradient", "gradient, diagonal"),
+        *("gaco, compass search", "gaco, compass search, diagonal"),
+    ]
+    sources = [set(library.source) for _, library in kinds.values()]
+    assert sources == [{"gradient"}] * 2 + [{"paper"}] * 2
+    counts = [len(library) for _, library in kinds.values()]
+    assert counts == [40, 10, 40, 10]  # the paper's eigenvalue seeds before they are halved
+    assert not torch.equal(*(kinds[name][1].coefficients[:10] for name in list(kinds)[2:]))
 
 
 def test_sensitivity_changes_one_setting_at_a_time(artifacts):

@@ -15,7 +15,9 @@ from tests.tiny import composed
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-PIPELINE = yaml.safe_load(TEXT)["stages"]
+LADDERS = (ROOT / dvc.LADDERS).read_text(encoding="utf-8")
+APART = yaml.safe_load(LADDERS)["stages"]
+PIPELINE = yaml.safe_load(TEXT)["stages"] | APART
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +31,24 @@ def paths(stage, key):
 
 
 def test_the_file_is_current(made):
-    assert dvc.text(dvc.pipeline(made), dvc.HEAD) == TEXT, "run python -m sidegan.pipeline.dvc"
+    written = {"dvc.yaml": TEXT, dvc.LADDERS: LADDERS}
+    assert dvc.files(made) == written, "run python -m sidegan.pipeline.dvc"
     assert len(TEXT.splitlines()) <= 250
+
+
+def test_the_page_needs_no_ladder():
+    assert list(APART) == ["ladder", "quality"] and all(one["wdir"] == ".." for one in APART.values())
+    made = {path for one in APART.values() for path in paths(one, "outs")}
+    others = [one for name, one in PIPELINE.items() if name not in APART]
+    assert not made & {path for one in others for key in ("deps", "outs") for path in paths(one, key)}
+
+
+def test_quality_shares_the_generators_that_the_page_has(made):
+    shared = {"seeds", "surrogates", "gan", "library", "ours_on_paper"}
+    page = {one.digest for name in shared for one in made[name]}
+    used = {parent.digest for one in made["quality"] if one.maker == "added" for parent in one.parents}
+    assert len(used & page) == 8  # both seed sets, three libraries on each
+    assert {one.column for one in made["quality"]} == {None, "steps_8", "steps_16", "steps_24"}
 
 
 @pytest.mark.parametrize("name", [name for name in PIPELINE if name != "settings"])
@@ -74,6 +92,7 @@ def test_a_changed_setting_reruns_the_stage_that_it_is_of(tmp_path, made, monkey
         "subsets",
         "ours_second",
         "ours_on_paper",
+        "quality",
     }
 
 

@@ -1,6 +1,8 @@
 import pandas as pd
 import pytest
 
+from experiments import ladder as page
+from sidegan.base.storage import read_json
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import ladder
 from sidegan.pipeline.store import Store
@@ -19,7 +21,7 @@ def climbed(outputs, tmp_path_factory):
 
 def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
     task, folder = climbed
-    table = pd.read_csv(folder / "ladder.csv", index_col=0)
+    table = pd.read_csv(folder / "ladder" / "tables" / "ladder.csv", index_col=0)
     assert list(table.index) == ["seeds", "letter", "non_saturating", "ours"]
     assert list(table.columns) == [
         "valid share",
@@ -29,7 +31,10 @@ def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
     ]
     (ours,) = ladder.rungs(task)["ours"]
     assert float(table["effective rank"]["ours"]) == pytest.approx(task.history(ours)[-1]["rank"], rel=0.01)
-    assert (folder / "ladder.md").read_text().startswith("From the paper's recipe to ours")
+    text = (folder / "ladder.md").read_text(encoding="utf-8")
+    assert "the same 40 seeds" in text and "| non_saturating |" in text
+    shown = read_json(folder / "ladder" / "metrics" / "ours.json")
+    assert shown["rank"] == pytest.approx(page.rows(task).set_index("rung")["rank"]["ours"], rel=1e-3)
 
 
 def test_rungs_share_the_surrogates_of_their_kind(climbed):

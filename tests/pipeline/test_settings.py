@@ -108,6 +108,8 @@ def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
         different = {key for key in fields if getattr(before, key) != getattr(after, key)}
         assert different, name
         assert different == together.get(name, different) and (len(different) == 1 or name in together)
+    assert list(config.ladder)[-2:] == ["averaged", "ours"]
+    assert dataclasses.replace(rungs[-2], least_valid=rungs[-1].least_valid) == rungs[-1]
 
 
 def test_the_scale_reaches_the_other_groups_whatever_their_choice():

@@ -25,6 +25,7 @@ STAGES = {
     "density": "a kernel density estimate in place of the GAN",
     "ablation": "variants that differ from the recipe in one part",
     "ladder": "from the paper's recipe to ours, one change at a time",
+    "quality": "what generated trajectories add to seeds of every quality",
     "timing": "how fast the generators are",
     "first_set": "how long it takes to a first set",
     "polish": "what gradient steps on generated trajectories bring",

@@ -7,8 +7,8 @@ from sidegan.pipeline.task import Task
 
 
 def kind(task: Task, name: str) -> Artifact:
-    """The seed set of another kind."""
-    return seed_set(task.with_settings(seeds=task.cfg.kinds[name]), f"seeds {name}")
+    """The seed set of another kind, all of it."""
+    return seed_set(task.with_settings(seeds=task.cfg.kinds[name], half=None), f"seeds {name}")
 
 
-STAGE = Stage(lambda task: [kind(task, name) for name in task.cfg.kinds])
+STAGE = Stage(lambda task: [kind(task, name) for name in task.cfg.kinds], columnwise=True)

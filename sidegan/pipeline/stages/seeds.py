@@ -11,8 +11,12 @@ from sidegan.seeds import Tasks, make_seeds
 def seed_set(task: Task, title: str = "seeds") -> Artifact:
     """The seed set, or the configured half of it; each method is a maker of its own."""
     settings = task.cfg.seeds
-    maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
+    gradient = settings.method == "gradient"
+    maker = "seeds" if gradient else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
+    if gradient and settings.steps != task.cfg.scale.seed_steps:
+        label += f"-{settings.steps}steps"  # sets of other quality stand side by side
+        title += f" {settings.steps} steps"
     whole = task.artifact(maker, label, _make, settings, title=title, alone=True)
     if task.cfg.half is None:
         return whole
