@@ -41,6 +41,7 @@ __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "R
 
 Report = dict[str, Any]
 
+_LEADING = {"readings", "covariances", "elsewhere", "subsets"}  # frames of the first column of a group
 _OPTIMISERS = {"gradient": "gradient", "paper": "gaco, compass search"}  # of seeds, for people
 
 
@@ -228,9 +229,10 @@ class Group:
     _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over all columns, each told by ``column``; put together once."""
+        """A frame of ``Artifacts`` over the columns in which it is made, each told by ``column``."""
         if name not in self._frames:
-            frames = [getattr(part, name).assign(column=column) for column, part in self.parts.items()]
+            made = self.parts if name not in _LEADING else dict([next(iter(self.parts.items()))])
+            frames = [getattr(part, name).assign(column=column) for column, part in made.items()]
             self._frames[name] = pd.concat(frames, ignore_index=True)
         return self._frames[name]
 

@@ -141,9 +141,8 @@ def _diverse_union(group: Group) -> Finding:
 
 
 def _density_fails(group: Group) -> Finding:
-    task = group.first.task
-    shares = [part.density.sort_values("bandwidth").success.iloc[-1] for part in group.parts.values()]
-    measured = proportion(float(np.mean(shares)), task.cfg.discussion.draws * len(shares))
+    share = float(group.first.density.sort_values("bandwidth").success.iloc[-1])
+    measured = proportion(share, group.first.cfg.discussion.draws)
     return Finding(beside(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
 
 

@@ -24,6 +24,12 @@ def groups(task: Task) -> dict[str, list[str]]:
     return listed
 
 
+def leads(task: Task) -> bool:
+    """Whether the task's column is the first of its group."""
+    column = task.cfg.column
+    return column is None or any(names[0] == column for names in groups(task).values())
+
+
 def chosen(task: Task) -> list[Task]:
     """The task in every column, or in those that ``only`` names.
 

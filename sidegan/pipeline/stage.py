@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.pipeline.columns import chosen
+from sidegan.pipeline.columns import chosen, leads
 from sidegan.pipeline.graph import Artifact, Metrics, waves
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
@@ -24,19 +24,20 @@ class Stage:
         artifacts: of a task, in the order in which they are recorded.
         show: what it prints and leaves in the run's folder besides.
         columnwise: its artifacts are made in every column of the comparison.
+        leading: of columns that differ in their seed set alone they are made in the first.
     """
 
     artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
     show: Callable[[Task, Tracker], None] | None = None
     columnwise: bool = False
+    leading: bool = False
 
     def listed(self, task: Task) -> list[Artifact]:
         """Its artifacts in every column that is made; what columns share is listed by each."""
-        return (
-            [one for column in chosen(task) for one in self.artifacts(column)]
-            if self.columnwise
-            else [*self.artifacts(task)]
-        )
+        if not self.columnwise:
+            return [*self.artifacts(task)]
+        made = (column for column in chosen(task) if leads(column) or not self.leading)
+        return [one for column in made for one in self.artifacts(column)]
 
 
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:

@@ -55,4 +55,4 @@ def _make(task: Task, build: Build) -> None:
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 
-STAGE = Stage(lambda task: [density(task)], columnwise=True)
+STAGE = Stage(lambda task: [density(task)], columnwise=True, leading=True)

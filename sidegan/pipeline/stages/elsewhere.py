@@ -80,4 +80,4 @@ def _make(task: Task, build: Build) -> None:
     write_parquet(build.folder / RESULTS, arrow(pd.concat(tables, ignore_index=True)))
 
 
-STAGE = Stage(lambda task: [elsewhere(task)], columnwise=True)
+STAGE = Stage(lambda task: [elsewhere(task)], columnwise=True, leading=True)

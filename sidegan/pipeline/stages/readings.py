@@ -75,4 +75,5 @@ STAGE = Stage(
         covariance(task),
     ],
     columnwise=True,
+    leading=True,
 )

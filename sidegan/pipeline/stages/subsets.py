@@ -23,4 +23,4 @@ def _artifacts(task: Task) -> Iterator[Artifact]:
         yield from (generator(smaller, *one) for one in generators(smaller))
 
 
-STAGE = Stage(_artifacts, columnwise=True)
+STAGE = Stage(_artifacts, columnwise=True, leading=True)
