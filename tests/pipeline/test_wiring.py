@@ -1,0 +1,170 @@
+"""Stages by what they do: planted answers, tests unlike what was learned, invalid motions that are missing.
+
+A stage that ignored its criterion, its check or the difference between training and test would still leave
+plausible files; nothing else than these tests would notice.
+"""
+
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+
+from sidegan.identification import study
+from sidegan.library import Library
+from sidegan.library.measure import measured
+from sidegan.pipeline.graph import Build
+from sidegan.pipeline.stages import plant as plants
+from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.plant import plant
+from sidegan.pipeline.stages.pools import ExcitationSet, Pool
+from sidegan.pipeline.stages.random import random_set, random_valid
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import selection
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import LIBRARY, Task
+from sidegan.validity import check
+from tests.tiny import tiny
+
+TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall that random motions hit
+
+
+@pytest.fixture
+def task(tmp_path):
+    def made(*overrides):
+        return Task(tiny(f"outputs={tmp_path}", *overrides), Store(tmp_path))
+
+    return made
+
+
+@pytest.fixture
+def build(tmp_path):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    return Build(folder, tmp_path / "made.work", lambda done, total: None)
+
+
+def drawn(task, count, seed=5, reach=0.8):
+    """Random trajectories, valid or not."""
+    return task.problem.start(count, torch.Generator().manual_seed(seed), reach)
+
+
+@dataclass(frozen=True)
+class Planted(Pool):
+    """A pool that holds what it is given."""
+
+    library: Library | None = None
+
+    def load(self, task):
+        return self.library
+
+
+@pytest.fixture
+def planted(task):
+    """A task, a pool of 60 trajectories, and the places of the only six of them that move."""
+    made = task()
+    strong, places = drawn(made, 6), [17, 23, 31, 40, 48, 59]
+    c = 0.02 * drawn(made, 60, seed=6)
+    c[places] = strong
+    pool = Planted("planted", None, "planted", (), measured(made.constraints, made.trajectory, c, "planted"))
+    return made, pool, places
+
+
+def test_the_greedy_score_takes_what_excites_most_first_and_then_what_differs(planted, build):
+    made, pool, places = planted
+    selection(made, pool).make(build)
+    chosen = Library.load(build.folder / LIBRARY, made.arm).coefficients
+    library = pool.library
+    size, total = library.diagonal.norm(dim=1), library.diagonal.sum(1)
+    first = (size / size.max() + total / total.max()).argmax()
+    torch.testing.assert_close(chosen[0], library.coefficients[first], rtol=0, atol=1e-12)
+    moving = (torch.cdist(chosen.flatten(1), library.coefficients[places].flatten(1)) < 1e-9).any(1)
+    assert 3 <= int(moving.sum()) < 6  # what differs most from one that moves is one that does not
+
+
+@pytest.mark.parametrize("method", ["d_optimal", "a_optimal", "d_exchange"])
+def test_a_selection_finds_the_trajectories_that_excite(planted, build, method):
+    made, pool, places = planted
+    made = made.with_settings(selection=replace(made.cfg.selection, method=method))
+    artifact = selection(made, pool)
+    artifact.make(build)
+    chosen = Library.load(build.folder / LIBRARY, made.arm).coefficients
+    best = pool.library.coefficients[places]
+    nearest = torch.cdist(best.flatten(1), chosen.flatten(1)).argmin(1)
+    torch.testing.assert_close(chosen[nearest], best, rtol=0, atol=1e-12)
+
+
+def test_random_trajectories_are_checked_and_those_that_fail_are_missing(task, build):
+    made = task(*TIGHT)
+    share = float(check(made.constraints, made.trajectory, drawn(made, 400)).valid.double().mean())
+    assert 0.1 < share < 0.9, "the workspace tells nothing"
+    draws = random_valid(made, 40, "any")
+    assert draws.drawn > 40 and check(made.constraints, made.trajectory, draws.coefficients).valid.all()
+    random_set(made).make(build)
+    library = Library.load(build.folder / LIBRARY, made.arm)
+    assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
+
+
+def test_torque_limits_bind_what_is_optimised(task, build):
+    strong, weak = task("trajectory.period=1"), task("trajectory.period=1")
+    limits = torch.tensor([20.0, 6.0], dtype=torch.float64)
+    weak.__dict__["arm"] = replace(strong.arm, torque_limit=limits)
+    assert "torque" in weak.constraints.labels
+    assert "torque" not in task("workspace.torque=false").constraints.labels
+
+    def peak(c):
+        return weak.body.torque(*weak.trajectory.roll_out(c, weak.trajectory.grid(200))[1:]).abs().amax(1)
+
+    assert (peak(drawn(strong, 40)) > limits).any(1).double().mean() > 0.5
+    seed_set(weak).make(build)
+    assert (peak(Library.load(build.folder / LIBRARY, weak.arm).coefficients) <= limits).all()
+
+
+@pytest.fixture
+def executed(task, monkeypatch):
+    """A task in a tight workspace, and a set of valid motions that a model is to be identified from."""
+    made = task(*TIGHT)
+    c = random_valid(made, 6, "learned").coefficients
+    library = measured(made.constraints, made.trajectory, c, "planted")
+    monkeypatch.setattr(Task, "load", lambda self, artifact: library)
+    return made, ExcitationSet("planted", None, "planted", made.trajectory, random_set(made)), c
+
+
+def refuse_tests(made, learned, tests):
+    """Tests must be valid motions that the model has not learned from."""
+    assert len(tests) == made.cfg.identification.tests
+    assert check(made.constraints, made.trajectory, tests).valid.all()
+    assert torch.cdist(tests.flatten(1), learned.flatten(1)).min() > 0.1
+
+
+def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, build, monkeypatch):
+    made, one, learned = executed
+    compare, seen = study.compare, {}
+
+    def watched(body, sets, tests, *rest):
+        seen.update(sets=sets, tests=tests)
+        return compare(body, sets, tests, *rest)
+
+    monkeypatch.setattr(study, "compare", watched)
+    identification(made, one).make(build)
+    (_, sets), (_, tests) = seen["sets"]["planted"], seen["tests"]
+    torch.testing.assert_close(sets, learned, rtol=0, atol=0)
+    refuse_tests(made, learned, tests)
+
+
+def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, build, monkeypatch):
+    made, one, learned = executed
+    motions, estimated, scored = [], [], []
+    record, estimate, score = plants._recorded, plants.estimate, plants.score
+
+    def recorded(task, family, c, purpose):
+        motions.append((c, record(task, family, c, purpose)))
+        return motions[-1][1]
+
+    monkeypatch.setattr(plants, "_recorded", recorded)
+    monkeypatch.setattr(plants, "estimate", lambda m, model, x: estimated.append(x) or estimate(m, model, x))
+    monkeypatch.setattr(plants, "score", lambda model, p, x: scored.append(x) or score(model, p, x))
+    plant(made, one).make(build)
+    (c, training), (tests, test) = motions[:2]
+    torch.testing.assert_close(c, learned, rtol=0, atol=0)
+    refuse_tests(made, learned, tests)
+    assert estimated[0] is training and scored[0] is test
