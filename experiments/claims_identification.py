@@ -31,7 +31,8 @@ def _against_long(group: Group, frame: str) -> Finding:
     nmse, cfg = _table1(group, frame), group.first.cfg
     names = [f"long-{h}" for h in sorted(cfg.long.harmonics)]
     effects = {f"{n.removeprefix('long-')} harmonics": _log_ratio(nmse[n], nmse["seeds"]) for n in names}
-    numbers = {"fewest": min(cfg.long.harmonics), "starts": cfg.long.starts, "period": cfg.long.period}
+    ratio = max(cfg.long.harmonics) / cfg.trajectory.harmonics
+    numbers = {"fewest": min(cfg.long.harmonics), "ratio": ratio, "period": cfg.long.period}
     ours = f"error of the long one over the seeds': {ratios(effects)}"
     verdict = together(above(x) for x in effects.values())
     return Finding(verdict, ours, numbers | {"count": cfg.selection.count})

@@ -99,6 +99,7 @@ def _tables(group: Group) -> dict[str, pd.DataFrame]:
         "epochs": training.speed(group.frame("histories")),
         "table1": exp1.table1(raw, group.frame("plant"), ["column", "training", "repeat"]),
         "sets": tables.excitation_sets(raw),
+        "long": comparisons.longs(group.first),
         "table3": exp2.table3(group.frame("whole_facts")),
         "whole": exp2.errors(whole),
         "density": comparisons.densities(group.first.density),
@@ -112,7 +113,6 @@ def _own_tables(groups: Groups) -> dict[str, pd.DataFrame]:
     artifacts = groups[OURS].first
     changed = artifacts.sensitivity
     shown = {
-        "long": comparisons.longs(artifacts),
         "timing": comparisons.costs(comparisons.durations(artifacts, _colony(groups))),
         "kinds": comparisons.kinds(_kinds(groups)),
         "ablation": comparisons.ablation(artifacts.ablation),

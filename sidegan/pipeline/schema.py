@@ -11,7 +11,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
 from sidegan.library.draw import Expansion
-from sidegan.seeds.settings import Seeds
+from sidegan.seeds.settings import Long, Seeds
 from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
@@ -43,7 +43,6 @@ class Scale:
     exact_seeded_steps: Count  # of those with discriminators
     evaluation: Count  # trajectories per epoch whose true physics is measured
     generated: Count  # valid generated trajectories in the library
-    long_steps: Count  # optimiser steps of the single long trajectory
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
     replications: Count  # noise realisations of whole sets
@@ -105,6 +104,7 @@ class Column:
     half: Literal[0, 1] | None = None  # of the seed set, that everything is trained on
     workspace: Workspace | None = None
     seeds: Seeds | None = None
+    long: Long | None = None
     surrogates: SurrogateSettings | None = None
     gan: dict[str, Variant] | None = None
     library: Expansion | None = None

@@ -24,7 +24,7 @@ from sidegan.validity import Constraints, Validity, check
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, FACTS = "results.parquet", "facts.parquet"
 
-_SHARED = {"seeds", "paper_seeds", "halves"}  # made once for all columns that have them
+_SHARED = {"seeds", "paper_seeds", "halves", "long"}  # made once for all columns that have them
 
 
 @dataclass(frozen=True)
