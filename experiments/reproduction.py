@@ -129,11 +129,11 @@ def _figures(group: Group) -> dict[str, "Figure"]:
     eigen = generators[generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
     share = [Panel("success", "valid share")]
-    sizes, taught = comparisons.last_epochs(group.frame("subsets")), Across("seeds", "seeds trained on")
+    subsets, taught = group.frame("subsets"), Across("seeds", "seeds trained on")
     return {
         "training": training.figure(group.frame("histories"), generators, union),
         "nmse": figures.errors(raw),
-        "sizes": figures.panels(sizes, taught, share, "variant", columns=1, markers=True),
+        "sizes": figures.panels(subsets[subsets.kept], taught, share, "variant", columns=1, markers=True),
     }
 
 

@@ -139,7 +139,7 @@ class Discriminator(nn.Module):
         """Logits (B,)."""
         x = self.layers(x)
         if self.minibatch:
-            spread = (x.var(0, unbiased=False) + 1e-8).sqrt().mean()
+            spread = (((x - x.mean(0)) ** 2).mean(0) + 1e-8).sqrt().mean()
             x = torch.cat([x, spread.expand(len(x), 1)], 1)
         return self.last(x)[:, 0]
 

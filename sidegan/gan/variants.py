@@ -98,8 +98,8 @@ class Variant:
     minibatch: bool  # the discriminators see the spread of a batch
     scaling: Literal["joint", "range"]  # whitened per joint, or each element divided by its largest
     average: Share | None  # decay of the average of the generator's weights that is kept; null: the last ones
-    # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share of the
-    # best epoch's; null: the last one.
+    # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
+    # of the best epoch's; null: the last one.
     least_valid: Share | None
     activation: Literal["relu", "silu"]  # between the generator's layers
     limited: bool  # position and velocity limits hold by construction

@@ -63,11 +63,23 @@ def test_every_option_trains(train, vanilla, settings, tmp_path):
 @pytest.mark.parametrize("body", ["mlp", "dcgan"])
 def test_what_is_measured_is_what_is_kept(train, vanilla, constraints, family, body, tmp_path):
     plain = {"scaling": "range", "gaussian_start": False, "minibatch": False}
-    trained = train(replace(vanilla, body=body, average=0.5, **plain), tmp_path, evaluation=50)
+    variant = replace(vanilla, body=body, average=0.5, least_valid=None, **plain)
+    trained = train(variant, tmp_path, evaluation=50)
+    assert trained.epoch == 2
     noise = random(1_000_003 + 2)  # of the last epoch
     found = measure(constraints, family, trained.generator.sample(50, noise))
     assert found["distance"] == pytest.approx(trained.history[-1]["distance"], rel=1e-4)
     assert found["condition"] == pytest.approx(trained.history[-1]["condition"], rel=1e-2)
+
+
+def test_the_generator_is_that_of_the_chosen_epoch(train, vanilla, constraints, family, tmp_path):
+    variant = replace(vanilla, epochs=6, learning_rate=0.05, least_valid=1.0)  # so fast that validity is lost
+    trained = train(variant, tmp_path, evaluation=50)
+    shares = [row["success"] for row in trained.history]
+    assert trained.epoch == shares.index(max(shares)) < 5
+    c = trained.generator.sample(50, random(1_000_003 + trained.epoch))
+    row = trained.history[trained.epoch]
+    assert measure(constraints, family, c)["condition"] == pytest.approx(row["condition"], rel=1e-2)
 
 
 @pytest.mark.parametrize("average", [None, 0.9])

@@ -103,7 +103,8 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     trained = train_variant(variant, task.constraints, task.trajectory, seeds, run, learnt)
     trained.generator.save(build.folder / GENERATOR)
     keep_history(build, trained.history)
-    write_json(build.folder / REPORT, finite({"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}))
+    kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
+    write_json(build.folder / REPORT, finite(kept))
 
 
 def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
