@@ -10,6 +10,7 @@ from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, readings, training
 from experiments.artifacts import SEEDS, Artifacts, Group, comparison
+from experiments.finding import named
 from experiments.pages import Page, publish
 from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
@@ -52,7 +53,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
             name: readings.distances(group.frame("covariances")) for name, group in groups.items()
         },
         "unchanged": readings.unchanged(),
-        "usual": readings.named(artifacts.cfg.identification.prior, artifacts.cfg.identification.forgetting),
+        "usual": named(artifacts.cfg.identification.prior, artifacts.cfg.identification.forgetting),
         "verdicts": {
             group.title: claims.counted(claim.findings[name].verdict for claim in judged)
             for name, group in groups.items()
