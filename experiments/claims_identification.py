@@ -52,6 +52,10 @@ def _against_seeds(group: Group, frame: str) -> Finding:
     nmse = _table1(group, frame)
     effects = {n: _log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
     ours = f"error of the seeds over theirs: {ratios(effects)}"
+    if frame == "errors" and len(group.frame("expected")):
+        sure = _table1(group, "expected")
+        over_all = {n: _log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
+        ours += f"; expected over all noise: {ratios(over_all)}"
     numbers = {"count": group.first.cfg.selection.count}
     return Finding(together(above(x) for x in effects.values()), ours, numbers)
 
@@ -147,7 +151,7 @@ def _most(group: Group) -> str:
 def _table1(group: Group, frame: str) -> dict[str, pd.Series]:
     """Unweighted nMSE of experiment 1, mean over joints, by set."""
     raw = group.frame(frame)
-    return _by_set(group, raw[~raw.weighted], "nmse")
+    return _by_set(group, raw[~raw.weighted.astype(bool)], "nmse")
 
 
 def _by_set(group: Group, frame: pd.DataFrame, key: str) -> dict[str, pd.Series]:

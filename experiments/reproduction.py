@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
 
+_DRAWS = ["column", "training", "repeat"]
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 
 
@@ -98,7 +99,7 @@ def _tables(group: Group) -> dict[str, pd.DataFrame]:
     shown = {
         "generators": tables.generators(group.frame("generators")),
         "epochs": training.speed(group.frame("histories")),
-        "table1": exp1.table1(raw, group.frame("plant"), ["column", "training", "repeat"]),
+        "table1": exp1.table1(raw, group.frame("plant"), _DRAWS, group.frame("expected")),
         "sets": tables.excitation_sets(raw),
         "long": comparisons.longs(group.first),
         "table3": exp2.table3(group.frame("whole_facts")),

@@ -22,7 +22,7 @@ from sidegan.robot import Arm, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
-RESULTS, FACTS = "results.parquet", "facts.parquet"
+RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
 _SHARED = {"seeds", "paper_seeds", "halves", "long"}  # made once for all columns that have them
 

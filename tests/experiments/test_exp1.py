@@ -43,6 +43,16 @@ def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
     assert list(table.index)[:3] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.PLANT]
 
 
+def test_expected_errors_stand_below_those_of_some_draws():
+    raw = results(lambda name, repeat: 1.0 + repeat)
+    sure = results(lambda name, repeat: 7.0, repeats=1).drop(columns="repeat")
+    both = pd.concat([sure, sure.assign(training=1, nmse=3 * sure.nmse)])
+    table = exp1.table1(raw, raw, ["training", "repeat"], both)
+    assert list(table.index)[:4] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.EXPECTED, exp1.EXPECTED_WEIGHTED]
+    assert table.loc[exp1.EXPECTED].tolist() == ["14 ± 9.9"] * 3
+    assert exp1.EXPECTED not in exp1.table1(raw, raw, ["training", "repeat"], both.iloc[:0]).index
+
+
 def test_what_was_not_identified_with_weights_shows_no_number():
     raw = results(lambda name, repeat: 1.0, weighted=(False,))
     table = exp1.table1(raw, raw, ["repeat"])
