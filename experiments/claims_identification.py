@@ -66,7 +66,9 @@ def _of_whole_sets(criterion: OfWholeSets, group: Group) -> Finding:
     found = criterion(group.frame("whole_errors"), cfg)
     others = errors[errors.reading != cfg.replication.reading].groupby("reading", sort=False)
     moved = {str(name): criterion(part, cfg).verdict for name, part in others}
-    return replace(found, ours=f"{found.ours}; noise on other things: {_each(moved)}") if moved else found
+    if not moved:
+        return found
+    return replace(found, ours=f"{found.ours}; verdicts under other readings of the noise: {_each(moved)}")
 
 
 def _each(verdicts: Mapping[str, str]) -> str:
@@ -116,7 +118,7 @@ def _smallest_norm(group: Group) -> Finding:
     usual = named(group.first.cfg.identification.prior, group.first.cfg.identification.forgetting)
     moved = {"‖diag P‖ × samples": per_sample} | {k: part for k, part in parts.items() if k != usual}
     verdicts = {name: _smallest(_over_eigen(group, part)) for name, part in moved.items()}
-    ours = f"theirs over eigen's: {ratios(effects)}; otherwise: {_each(verdicts)}"
+    ours = f"theirs over eigen's: {ratios(effects)}; verdicts otherwise: {_each(verdicts)}"
     return Finding(_smallest(effects), ours, {"steady": _steady_norms(group, parts), "share": _STEADY})
 
 

@@ -118,7 +118,7 @@ def _traded(group: Group) -> Finding:
     ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later: "
     ours += f"of all samples {ratios(gained)}, of the valid alone {ratios(of_valid)}"
     if other != verdict:
-        ours += f", by which the verdict were: {other}"
+        ours += f", by which the verdict would be: {other}"
     return Finding(verdict, ours, {"epochs": EARLY})
 
 

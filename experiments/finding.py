@@ -53,7 +53,7 @@ def words(measured: Interval, form: str = ".3g") -> str:
     if np.isnan(measured.mean):
         return "nothing to measure"
     if not np.isfinite(measured.low):
-        return f"{measured.mean:{form}} (one training)"
+        return f"{measured.mean:{form}} (no interval: one alone)"
     return f"{measured.mean:{form}} ({measured.low:{form}} … {measured.high:{form}})"
 
 
@@ -79,7 +79,7 @@ def over_both(
     other = other if all(map(len, known.values())) else UNKNOWN
     ours = f"of all samples {ratios(everything)}; of the valid alone {ratios(known)}"
     if other != verdict:
-        ours += f", by which the verdict were: {other}"
+        ours += f", by which the verdict would be: {other}"
     return Finding(verdict, ours)
 
 

@@ -5,7 +5,7 @@ An effect is a series of numbers with the levels ``column`` (one for each seed s
 variance of its mean.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -31,11 +31,16 @@ class Interval(NamedTuple):
 
     def exp(self) -> "Interval":
         """Of a ratio, from that of its logarithm."""
-        return Interval(*(float(np.exp(x)) for x in self))
+        return self._turned(np.exp)
 
     def share(self) -> "Interval":
         """Of a share, from that of its log odds."""
-        return Interval(*(float(expit(x)) for x in self))
+        return self._turned(expit)
+
+    def _turned(self, back: Callable[[float], float]) -> "Interval":
+        """Of what a growing function makes of it; what has no ends gets none."""
+        low, mean, high = (float(back(x)) for x in self)
+        return Interval(low, mean, high) if np.isfinite(self.low) else self._replace(mean=mean)
 
 
 def levels(frame: pd.DataFrame, *more: str) -> list[str]:

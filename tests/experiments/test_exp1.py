@@ -89,6 +89,7 @@ def artifacts():
     return SimpleNamespace(
         errors=results(lambda name, repeat: 1.0 + repeat).merge(facts()).assign(seed=5),
         plant=results(lambda name, repeat: 2.0).assign(seed=5),
+        expected=results(lambda name, repeat: 1.4, repeats=1).drop(columns="repeat"),
         histories=pd.DataFrame([{"variant": "eigen", "training": 0, "epoch": n, **row} for n in (1, 2)]),
         generators=pd.DataFrame(rows),
         cfg=tiny("seed=5"),
@@ -118,7 +119,15 @@ def test_everything_is_printed_written_and_recorded(artifacts, tmp_path, capsys)
     assert set(names) <= set(recorded)
     assert {name.split("/")[1] for name in recorded if "/" in name} == expected - {exp1.RAW, exp1.RAW_PLANT}
     out = capsys.readouterr().out
-    for text in ("Table I", "seed 5", "seeds + eigen", "1.5 ± 0.71", "0.2248 ± 0.056", "duration [s]"):
+    for text in (
+        "Table I",
+        "seed 5",
+        "seeds + eigen",
+        "1.5 ± 0.71",
+        exp1.EXPECTED,
+        "0.2248 ± 0.056",
+        "duration [s]",
+    ):
         assert text in out, text
     raw = pd.read_parquet(tmp_path / exp1.RAW)
     assert set(raw.seed) == {5} and len(raw) == len(artifacts.errors)

@@ -4,7 +4,7 @@ import pytest
 from scipy import stats
 
 from experiments import verdicts
-from experiments.finding import over_both, shares
+from experiments.finding import over_both, ratios, shares
 from experiments.verdicts import (
     HOLDS,
     NOT,
@@ -89,6 +89,12 @@ def test_intervals_of_shares_stay_within_nothing_and_all(values):
     assert "-" not in shares({"eigen": log_odds(share, 1000)})
 
 
+def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():
+    alone = pd.Series([0.5], pd.Index([0], name="training"))
+    assert ratios({"eigen": alone}) == "eigen 1.65 (no interval: one alone) ×"
+    assert shares({"eigen": alone}) == "eigen 62% (no interval: one alone)"
+
+
 def test_log_odds_of_none_and_of_all_are_those_of_half_a_draw():
     odds = log_odds(pd.Series([0.0, 0.5, 1.0]), 100)
     assert odds.tolist() == pytest.approx([-np.log(199), 0.0, np.log(199)])
@@ -108,7 +114,7 @@ def test_intervals_of_shares_cover_the_truth_as_often_as_they_say():
 
 def test_a_verdict_says_where_the_valid_alone_would_give_another():
     torn = over_both({"eigen": effect(1.0)}, {"eigen": effect(-1.0)}, above)
-    assert torn.verdict == HOLDS and torn.ours.endswith(f"by which the verdict were: {NOT}")
+    assert torn.verdict == HOLDS and torn.ours.endswith(f"by which the verdict would be: {NOT}")
     assert "of all samples" in torn.ours and "of the valid alone" in torn.ours
     one = over_both({"eigen": effect(1.0)}, {"eigen": effect(2.0)}, above)
     assert one.verdict == HOLDS and "by which" not in one.ours
