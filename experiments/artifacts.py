@@ -35,7 +35,7 @@ from sidegan.pipeline.stages.sensitivity import sensitivity
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, surrogates
-from sidegan.pipeline.task import FACTS, LIBRARY, REPORT, Task
+from sidegan.pipeline.task import EXPECTED, FACTS, LIBRARY, REPORT, Task
 
 __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
 
@@ -96,6 +96,12 @@ class Artifacts:
             facts = self.task.frame(artifact, FACTS)
             frames.append(self.task.frame(artifact).merge(facts, on=["set", "training", "repeat"]))
         return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
+
+    @cached_property
+    def expected(self) -> pd.DataFrame:
+        """NMSE of every excitation set expected over all noise, by set, training, weighted and joint."""
+        sets = excitation_sets(self.task)
+        return pd.concat([self.task.frame(identification(self.task, one), EXPECTED) for one in sets])
 
     @cached_property
     def plant(self) -> pd.DataFrame:

@@ -1,6 +1,6 @@
 """What was measured of one claim in one group of columns, and the words that say it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Group
-from experiments.verdicts import COLUMN, TRAINING, UNKNOWN, Interval, interval
+from experiments.verdicts import COLUMN, TRAINING, UNKNOWN, Interval, interval, together
 
 SIDE_GANS = ("eigen", "diagonal")
 GANS = ("vanilla", *SIDE_GANS)
@@ -53,8 +53,34 @@ def words(measured: Interval, form: str = ".3g") -> str:
     if np.isnan(measured.mean):
         return "nothing to measure"
     if not np.isfinite(measured.low):
-        return f"{measured.mean:{form}} (one training)"
+        return f"{measured.mean:{form}} (no interval: one alone)"
     return f"{measured.mean:{form}} ({measured.low:{form}} … {measured.high:{form}})"
+
+
+def shares(log_odds: Mapping[str, pd.Series], form: str = ".0%") -> str:
+    """Shares and their intervals, which lie within 0 and 100 %, of their log odds by name."""
+    return "; ".join(f"{name} {words(interval(x).share(), form)}" for name, x in log_odds.items())
+
+
+def over_both(
+    everything: Mapping[str, pd.Series],
+    valid: Mapping[str, pd.Series],
+    judge: Callable[[pd.Series], str],
+) -> Finding:
+    """A verdict on ratios over all samples, and over the valid alone in its evidence.
+
+    Args:
+        everything: logarithms of ratios by name, of all samples.
+        valid: the same of the valid ones; without what was never valid.
+        judge: the verdict on one of them.
+    """
+    known = {name: x.dropna() for name, x in valid.items()}
+    verdict, other = (together(map(judge, x.values())) for x in (everything, known))
+    other = other if all(map(len, known.values())) else UNKNOWN
+    ours = f"of all samples {ratios(everything)}; of the valid alone {ratios(known)}"
+    if other != verdict:
+        ours += f", by which the verdict would be: {other}"
+    return Finding(verdict, ours)
 
 
 def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
@@ -65,3 +91,8 @@ def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
 def ratios(effects: Mapping[str, pd.Series]) -> str:
     """Geometric means of ratios and their intervals, of their logarithms by name."""
     return "; ".join(f"{name} {words(interval(x).exp())} ×" for name, x in effects.items())
+
+
+def named(prior: float, forgetting: float) -> str:
+    """A recursion for people."""
+    return f"P₀ = {prior:g} I, λ = {forgetting:g}"

@@ -7,7 +7,7 @@ import pandas as pd
 
 from experiments.artifacts import Group
 from experiments.claims_identification import OF_WHOLE_SETS, gain
-from experiments.finding import words
+from experiments.finding import named, words
 from experiments.verdicts import interval, levels
 from experiments.words import PAPER
 from sidegan.pipeline.settings import Config
@@ -74,11 +74,6 @@ def distances(norms: pd.DataFrame) -> dict[str, float]:
 def unchanged() -> float:
     """The same of norms that are equal for all sets."""
     return math.exp(_paper_ratios().drop(_FIRST).map(math.log).abs().mean())
-
-
-def named(prior: float, forgetting: float) -> str:
-    """A recursion for people."""
-    return f"P₀ = {prior:g} I, λ = {forgetting:g}"
 
 
 def elsewhere(errors: pd.DataFrame, weighted: bool) -> pd.DataFrame:

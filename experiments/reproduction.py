@@ -10,6 +10,7 @@ from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, readings, training
 from experiments.artifacts import SEEDS, Artifacts, Group, comparison
+from experiments.finding import named
 from experiments.pages import Page, publish
 from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
@@ -26,6 +27,7 @@ if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
 
+_DRAWS = ["column", "training", "repeat"]
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 
 
@@ -52,7 +54,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
             name: readings.distances(group.frame("covariances")) for name, group in groups.items()
         },
         "unchanged": readings.unchanged(),
-        "usual": readings.named(artifacts.cfg.identification.prior, artifacts.cfg.identification.forgetting),
+        "usual": named(artifacts.cfg.identification.prior, artifacts.cfg.identification.forgetting),
         "verdicts": {
             group.title: claims.counted(claim.findings[name].verdict for claim in judged)
             for name, group in groups.items()
@@ -97,8 +99,9 @@ def _tables(group: Group) -> dict[str, pd.DataFrame]:
     shown = {
         "generators": tables.generators(group.frame("generators")),
         "epochs": training.speed(group.frame("histories")),
-        "table1": exp1.table1(raw, group.frame("plant"), ["column", "training", "repeat"]),
+        "table1": exp1.table1(raw, group.frame("plant"), _DRAWS, group.frame("expected")),
         "sets": tables.excitation_sets(raw),
+        "long": comparisons.longs(group.first),
         "table3": exp2.table3(group.frame("whole_facts")),
         "whole": exp2.errors(whole),
         "density": comparisons.densities(group.first.density),
@@ -112,7 +115,6 @@ def _own_tables(groups: Groups) -> dict[str, pd.DataFrame]:
     artifacts = groups[OURS].first
     changed = artifacts.sensitivity
     shown = {
-        "long": comparisons.longs(artifacts),
         "timing": comparisons.costs(comparisons.durations(artifacts, _colony(groups))),
         "kinds": comparisons.kinds(kinds_of(groups)),
         "ablation": comparisons.ablation(artifacts.ablation),

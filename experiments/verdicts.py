@@ -5,16 +5,18 @@ An effect is a series of numbers with the levels ``column`` (one for each seed s
 variance of its mean.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy import stats
+from scipy.special import expit, logit
 
 from sidegan.report.style import NOT_MEASURED
 
-HOLDS, PART, NOT, UNDECIDED = "holds", "holds in part", "does not hold", "no detectable difference"
+HOLDS, PART, NOT = "holds", "holds in part", "does not hold"
+UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
 UNKNOWN = NOT_MEASURED
 CONFIDENCE = 0.95
 COLUMN, TRAINING, REPEAT = "column", "training", "repeat"
@@ -29,7 +31,16 @@ class Interval(NamedTuple):
 
     def exp(self) -> "Interval":
         """Of a ratio, from that of its logarithm."""
-        return Interval(*(float(np.exp(x)) for x in self))
+        return self._turned(np.exp)
+
+    def share(self) -> "Interval":
+        """Of a share, from that of its log odds."""
+        return self._turned(expit)
+
+    def _turned(self, back: Callable[[float], float]) -> "Interval":
+        """Of what a growing function makes of it; what has no ends gets none."""
+        low, mean, high = (float(back(x)) for x in self)
+        return Interval(low, mean, high) if np.isfinite(self.low) else self._replace(mean=mean)
 
 
 def levels(frame: pd.DataFrame, *more: str) -> list[str]:
@@ -55,30 +66,47 @@ def interval(effect: pd.Series) -> Interval:
     return Interval(middle - half, middle, middle + half)
 
 
+def log_odds(shares: pd.Series, draws: int) -> pd.Series:
+    """Log odds of shares of so many draws; their intervals, turned back, stay within 0 and 1.
+
+    None and all count as half a draw from the end (Haldane 1956), since their odds have no logarithm.
+    """
+    edge = 0.5 / draws
+    return shares.clip(edge, 1 - edge).map(lambda x: float(logit(x)))
+
+
 def proportion(share: float, draws: int) -> Interval:
     """A share of so many draws with its exact interval (Clopper and Pearson 1934)."""
     found = stats.binomtest(round(share * draws), draws).proportion_ci(CONFIDENCE)
     return Interval(found.low, share, found.high)
 
 
-def above(effect: pd.Series, bound: float = 0.0) -> str:
-    """Whether the mean of an effect lies above a bound: in its whole interval, and on every seed set."""
+def above(effect: pd.Series, bound: float | None = None) -> str:
+    """Whether an effect's mean lies above zero, or a bound, in its whole interval and on every seed set."""
+    bound, undecided = (0.0, UNDECIDED) if bound is None else (bound, OPEN)
     low, _, high = interval(effect)
     levels = [COLUMN] if COLUMN in effect.index.names else []
     means = effect.groupby(levels).mean() if levels else pd.Series([effect.mean()])
     if low > bound and (means > bound).all():
         return HOLDS
-    return NOT if high < bound and (means < bound).all() else UNDECIDED
+    return NOT if high < bound and (means < bound).all() else undecided
 
 
-def below(effect: pd.Series, bound: float = 0.0) -> str:
-    """Whether the mean of an effect lies below a bound."""
-    return above(-effect, -bound)
+def below(effect: pd.Series, bound: float | None = None) -> str:
+    """Whether the mean of an effect lies below zero or a bound."""
+    return above(-effect, None if bound is None else -bound)
+
+
+def not_below(effect: pd.Series) -> str:
+    """Whether an effect is not detectably below zero; one training alone detects nothing."""
+    if not np.isfinite(interval(effect).low):
+        return UNDECIDED
+    return NOT if below(effect) == HOLDS else HOLDS
 
 
 def beside(measured: Interval, bound: float) -> str:
     """Whether an interval lies below a bound."""
-    return HOLDS if measured.high < bound else NOT if measured.low > bound else UNDECIDED
+    return HOLDS if measured.high < bound else NOT if measured.low > bound else OPEN
 
 
 def together(verdicts: Iterable[str]) -> str:
@@ -88,7 +116,9 @@ def together(verdicts: Iterable[str]) -> str:
         return UNKNOWN
     if len(set(every)) == 1:
         return every[0]
-    return PART if {HOLDS, PART} & set(every) else NOT
+    if {HOLDS, PART} & set(every):
+        return PART
+    return NOT if NOT in every else OPEN
 
 
 def _units(values: pd.Series) -> list[list[str]]:

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ConfigError
+from sidegan.identification.expected import expected_errors
 from sidegan.identification.fit import Fit, recursive
 from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, Noise, Samples, measure
@@ -69,6 +70,12 @@ def compare(
         pd.DataFrame(results, columns=["set", "repeat", "weighted", "joint", "nmse"]),
         pd.DataFrame(facts, columns=["set", "repeat", "covariance_norm", "condition", "duration", "samples"]),
     )
+
+
+def expected(body: RigidBody, family: Family, tests: Family, settings: StudySettings) -> pd.DataFrame:
+    """What NMSE of a set ``compare`` finds on average over noise draws, as ``expected_errors`` has it."""
+    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
+    return expected_errors(body, exact, truth, settings)
 
 
 def measured_sums(

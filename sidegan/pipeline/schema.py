@@ -11,7 +11,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
 from sidegan.library.draw import Expansion
-from sidegan.seeds.settings import Seeds
+from sidegan.seeds.settings import Long, Seeds
 from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
@@ -32,6 +32,7 @@ class Scale:
     name: str
     seeds: Count
     seed_steps: Count  # optimiser steps per seed
+    long_steps: Count  # of a single long trajectory
     labelled: Count  # samples that the surrogates learn from
     surrogate_epochs: Count
     shallow_epochs: Count  # of the paper's surrogates
@@ -43,7 +44,6 @@ class Scale:
     exact_seeded_steps: Count  # of those with discriminators
     evaluation: Count  # trajectories per epoch whose true physics is measured
     generated: Count  # valid generated trajectories in the library
-    long_steps: Count  # optimiser steps of the single long trajectory
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
     replications: Count  # noise realisations of whole sets
@@ -106,6 +106,7 @@ class Column:
     workspace: Workspace | None = None
     seeds: Seeds | None = None
     kinds: dict[str, Seeds] | None = None
+    long: Long | None = None
     surrogates: SurrogateSettings | None = None
     gan: dict[str, Variant] | None = None
     library: Expansion | None = None

@@ -25,9 +25,9 @@ from sidegan.validity import Constraints, Validity, check
 log = logging.getLogger(__name__)
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
-RESULTS, FACTS = "results.parquet", "facts.parquet"
+RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
-_SHARED = {"seeds", "paper_seeds", "halves"}  # made once for all columns that have them
+_SHARED = {"seeds", "paper_seeds", "halves", "long"}  # made once for all columns that have them
 
 
 @dataclass(frozen=True)

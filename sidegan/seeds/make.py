@@ -12,12 +12,10 @@ from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
-from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.result import SeedBatch
 
 _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
-_LONG_ROUNDS = 50
-_LONG_RESERVE = 0.05  # share of each limit: nothing is to imitate a long trajectory, so it may use the rest
+_SPARE_STARTS = 4  # of a long trajectory, for each that is set, while none is valid
 
 
 class Method(Protocol):
@@ -74,16 +72,22 @@ def _task(
 
 
 def make_long(
-    problem: Problem, steps: int, starts: int, random: np.random.SeedSequence, progress: Report
+    problem: Problem, method: Method, starts: int, random: np.random.SeedSequence, progress: Report
 ) -> SeedBatch:
     """One long trajectory, the best of some starts; of more, up to a bound, while none is valid.
+
+    Args:
+        problem: of the long trajectory.
+        method: the optimiser of the seeds that it is compared with, with one start.
+        starts: how many.
+        random: a source of random numbers, of which each start has its own.
+        progress: receives (done, starts).
 
     Raises:
         InfeasibleError: when no start becomes valid.
     """
-    began = time.process_time()
-    method, batches = Gradient(steps, attempts=1, reserve=_LONG_RESERVE), list[SeedBatch]()
-    for done, seed in enumerate(random.spawn(max(starts, _LONG_ROUNDS)), 1):
+    began, batches = time.process_time(), list[SeedBatch]()
+    for done, seed in enumerate(random.spawn((1 + _SPARE_STARTS) * starts), 1):
         batches.append(method.optimise(problem, 1, seed))
         progress(min(done, starts), starts)
         if done >= starts and any(map(len, batches)):

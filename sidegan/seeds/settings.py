@@ -39,9 +39,22 @@ class Seeds:
     @property
     def optimiser(self) -> Method:
         """The configured method."""
+        return self._optimiser(self.attempts)
+
+    @property
+    def single(self) -> Method:
+        """The configured method with one start, however it ends."""
+        return self._optimiser(1)
+
+    @property
+    def evaluations_per_start(self) -> int:
+        """Trajectories that one start evaluates."""
+        return self.steps * (self.ants or 1) + (self.evaluations or 0)
+
+    def _optimiser(self, attempts: int) -> Method:
         if self.ants is not None and self.evaluations is not None:
-            return Paper(self.steps, self.ants, self.evaluations, self.attempts)
-        return Gradient(self.steps, self.attempts, self.reserve or 0.0)
+            return Paper(self.steps, self.ants, self.evaluations, attempts)
+        return Gradient(self.steps, attempts, self.reserve or 0.0)
 
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """What the optimiser works on."""
@@ -50,10 +63,10 @@ class Seeds:
 
 @dataclass(frozen=True)
 class Long:
-    """The single long trajectory that the short ones are compared with."""
+    """The single long trajectory that the short ones are compared with; it is optimised as the seeds are."""
 
     period: Positive  # [s]
     harmonics: list[Count]  # one trajectory for each
     samples: Count
-    steps: Count  # evaluations per start
+    steps: Count | None  # of each start, as the seeds have them; null: as many as a seed
     starts: Count  # of which the best is kept

@@ -56,6 +56,13 @@ def test_the_compiled_numbers_are_those_of_torch(arm, torque, diagonal):
     assert (numbers[:, 1:].max(1) <= 0).any() and (numbers[:, 1:].max(1) > 0).any()
 
 
+@pytest.mark.parametrize("samples", [511, 512, 700])
+def test_long_trajectories_are_taken_in_blocks_of_samples(planar, samples):
+    pytest.importorskip("numba")
+    problem = Problem(Constraints(planar, []), Trajectory(2, 40, 96.0), samples)
+    assert_same(problem, candidates(problem, 8))
+
+
 @settings(max_examples=25, deadline=None)
 @given(
     joints=st.integers(1, 8),

@@ -43,6 +43,16 @@ def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
     assert list(table.index)[:3] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.PLANT]
 
 
+def test_expected_errors_stand_below_those_of_some_draws():
+    raw = results(lambda name, repeat: 1.0 + repeat)
+    sure = results(lambda name, repeat: 7.0, repeats=1).drop(columns="repeat")
+    both = pd.concat([sure, sure.assign(training=1, nmse=3 * sure.nmse)])
+    table = exp1.table1(raw, raw, ["training", "repeat"], both)
+    assert list(table.index)[:4] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.EXPECTED, exp1.EXPECTED_WEIGHTED]
+    assert table.loc[exp1.EXPECTED].tolist() == ["14 ± 9.9"] * 3
+    assert exp1.EXPECTED not in exp1.table1(raw, raw, ["training", "repeat"], both.iloc[:0]).index
+
+
 def test_what_was_not_identified_with_weights_shows_no_number():
     raw = results(lambda name, repeat: 1.0, weighted=(False,))
     table = exp1.table1(raw, raw, ["repeat"])
@@ -79,6 +89,7 @@ def artifacts():
     return SimpleNamespace(
         errors=results(lambda name, repeat: 1.0 + repeat).merge(facts()).assign(seed=5),
         plant=results(lambda name, repeat: 2.0).assign(seed=5),
+        expected=results(lambda name, repeat: 1.4, repeats=1).drop(columns="repeat"),
         histories=pd.DataFrame([{"variant": "eigen", "training": 0, "epoch": n, **row} for n in (1, 2)]),
         generators=pd.DataFrame(rows),
         cfg=tiny("seed=5"),
@@ -108,7 +119,15 @@ def test_everything_is_printed_written_and_recorded(artifacts, tmp_path, capsys)
     assert set(names) <= set(recorded)
     assert {name.split("/")[1] for name in recorded if "/" in name} == expected - {exp1.RAW, exp1.RAW_PLANT}
     out = capsys.readouterr().out
-    for text in ("Table I", "seed 5", "seeds + eigen", "1.5 ± 0.71", "0.2248 ± 0.056", "duration [s]"):
+    for text in (
+        "Table I",
+        "seed 5",
+        "seeds + eigen",
+        "1.5 ± 0.71",
+        exp1.EXPECTED,
+        "0.2248 ± 0.056",
+        "duration [s]",
+    ):
         assert text in out, text
     raw = pd.read_parquet(tmp_path / exp1.RAW)
     assert set(raw.seed) == {5} and len(raw) == len(artifacts.errors)

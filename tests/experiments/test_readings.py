@@ -7,7 +7,8 @@ import pytest
 
 from experiments import readings
 from experiments.claims_identification import CRITERIA, OF_WHOLE_SETS
-from experiments.verdicts import HOLDS, NOT
+from experiments.finding import named
+from experiments.verdicts import HOLDS, NOT, PART
 from experiments.words import PAPER
 from tests.tiny import tiny
 
@@ -67,10 +68,15 @@ def test_the_claims_are_judged_by_the_same_function(config):
 
         @staticmethod
         def frame(name):
-            return {"whole_errors": both(3.0).query("reading == 'good'")}[name]
+            frames = {"whole_errors": both(3.0).query("reading == 'good'"), "readings": both(3.0)}
+            return frames[name]
 
     for key, judge in OF_WHOLE_SETS.items():
-        assert CRITERIA[key](Group).verdict == judge(Group.frame("whole_errors"), config).verdict
+        found, own = CRITERIA[key](Group), judge(Group.frame("whole_errors"), config)
+        assert found.verdict == own.verdict
+        other = judge(both(3.0).query("reading == 'bad'"), config).verdict
+        assert found.ours.startswith(own.ours) and found.ours.endswith(f"bad: {other}")
+    assert CRITERIA["generated_improve"](Group).ours.endswith(f"bad: {NOT}")
 
 
 def norms(recursions):
@@ -89,15 +95,39 @@ def test_the_nearest_recursion_is_the_one_with_the_papers_ratios():
     twice = {name: x if name == "seeds ×1" else 2 * x for name, x in paper.items()}
     frame = norms({(1e6, 1.0): twice, (1.0, 0.9): paper})
     apart = readings.distances(frame)
-    assert list(apart) == [readings.named(1.0, 0.9), readings.named(1e6, 1.0)]
+    assert list(apart) == [named(1.0, 0.9), named(1e6, 1.0)]
     assert list(apart.values()) == pytest.approx([1.0, 2.0])
     same = readings.distances(norms({(1.0, 1.0): dict.fromkeys(paper, 1.0)}))
     assert next(iter(same.values())) == pytest.approx(readings.unchanged()) and readings.unchanged() > 1
     table = readings.recursions(frame)
-    assert table.loc["seeds + eigen", readings.named(1.0, 0.9)] == table.loc["seeds + eigen", "paper"]
-    assert float(table.loc["seeds + eigen", readings.named(1e6, 1.0)]) == pytest.approx(
-        2 * paper["eigen"], rel=0.01
-    )
+    assert table.loc["seeds + eigen", named(1.0, 0.9)] == table.loc["seeds + eigen", "paper"]
+    assert float(table.loc["seeds + eigen", named(1e6, 1.0)]) == pytest.approx(2 * paper["eigen"], rel=0.01)
+
+
+def of_norms(config, recursions, samples):
+    """A group with covariance norms by recursion, those of the first in Table III."""
+    first = norms({key: recursions[key] for key in list(recursions)[:1]})
+    first = first.assign(column="ours", samples=[samples[name] for name in first["set"]])
+    facts = pd.concat([first.assign(repeat=k) for k in range(2)])
+    frames = {"whole_facts": facts, "covariances": norms(recursions).assign(column="ours")}
+    wobbly = {
+        k: x.assign(covariance_norm=x.covariance_norm * (1 + 1e-3 * x.training)) for k, x in frames.items()
+    }
+    return type("Group", (), {"first": type("First", (), {"cfg": config}), "frame": staticmethod(wobbly.get)})
+
+
+def test_the_smallest_norm_is_told_under_every_recursion_and_per_sample(config):
+    usual = (config.identification.prior, config.identification.forgetting)
+    large = {"seeds ×1": 1.0, "seeds ×4": 0.25, "vanilla": 0.3, "diagonal": 0.3, "eigen": 0.2}
+    forgets = {"seeds ×1": 1.0, "seeds ×4": 0.95, "vanilla": 0.8, "diagonal": 0.8, "eigen": 0.9}
+    samples = {"seeds ×1": 1, "seeds ×4": 4, "vanilla": 3, "diagonal": 3, "eigen": 10}
+    found = CRITERIA["smallest_norm"](of_norms(config, {usual: large, (1e6, 0.9): forgets}, samples))
+    assert found.verdict == HOLDS
+    assert f"‖diag P‖ × samples: {NOT}" in found.ours and f"λ = 0.9: {PART}" in found.ours
+    assert named(*usual) not in found.ours
+    assert found.numbers["steady"] == f"{named(1e6, 0.9)}: only what forgets"
+    alone = CRITERIA["smallest_norm"](of_norms(config, {usual: large}, samples))
+    assert alone.numbers["steady"] == "no recursion that was tried"
 
 
 def test_errors_elsewhere_stand_by_kind_of_test():

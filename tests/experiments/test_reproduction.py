@@ -8,7 +8,7 @@ import torch
 from experiments import comparisons, exp2, reproduction, training
 from experiments.artifacts import Group
 from experiments.claims import claims, counted
-from experiments.verdicts import HOLDS, NOT, PART, UNDECIDED
+from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED
 from experiments.words import PAPER
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.pipeline.run import run_stages
@@ -108,7 +108,7 @@ def test_verdicts_follow_from_the_numbers(groups, artifacts, monkeypatch):
     for share, expected in ((0.0, HOLDS), (0.5, NOT)):
         draws = artifacts.task.cfg.discussion.draws
         monkeypatch.setitem(artifacts.__dict__, "density", artifacts.density.assign(success=share))
-        assert verdict("density_fails") == (expected if draws > 5000 or share else UNDECIDED)
+        assert verdict("density_fails") == (expected if draws > 5000 or share else OPEN)
     raw = artifacts.errors.copy()
     noise = np.random.default_rng(0).uniform(0.9, 1.1, len(raw))
     for factor, expected in ((10.0, HOLDS), (0.1, NOT), (1.0, UNDECIDED)):

@@ -4,9 +4,11 @@ import pytest
 from scipy import stats
 
 from experiments import verdicts
+from experiments.finding import over_both, ratios, shares
 from experiments.verdicts import (
     HOLDS,
     NOT,
+    OPEN,
     PART,
     UNDECIDED,
     UNKNOWN,
@@ -14,6 +16,8 @@ from experiments.verdicts import (
     below,
     beside,
     interval,
+    log_odds,
+    not_below,
     together,
 )
 
@@ -59,6 +63,63 @@ def test_a_verdict_needs_the_whole_interval_and_every_seed_set():
     assert above(effect(1.0, trainings=1, columns=("a",))) == UNDECIDED  # one training says nothing
     torn = pd.concat([effect(3.0, 0.1, ("a",), 8), effect(-0.2, 0.1, ("b",), 2)])
     assert interval(torn).low > 0 and above(torn) == UNDECIDED
+
+
+def test_what_lies_about_a_bound_is_not_decided():
+    assert above(effect(0.8), 0.8) == OPEN and below(effect(0.8), 0.8) == OPEN
+    assert above(effect(1.0), 0.8) == HOLDS and below(effect(1.0), 0.8) == NOT
+    assert beside(verdicts.proportion(0.5, 10), 0.5) == OPEN
+    assert together([OPEN, OPEN]) == OPEN and together([OPEN, HOLDS]) == PART
+    assert together([OPEN, UNDECIDED]) == OPEN and together([OPEN, NOT]) == NOT
+
+
+def test_what_is_not_detectably_smaller_needs_more_than_one_training():
+    assert not_below(effect(0.0)) == HOLDS and not_below(effect(-1.0)) == NOT
+    assert not_below(effect(0.0, trainings=1, columns=("a",))) == UNDECIDED
+
+
+@pytest.mark.parametrize("values", [(1.0, 1.0, 0.97), (0.0, 0.02, 0.3), (1.0, 1.0, 1.0)])
+def test_intervals_of_shares_stay_within_nothing_and_all(values):
+    share = pd.Series(values, pd.Index(range(3), name="training"))
+    low, middle, high = interval(log_odds(share, 1000)).share()
+    assert 0 < low <= middle <= high < 1
+    assert share.min() - 5e-4 <= middle <= share.max() + 5e-4
+    straight = interval(share)
+    assert high == low or straight.high > 1 or straight.low < 0  # which is why odds are taken
+    assert "-" not in shares({"eigen": log_odds(share, 1000)})
+
+
+def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():
+    alone = pd.Series([0.5], pd.Index([0], name="training"))
+    assert ratios({"eigen": alone}) == "eigen 1.65 (no interval: one alone) ×"
+    assert shares({"eigen": alone}) == "eigen 62% (no interval: one alone)"
+
+
+def test_log_odds_of_none_and_of_all_are_those_of_half_a_draw():
+    odds = log_odds(pd.Series([0.0, 0.5, 1.0]), 100)
+    assert odds.tolist() == pytest.approx([-np.log(199), 0.0, np.log(199)])
+
+
+def test_intervals_of_shares_cover_the_truth_as_often_as_they_say():
+    hits, rng = 0, np.random.default_rng(0)
+    for _ in range(400):
+        odds = 2.0 + rng.standard_normal(6)  # of each training
+        share = pd.Series(
+            rng.binomial(1000, 1 / (1 + np.exp(-odds))) / 1000, pd.Index(range(6), name="training")
+        )
+        low, _, high = interval(log_odds(share, 1000)).share()
+        hits += low < 1 / (1 + np.exp(-2.0)) < high
+    assert hits >= 0.92 * 400
+
+
+def test_a_verdict_says_where_the_valid_alone_would_give_another():
+    torn = over_both({"eigen": effect(1.0)}, {"eigen": effect(-1.0)}, above)
+    assert torn.verdict == HOLDS and torn.ours.endswith(f"by which the verdict would be: {NOT}")
+    assert "of all samples" in torn.ours and "of the valid alone" in torn.ours
+    one = over_both({"eigen": effect(1.0)}, {"eigen": effect(2.0)}, above)
+    assert one.verdict == HOLDS and "by which" not in one.ours
+    nothing = over_both({"eigen": effect(1.0)}, {"eigen": effect(1.0) * np.nan}, above)
+    assert nothing.ours.endswith(UNKNOWN) and "nothing to measure" in nothing.ours
 
 
 def test_a_claim_about_several_holds_of_each_or_in_part():

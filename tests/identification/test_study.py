@@ -246,3 +246,23 @@ def test_noise_on_nothing_is_exact():
     assert Noise("additive", 0.0, torque=True, state=True).exact
     assert Noise("additive", 0.1, torque=False, state=False).exact
     assert not NOISE.exact
+
+
+@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
+def test_errors_over_many_draws_are_those_expected(body, families, kind):
+    sets, tests = families
+    settings = study_settings(noise=replace(NOISE, kind=kind, torque=True, state=False), repeats=150)
+    drawn, _ = study.compare(body, {"seeds": sets["seeds"]}, tests, settings, np.random.SeedSequence(1))
+    nmse = drawn.groupby(["weighted", "joint"]).nmse
+    expected = study.expected(body, sets["seeds"], tests, settings).set_index(["weighted", "joint"]).nmse
+    apart = (nmse.mean() - expected.loc[nmse.mean().index]) / nmse.sem()
+    assert len(apart) == 4 and (apart.abs() < 4).all()
+    assert (nmse.sem() < 0.1 * nmse.mean()).all()  # so that the comparison says something
+
+
+def test_nothing_is_expected_where_states_are_noisy(body, families):
+    sets, tests = families
+    noise = replace(NOISE, torque=True, state=True)
+    assert study.expected(body, sets["seeds"], tests, study_settings(noise=noise)).empty
+    quiet = study.expected(body, sets["seeds"], tests, study_settings(noise=replace(noise, level=0.0)))
+    assert quiet.nmse.max() < 1e-8

@@ -137,7 +137,7 @@ def test_the_sets_last_equally_long_in_the_facts(made):
         ("gan", "seeds/planar2-gradient-seed0"),
         ("library", "gan/planar2-vanilla-seed0-training0"),
         ("selection", "random/planar2-random-seed0"),
-        ("identification", "long/planar2-32s-3h-seed0"),
+        ("identification", "long/planar2-gradient20-32s-3h-seed0"),
         ("table", "identification/planar2-long-3-seed0"),
     ],
 )

@@ -72,13 +72,33 @@ def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path, monkeypatc
 def test_the_long_trajectory_is_the_best_of_its_starts_whatever_the_time(planar_problem):
     problem = replace(planar_problem, trajectory=Trajectory(2, 6, 32.0), samples=64)
     shares = []
-    one = make_long(problem, 10, 1, np.random.SeedSequence(1), lambda *share: shares.append(share))
+    method = replace(METHOD, attempts=1)
+    one = make_long(problem, method, 1, np.random.SeedSequence(1), lambda *share: shares.append(share))
     assert one.attempts == 1 and shares == [(1, 1)]
-    four = make_long(problem, 10, 4, np.random.SeedSequence(1), lambda *_: None)
-    again = make_long(problem, 10, 4, np.random.SeedSequence(1), lambda *_: None)
+    four = make_long(problem, method, 4, np.random.SeedSequence(1), lambda *_: None)
+    again = make_long(problem, method, 4, np.random.SeedSequence(1), lambda *_: None)
     assert four.attempts == again.attempts == 4
     assert torch.equal(four.coefficients, again.coefficients)  # the same computation on one machine
     assert float(four.fitness[0]) <= float(one.fitness[0])
+
+
+@pytest.mark.parametrize("method", [METHOD, PAPER], ids=["gradient", "paper"])
+def test_a_long_trajectory_is_what_the_optimiser_of_the_seeds_makes_of_it(planar_problem, method):
+    problem = replace(planar_problem, trajectory=Trajectory(2, 6, 32.0), samples=64)
+    single, random = replace(method, attempts=1), np.random.SeedSequence(3)
+    long = make_long(problem, single, 2, random, lambda *_: None)
+    found = [single.optimise(problem, 1, seed) for seed in np.random.SeedSequence(3).spawn(long.attempts)]
+    best = min((one for one in found if len(one)), key=lambda one: float(one.fitness[0]))
+    assert torch.equal(long.coefficients, best.coefficients)
+    assert check(problem.constraints, problem.trajectory, long.coefficients).valid.all()
+
+
+def test_a_long_trajectory_that_never_becomes_valid_ends_with_the_reason(planar_problem, monkeypatch):
+    monkeypatch.setattr(result, "HOPELESS", 1.0)
+    method = Counting(replace(METHOD, attempts=1, steps=3))
+    with pytest.raises(InfeasibleError, match=r"only 0 of 1 seeds became valid in 10 starts"):
+        make_long(planar_problem, method, 2, np.random.SeedSequence(0), lambda *_: None)
+    assert method.calls == 10
 
 
 COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
@@ -89,6 +109,8 @@ def test_settings_give_the_optimiser_and_its_problem(planar_problem):
     assert gradient.optimiser == Gradient(7, 2, 0.3)
     paper = Seeds("paper", **{**COMMON, "fitness": "diagonal"}, ants=30, evaluations=9)
     assert paper.optimiser == Paper(generations=7, ants=30, evaluations=9, attempts=2)
+    assert (gradient.single, paper.single) == (Gradient(7, 1, 0.3), replace(paper.optimiser, attempts=1))
+    assert (gradient.evaluations_per_start, paper.evaluations_per_start) == (7, 7 * 30 + 9)
     of = planar_problem.constraints, planar_problem.trajectory
     assert [x.problem(*of).diagonal for x in (gradient, paper)] == [False, True]
     assert gradient.problem(*of).samples == 20

@@ -19,6 +19,7 @@ from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_c
 FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, NUMBERS = range(7)  # of a trajectory
 _EPS = float(np.finfo(np.float64).eps)
 _STILL = 1e-9  # least share of a limit that a joint is taken to use
+_BLOCK = 512  # samples of all joints that stay near the processor while a basis function passes by
 
 
 class Subject(NamedTuple):
@@ -52,7 +53,8 @@ class Room(NamedTuple):
     """Room for the kernel at work; not to be shared among threads."""
 
     c: Array  # coefficients, (J, K)
-    line: Array  # a joint at the finer samples, (S,)
+    lines: Array  # the joints at a block of the finer samples, (J, _BLOCK)
+    use: Array  # share of its tightest limit that each joint uses, (J,)
     states: Array  # (5, 1, J, T)
     torque: Array  # (1, 1, J, T)
     lanes: lanes.Room
@@ -70,10 +72,11 @@ class Room(NamedTuple):
 def room(subject: Subject) -> Room:
     """Room to evaluate trajectories of a subject."""
     joints, size = len(subject.home), len(subject.columns.kinds)
-    (_, functions, samples), fine = subject.basis.shape, subject.fine.shape[2]
+    _, functions, samples = subject.basis.shape
     return Room(
         np.zeros((joints, functions)),
-        lanes.aligned(fine),
+        lanes.aligned(joints, _BLOCK),
+        np.zeros(joints),
         lanes.aligned(5, 1, joints, samples),
         lanes.aligned(1, 1, joints, samples),
         lanes.room(joints),
@@ -89,20 +92,23 @@ def room(subject: Subject) -> Room:
 
 
 @kernel
-def _combine(c: Array, basis: Array, start: float, out: Array) -> None:
-    """Write the sum of K basis functions (K, T) with coefficients (K,), from a start."""
-    for n in range(len(out)):
-        out[n] = start
-    for k in range(len(c)):
-        factor, function = c[k], basis[k]
-        for n in range(len(out)):
-            out[n] += factor * function[n]
+def _combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
+    """Add sums of basis functions (K, T) with coefficients (J, K), at so many samples from the first on.
+
+    They are added to ``out``, (J, …), from sample ``to`` on. A basis function is read once for all joints.
+    """
+    for k in range(len(basis)):
+        function = basis[k][first : first + count]
+        for j in range(len(c)):
+            factor, line = c[j, k], out[j][to : to + count]
+            for n in range(len(line)):
+                line[n] += factor * function[n]
 
 
 @kernel
-def _largest(x: Array) -> float:
+def _largest(x: Array, count: int) -> float:
     most = 0.0
-    for n in range(len(x)):
+    for n in range(count):
         most = max(most, abs(x[n]))
     return most
 
@@ -110,12 +116,20 @@ def _largest(x: Array) -> float:
 @kernel
 def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
     """Write coefficients, (J, K), of which each joint uses at most so much of its tightest limit."""
+    samples = subject.fine.shape[2]
     for j in range(len(x)):
-        _combine(x[j], subject.fine[0], 0.0, work.line)
-        use = max(_largest(work.line) / subject.room[j], _STILL)
-        _combine(x[j], subject.fine[1], 0.0, work.line)
-        use = max(use, _largest(work.line) / subject.speed[j])
-        factor = most / max(use, most)
+        work.use[j] = _STILL
+    for order in range(2):
+        limit = subject.speed if order else subject.room
+        for first in range(0, samples, _BLOCK):
+            count = min(_BLOCK, samples - first)
+            for j in range(len(x)):
+                lanes.clear(work.lines[j])
+            _combine(x, subject.fine[order], first, count, work.lines, 0)
+            for j in range(len(x)):
+                work.use[j] = max(work.use[j], _largest(work.lines[j], count) / limit[j])
+    for j in range(len(x)):
+        factor = most / max(work.use[j], most)
         for k in range(x.shape[1]):
             work.c[j, k] = x[j, k] * factor
 
@@ -124,11 +138,16 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
 def _roll_out(subject: Subject, work: Room) -> None:
     """Write the states of a trajectory."""
     states = work.states
+    samples = states.shape[3]
+    for order, state in ((0, lanes.Q), (1, lanes.DQ), (2, lanes.DDQ)):
+        for j in range(len(subject.home)):
+            for n in range(samples):
+                states[state, 0, j, n] = subject.home[j] if order == 0 else 0.0
+        for first in range(0, samples, _BLOCK):
+            count = min(_BLOCK, samples - first)
+            _combine(work.c, subject.basis[order], first, count, states[state, 0], first)
     for j in range(len(subject.home)):
-        _combine(work.c[j], subject.basis[0], subject.home[j], states[lanes.Q, 0, j])
-        _combine(work.c[j], subject.basis[1], 0.0, states[lanes.DQ, 0, j])
-        _combine(work.c[j], subject.basis[2], 0.0, states[lanes.DDQ, 0, j])
-        for n in range(states.shape[3]):
+        for n in range(samples):
             q = states[lanes.Q, 0, j, n]
             states[lanes.SIN, 0, j, n], states[lanes.COS, 0, j, n] = math.sin(q), math.cos(q)
 
@@ -136,7 +155,7 @@ def _roll_out(subject: Subject, work: Room) -> None:
 @kernel
 def _within(x: Array, limit: float) -> float:
     """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
-    return 1.0 - _largest(x) / limit if math.isfinite(limit) else 1.0
+    return 1.0 - _largest(x, len(x)) / limit if math.isfinite(limit) else 1.0
 
 
 @kernel

@@ -12,7 +12,7 @@ from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import ExcitationSet
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.stages.selection import excitation_sets
-from sidegan.pipeline.task import FACTS, RESULTS, Task
+from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
 
@@ -39,16 +39,11 @@ def mean_errors(folder: Path) -> Metrics:
 
 def _make(task: Task, build: Build, one: ExcitationSet) -> None:
     settings = task.cfg.identification
-    tests = random_valid(task, settings.tests, "tests").coefficients
-    frames = study.compare(
-        task.body,
-        {one.name: (one.family, task.load(one.source).coefficients)},
-        (task.trajectory, tests),
-        settings,
-        task.random("identification"),
-        build.report,
-    )
-    for file, frame in zip((RESULTS, FACTS), frames):
+    tests = task.trajectory, random_valid(task, settings.tests, "tests").coefficients
+    family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
+    frames = study.compare(task.body, {one.name: family}, tests, settings, random, build.report)
+    expected = study.expected(task.body, family, tests, settings).assign(set=one.name)
+    for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
 
