@@ -173,7 +173,7 @@ _Dumper.add_representer(
 
 def text(content: Any, head: str = "") -> str:
     """YAML of plain values."""
-    options: dict[str, Any] = {"sort_keys": False, "width": 320, "allow_unicode": True}
+    options: dict[str, Any] = {"sort_keys": False, "width": 2000, "allow_unicode": True}
     return head + yaml.dump(content, Dumper=_Dumper, default_flow_style=None, **options)
 
 
