@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from sidegan.pipeline.graph import flatten
 
@@ -30,6 +30,8 @@ log = logging.getLogger(__name__)
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 
 UNTRACKED = "untracked.jsonl"
+
+_RUN, _RUN_ID = "run-{}.lock", re.compile("run-(.+)[.]lock")
 
 _METRICS_AT_ONCE, _PARAMETERS_AT_ONCE, _PARAMETER_LENGTH = 1000, 100, 6000  # what MLflow takes
 _ENVIRONMENT = {
@@ -67,6 +69,7 @@ class Tracker:
         self.enabled = self.reached = enabled  # whether everything could be sent so far
         self.run_id: str | None = None
         self._client: MlflowClient | None = None
+        self._alive: FileLock | None = None  # held while the run goes on, whatever ends it
         tags = {} if parent is None else {"mlflow.parentRunId": parent}
         self.send("run", {"experiment": experiment, "name": name, "tags": tags})
 
@@ -146,7 +149,11 @@ class Tracker:
         if self.run_id is None:
             if kind != "run":
                 raise ConnectionError("the run was not started")
+            self._mark_killed(client)
             self.run_id = self._started(client, at, **content)
+            if self.enabled:
+                self._alive = FileLock(self._locks / _RUN.format(self.run_id))
+                self._alive.acquire(timeout=0)
         run = self.run_id
         match kind:
             case "params":
@@ -165,6 +172,32 @@ class Tracker:
                 client.log_table(run, pd.DataFrame(**content["table"]), f"{content['name']}.json")
             case "status":
                 client.set_terminated(run, content, _milliseconds(at))
+                self._leave()
+
+    def _mark_killed(self, client: "MlflowClient") -> None:
+        """Mark runs whose process is gone without a word: nobody holds their locks any more."""
+        from mlflow.exceptions import MlflowException
+
+        for path in self._locks.glob(_RUN.format("*")):
+            lock = FileLock(path)
+            with suppress(Timeout, OSError, MlflowException), lock.acquire(timeout=0):
+                run = _RUN_ID.fullmatch(path.name)
+                if run and client.get_run(run[1]).info.status == "RUNNING":
+                    client.set_terminated(run[1], "KILLED")
+                path.unlink(missing_ok=True)
+
+    def _leave(self) -> None:
+        """Give the run's lock back."""
+        if self._alive is not None:
+            self._alive.release()
+            Path(self._alive.lock_file).unlink(missing_ok=True)
+            self._alive = None
+
+    @property
+    def _locks(self) -> Path:
+        folder = self.root / ".locks"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
 
     def _connected(self) -> "MlflowClient":
         for key, value in _ENVIRONMENT.items():
@@ -201,9 +234,7 @@ class Tracker:
         if self._remote:
             yield
             return
-        lock = self.root / ".locks" / "mlflow.lock"
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        with FileLock(lock):
+        with FileLock(self._locks / "mlflow.lock"):
             yield
 
 

@@ -75,6 +75,27 @@ def test_a_run_ends_as_its_block_does(root, start, error, status):
     assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from sidegan.pipeline.tracking import Tracker
+tracker = Tracker(Path(sys.argv[1]), Path(sys.argv[1]), "exp1", "killed")
+print(tracker.run_id, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_run_whose_process_was_killed_is_marked_by_the_next_one(root, start):
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(root)], capture_output=True, text=True).stdout
+    with start(name="beside") as beside:
+        client = client_of(root)
+        assert client.get_run(killed.strip()).info.status == "KILLED"
+        with start(name="another"):
+            assert client.get_run(beside.run_id).info.status == "RUNNING"
+    assert client.get_run(beside.run_id).info.status == "FINISHED"
+    assert not list((root / ".locks").glob("run-*.lock"))
+
+
 def test_a_run_may_be_part_of_another(root, start):
     with start(name="sweep") as parent, start(parent=parent.run_id) as child:
         pass
