@@ -1,0 +1,61 @@
+import subprocess
+
+import pytest
+
+from benchmarks import mutants
+from benchmarks.mutants import Mutant
+from sidegan.errors import ConfigError
+
+pytest.importorskip("cosmic_ray")
+
+SOURCE = "def mean(x):\n    return sum(x) / len(x)\n\n\ndef first(x):\n    return x[0]\n"
+TEST = "from sidegan.motion.means import mean\n\n\ndef test_mean():\n    assert mean([1, 3]) == 2\n"
+DIVIDED = Mutant("physics", "sidegan/motion/means.py", "ReplaceBinaryOperator_Div_Mul", 0)
+SECOND = Mutant("physics", "sidegan/motion/means.py", "NumberReplacer", 0)
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project of two functions, of which one is tested."""
+    files = {"sidegan/motion/means.py": SOURCE, "tests/motion/test_means.py": TEST}
+    files |= {
+        f"{folder}/__init__.py": "" for folder in ("sidegan", "sidegan/motion", "tests", "tests/motion")
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    subprocess.run("git init -q && git add -A", shell=True, cwd=tmp_path, check=True)
+    monkeypatch.setattr(mutants, "ROOT", tmp_path)
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    return tmp_path
+
+
+def test_mutants_are_of_formulas_and_conditions(project):
+    listed = list(mutants.mutants(project))
+    assert DIVIDED in listed and SECOND in listed
+    assert len(listed) == len(set(listed))
+    assert not any("BitOr" in one.operator for one in listed)
+    assert mutants.change(DIVIDED, project) == "return sum(x) / len(x) → return sum(x) * len(x)"
+
+
+def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project):
+    assert mutants.noticed(DIVIDED, project)
+    assert not mutants.noticed(SECOND, project)
+    assert (project / DIVIDED.file).read_text() == SOURCE
+
+
+def test_a_stopped_run_goes_on_and_the_tree_is_left_alone(project, tmp_path, monkeypatch, capsys):
+    work = tmp_path / "work"
+    everything = list(mutants.mutants(project))
+    monkeypatch.setattr(mutants, "noticed", lambda one, root: one.operator != "NumberReplacer")
+    assert mutants.main(["--count", "3", "--work", str(work)]) == 0
+    monkeypatch.setattr(mutants, "noticed", lambda one, root: pytest.fail("done twice"))
+    frame = mutants.run(3, 0, work)
+    assert len(frame) == 3 < len(everything)
+    assert "Mutants that the tests notice" in capsys.readouterr().out
+    assert (project / DIVIDED.file).read_text() == SOURCE
+
+
+def test_changed_files_are_told(project):
+    with pytest.raises(ConfigError, match="has changed"):
+        mutants.mutated(DIVIDED._replace(occurrence=7), SOURCE)
