@@ -10,12 +10,13 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
+from sidegan.base.names import folder_name
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.graph import Artifact, Build, Metrics, folder_name
+from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort

@@ -183,6 +183,15 @@ def test_a_description_that_cannot_exist_is_refused_by_link(files, tmp_path, pla
         identified(tmp_path, f"robot.name={tmp_path / 'bad.urdf'}", f"recordings=[{files[0]}]")
 
 
+def test_a_robots_name_leads_nowhere_else(files, tmp_path, planar):
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(planar.urdf.read_text().replace('name="planar2"', 'name="../../../evil"'))
+    outputs = tmp_path / "deep" / "outputs"
+    _, folder = identified(outputs, "robot=planar2", f"robot.name={urdf}", f"recordings=[{files[0]}]")
+    assert not [path for path in tmp_path.rglob("*evil*") if outputs not in path.parents]
+    assert (folder / "evil.urdf").is_file()
+
+
 def test_settings_that_make_no_sense_are_refused(files, tmp_path):
     with pytest.raises(ConfigError, match="recordings is empty"):
         identified(tmp_path, "robot=planar2")
