@@ -133,7 +133,9 @@ def stored_network(
     size = 2 * family.harmonics
     if scaling.mean.shape != (family.joints, size) or scaling.spread.shape != (family.joints, size, size):
         shapes = f"mean {tuple(scaling.mean.shape)} and spread {tuple(scaling.spread.shape)}"
-        raise ShapeError(f"{shapes}, expected ({family.joints}, {size}) and ({family.joints}, {size}, {size})")
+        raise ShapeError(
+            f"{shapes}, expected ({family.joints}, {size}) and ({family.joints}, {size}, {size})"
+        )
     if not scaling.spread.abs().sum(2).all():
         raise ShapeError("spread is zero in a coefficient, so that every trajectory would have the same")
     return network, scaling

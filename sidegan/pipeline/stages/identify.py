@@ -17,6 +17,7 @@ from sidegan.pipeline.store import STAMP, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import CheckedRecording, read_and_check
+from sidegan.recording.overlap import refuse_shared
 from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
 from sidegan.robot import Arm, load_robot, require_consistent
 
@@ -43,10 +44,15 @@ def model(task: Task) -> Artifact:
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
-    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed."""
+    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed.
+
+    Raises:
+        RecordingError: when one cannot be used, or two have a stretch of samples in common.
+    """
     settings = (arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
     training = read_and_check(cfg.recordings, "training", *settings)
     validation = read_and_check(cfg.validation, "validation", *settings)
+    refuse_shared([(one.name, one.statistics.rows) for one in (*training, *validation)])
     show_checks([*training, *validation])
     return training, validation
 
