@@ -1,4 +1,4 @@
-"""Libraries that come from elsewhere: some of their trajectories are looked at again before they are believed."""
+"""Libraries that come from elsewhere: some trajectories are looked at again before they are believed."""
 
 from pathlib import Path
 

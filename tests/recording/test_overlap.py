@@ -1,4 +1,4 @@
-"""Recordings with the same samples are found, wherever these are; other recordings of one arm are not taken for it."""
+"""The same samples are found in two recordings wherever they are; other motions are not taken for them."""
 
 import dataclasses
 
