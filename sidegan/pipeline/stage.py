@@ -24,11 +24,13 @@ class Stage:
         artifacts: of a task, in the order in which they are recorded.
         show: what it prints and leaves in the run's folder besides.
         columnwise: its artifacts are made in every column of the comparison.
+        check: refuses what it could not work with, before the run's first stage has begun.
     """
 
     artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
     show: Callable[[Task, Tracker], None] | None = None
     columnwise: bool = False
+    check: Callable[[Task], None] = lambda task: None
 
     def listed(self, task: Task) -> list[Artifact]:
         """Its artifacts in every column that is made; what columns share is listed by each."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.bags import bag_pieces, is_bag
+from sidegan.recording.bags import bag_files, bag_pieces, is_bag
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import SIGNALS, Columns
 from sidegan.recording.tables import Numbers, Piece, Where, npz_table, parquet_table, text_table
@@ -66,6 +66,10 @@ class Source:
         """Pieces of the file, and which of their columns is which signal."""
         if not self.path.exists():
             raise RecordingError(f"there is no recording {self.path}")
+        if not (self.path.is_file() or self.path.is_dir()):
+            raise RecordingError(f"{self.path} is neither a file nor a folder")
+        if self.path.is_dir():
+            bag_files(self.path)
         if is_bag(self.path):
             return bag_pieces(self.path, self.columns, self.joint_names, self.rows)
         suffix = self.path.suffix.lower()
