@@ -64,14 +64,14 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
     Raises:
         SideganError: whatever a stage refuses; ConfigError before any work.
     """
-    from sidegan.pipeline.stage import run_stage
+    from sidegan.pipeline.stage import refuse, run_stage
     from sidegan.pipeline.stages import stage
     from sidegan.pipeline.task import Task
 
     _check(config)
     task = Task(config, Store(Path(config.outputs), config.named, run_folder))
     for one in config.stages:
-        stage(one).check(task)
+        refuse(stage(one), task)
     uri, enabled, parent = config.tracking.uri, config.tracking.enabled, os.environ.get(PARENT)
     tracker = Tracker(task.store.root, run_folder, config.experiment, name, uri, enabled, parent)
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
@@ -146,7 +146,7 @@ def main() -> int:
 
         sys.stderr.write(f"error: {refused_value(error)}\n")
         return BAD_CONFIG
-    except HydraException as error:
+    except (HydraException, ValueError) as error:  # ValueError: a word that Hydra takes for another
         sys.stderr.write(f"error: {explain(error)}\n")
         return BAD_CONFIG
     except RuntimeError as error:
@@ -165,7 +165,7 @@ def main() -> int:
     return 0
 
 
-def explain(error: HydraException) -> str:
+def explain(error: Exception) -> str:
     """What is wrong with the command line, in our words where Hydra's advice leads astray."""
     text = str(error)
     unknown = re.search(r"Could not override '([^']+)'", text)

@@ -15,6 +15,7 @@ from sidegan.seeds.settings import Seeds
 from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
+Workers = Annotated[int, Bound("≥", 1), Bound("≤", 4096)]
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 
 
@@ -197,10 +198,12 @@ class Tracking:
 class Parallel:
     """How the work is spread over cores and machines."""
 
-    workers: Annotated[int, Bound("≥", 1), Bound("≤", 4096)] | None  # null: one per core; a Dask cluster elsewhere has as many as it has
+    workers: (
+        Annotated[int, Bound("≥", 1), Bound("≤", 4096)] | None
+    )  # null: one per core; a Dask cluster elsewhere has as many as it has
     backend: Literal["loky", "dask"]
     scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
-    threads: Annotated[int, Bound("≥", 1), Bound("≤", 4096)] | None  # of the main process; null: one per core
+    threads: Workers | None  # of the main process; null: one per core
 
     def __post_init__(self) -> None:
         if self.scheduler is None:

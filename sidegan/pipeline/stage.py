@@ -41,6 +41,16 @@ class Stage:
         )
 
 
+def refuse(stage: Stage, task: Task) -> None:
+    """Refuse a stage that cannot work, as far as that can be told before anything has been made.
+
+    Raises:
+        SideganError: settings that are not there or contradict each other, an arm that cannot be used.
+    """
+    stage.listed(task)
+    stage.check(task)
+
+
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
     artifacts = stage.listed(task)

@@ -102,8 +102,8 @@ def statistics_of(recording: Recording | Iterable[Recording], gap: float | None 
     clock = _clock(name, np.concatenate(times), gap)
     bandwidth = _bandwidth(head, clock["step"]) if head else 0.0
     signals = {signal: tally.result() for signal, tally in tallies.items()}
-    found = {"corrupt": tuple(corrupt), "bandwidth": bandwidth, "signals": signals, "rows": joined(rows)}
-    return Statistics(name, samples, **clock, **found)
+    found: dict[str, Any] = {"bandwidth": bandwidth, "signals": signals, "rows": joined(rows)}
+    return Statistics(name, samples, **clock, corrupt=tuple(corrupt), **found)
 
 
 def _clock(name: str, time: Numbers, gap: float | None) -> dict[str, Any]:

@@ -90,7 +90,7 @@ class _DepthError(Exception):
 
 
 class _PlainTree(ET.TreeBuilder):
-    """Refuses what can read files or fill the memory: document types, with their entities, and great depth."""
+    """Refuses what can read files or fill the memory: document types with their entities, and depth."""
 
     depth = 0
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from sidegan.base.typed import Count, Positive, Seconds, Share, Size
+from sidegan.base.typed import Count, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory

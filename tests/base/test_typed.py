@@ -78,7 +78,11 @@ def test_every_kind_of_value_is_read():
         ("inner", {"count": 1, "kind": "huge"}, "inner.kind is 'huge', expected one of small, large"),
         ("inner", {"kind": "small"}, "inner.count is missing, expected a whole number ≥ 1 and ≤ 1e+09"),
         ("inner", {"count": 11, "kind": "small"}, "inner: a small one has at most 10, got 11"),
-        ("many", {"x": {"count": "y", "kind": "small"}}, "many.x.count is 'y', expected a whole number ≥ 1 and ≤ 1e+09"),
+        (
+            "many",
+            {"x": {"count": "y", "kind": "small"}},
+            "many.x.count is 'y', expected a whole number ≥ 1 and ≤ 1e+09",
+        ),
         ("many", [], "many is [], expected a group of settings"),
         ("home", "zero", "home is 'zero', expected a list, each item a number"),
     ],

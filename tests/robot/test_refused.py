@@ -73,8 +73,14 @@ REFUSED = {
     "short origin": (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
     "infinite turn": (one_joint(kind="fixed", origin='rpy="inf 0 0"'), "<origin rpy='inf 0 0'>"),
     "no axis": (one_joint(axis='<axis xyz="0 0 0"/>'), "has the axis 0 0 0, expected a direction"),
-    "a vanishing axis": (one_joint(axis='<axis xyz="0 0 1e-200"/>'), "has the axis 0 0 1e-200, expected a dir"),
-    "an endless axis": (one_joint(axis='<axis xyz="0 0 1e17"/>'), "has the axis 0 0 1e+17, expected a direction"),
+    "a vanishing axis": (
+        one_joint(axis='<axis xyz="0 0 1e-200"/>'),
+        "has the axis 0 0 1e-200, expected a dir",
+    ),
+    "an endless axis": (
+        one_joint(axis='<axis xyz="0 0 1e17"/>'),
+        "has the axis 0 0 1e+17, expected a direction",
+    ),
     "an overflow": (one_joint(axis='<axis xyz="0 0 1e200"/>'), "expected 3 finite numbers of at most 1e+18"),
     "a deep nest": (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
     "an endless chain": (LONG, "has 6001 links, expected at most 500"),

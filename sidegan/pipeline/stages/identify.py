@@ -101,7 +101,7 @@ def _digest(path: Path) -> str:
         for one in files:
             digest.update(one.name.encode())
             digest.update(bytes.fromhex(file_digest(one)))
-    except FileNotFoundError as error:
+    except (FileNotFoundError, ValueError) as error:  # ValueError: a NUL in its name
         raise RecordingError(f"there is no file {path}") from error
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
