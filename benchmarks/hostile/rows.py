@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.hostile import configurations, descriptions, files, recordings
+from benchmarks.hostile import configurations, descriptions, files, joints, recordings
 from benchmarks.hostile.case import Case, outcomes
 
 ABOUT: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rows.yaml").read_text("utf-8"))
@@ -48,4 +48,11 @@ def bad_inputs(small: bool) -> Result:
     return Result(sum(one.answered for one in found) / len(found), also)
 
 
-ROWS: dict[str, Callable[[bool], Result]] = {"bad_inputs": bad_inputs}
+def many_joints(small: bool) -> Result:
+    """Longest time until something is done with a chain of many joints, or it is refused."""
+    found = joints.measured(joints.FEW if small else joints.COUNTS)
+    also = {f"{n} joints [s], {memory:.2f} GB, {words}": s for n, (words, s, memory) in found.items()}
+    return Result(max(seconds for _, seconds, _ in found.values()), {**also})
+
+
+ROWS: dict[str, Callable[[bool], Result]] = {"bad_inputs": bad_inputs, "joints": many_joints}

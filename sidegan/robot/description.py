@@ -11,6 +11,7 @@ from sidegan.robot import xml
 from sidegan.robot.links import check_inertia, prepare_shapes
 
 _MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
+_MOST_JOINTS = 32  # time grows with their third power: 60 take minutes before the first trajectory
 _AXIS = (1e-6, 1e6)  # length of an axis that can be made one
 _MOVABLE = ("revolute", "prismatic")
 _REFUSED = {
@@ -53,6 +54,11 @@ def read_description(path: Path) -> Description:
             moved[joint.get("name", "")] = xml.child(joint, "child", where).get("link", "")
     if not limits:
         raise RobotError(f"{path} has no joints that move, expected at least one, revolute or prismatic")
+    if len(limits) > _MOST_JOINTS:
+        raise RobotError(
+            f"{path} has {len(limits)} joints that move, expected at most {_MOST_JOINTS}: with their number "
+            "grow time, by its third power, and memory"
+        )
     shapeless = []
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
