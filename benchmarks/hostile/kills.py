@@ -1,4 +1,4 @@
-"""Kills at random moments: process groups end by SIGKILL, and what the rerun leaves equals that of no kill."""
+"""Kills at random moments: process groups end by SIGKILL; what the rerun leaves equals that of no kill."""
 
 import os
 import random
