@@ -1,13 +1,18 @@
 """Random serial chains, as sidegan's arm and as Pinocchio's model with the same numbers."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import torch
+from hypothesis import reject
 from torch import Tensor
 
+from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm, Capsules, chain_model
+from sidegan.validity import Constraints
+from sidegan.validity.regions import Region
 
 
 def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
@@ -76,3 +81,11 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
         radius=torch.from_numpy(random.uniform(0.01, 0.05, joints + 1)),
         names=("base", *(f"link{i + 1}" for i in range(joints))),
     )
+
+
+def constrained(arm: Arm, regions: Sequence[Region], torque: bool = True) -> Constraints:
+    """A random arm among regions; an arm that never leaves one of them is no example."""
+    try:
+        return Constraints(arm, regions, torque)
+    except InfeasibleError:
+        reject()

@@ -13,7 +13,7 @@ from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.compiled import VARIABLE, compiled
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
-from tests.chains import random_chain
+from tests.chains import constrained, random_chain
 
 DESK = Plane((0.0, 0.0, 1.0), 0.1)
 REGIONS = {"none": (), "desk": (DESK,), "both": (DESK, Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)))}
@@ -78,7 +78,7 @@ def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, lim
     arm, _ = random_chain(joints, seed)
     torque = torch.full((joints,), limit, dtype=torch.float64)
     torque[::2] = 150.0
-    constraints = Constraints(replace(arm, torque_limit=torque), REGIONS[regions])
+    constraints = constrained(replace(arm, torque_limit=torque), REGIONS[regions])
     home = 0.3 * (arm.position_lower + arm.position_upper)
     problem = Problem(constraints, Trajectory(joints, 3, 7.0, home.tolist()), samples, diagonal)
     assert_same(problem, candidates(problem, 4, seed), use)

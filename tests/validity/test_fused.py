@@ -15,7 +15,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane, check
 from sidegan.validity.search import Search
-from tests.chains import random_chain
+from tests.chains import constrained, random_chain
 
 from .critical import BOX, DESK
 
@@ -79,7 +79,7 @@ def test_both_searches_agree_on_random_arms(
     torque[::2] = 150.0
     arm = replace(arm, torque_limit=torque)
     trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
-    constraints = Constraints(arm, REGIONS[regions], torque=seed % 3 > 0)
+    constraints = constrained(arm, REGIONS[regions], torque=seed % 3 > 0)
     assert_same(constraints, trajectory, moderate(arm, trajectory, 12, seed))
 
 
