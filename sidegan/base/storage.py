@@ -153,8 +153,13 @@ def opened_parquet(path: Path, metadata: "pq.FileMetaData | None" = None) -> "It
 
 @contextmanager
 def reading(path: Path, kind: str, refusal: type[SideganError] = ArtifactError) -> Iterator[None]:
-    """Turn what readers answer to a missing or foreign file into our error, with the reason."""
+    """Turn what readers answer to a missing or foreign file into our error, with the reason.
+
+    What is neither a file nor a folder is refused before it is read: a pipe or a device may never end.
+    """
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise refusal(f"{path} is neither a file nor a folder")
         yield
     except SideganError:  # of what was read, told by its reader
         raise

@@ -9,7 +9,7 @@ import dataclasses
 import difflib
 import math
 import operator
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -19,6 +19,7 @@ from sidegan.errors import ConfigError
 T = TypeVar("T")
 
 
+_LARGEST, _SMALLEST = 1e12, 1e-12  # beyond them a number is a mistake, and powers of it are none
 _COMPARISONS = {"≥": operator.ge, "≤": operator.le, ">": operator.gt}
 
 
@@ -38,7 +39,11 @@ class Bound:
 
 
 Natural = Annotated[int, Bound("≥", 0)]
-Count = Annotated[int, Bound("≥", 1)]
+Count = Annotated[int, Bound("≥", 1), Bound("≤", 1e9)]  # how many of something, one after the other
+Size = Annotated[int, Bound("≥", 1), Bound("≤", 1e5)]  # how many at once: an axis of an array
+Width = Annotated[int, Bound("≥", 1), Bound("≤", 1e4)]  # both axes of one: a layer of a network
+Seconds = Annotated[float, Bound("≥", 1e-3), Bound("≤", 1e5)]  # of a motion that a person waits for
+Hertz = Annotated[float, Bound(">", 0), Bound("≤", 1e5)]  # of sampling
 Positive = Annotated[float, Bound(">", 0)]
 NonNegative = Annotated[float, Bound("≥", 0)]
 Share = Annotated[float, Bound("≥", 0), Bound("≤", 1)]
@@ -123,6 +128,8 @@ class _Reader:
         if origin is Literal and value in arguments:
             return value
         if _is(plain, value) and all(bound.holds(value) for bound in bounds):
+            if plain is float and not _sensible(value, bounds):
+                raise self._wrong(path, value, f"a number between {_SMALLEST:g} and {_LARGEST:g} in size")
             return float(value) if plain is float else value
         raise self._wrong(path, value, _expected(hint, null=False))
 
@@ -137,6 +144,12 @@ def _is(plain: Any, value: Any) -> bool:
     if plain is int:
         return isinstance(value, int) and not isinstance(value, bool)
     return plain in (str, bool) and isinstance(value, plain)
+
+
+def _sensible(value: float, bounds: Sequence[Bound]) -> bool:
+    """Whether a number is of a size that can be meant; what must not be zero must not nearly be zero."""
+    nearly_zero = any(bound.sign == ">" and bound.limit == 0 for bound in bounds) and value < _SMALLEST
+    return abs(value) <= _LARGEST and not nearly_zero
 
 
 _NAMES = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}

@@ -17,7 +17,7 @@ from sidegan.conditional.problem import ConditionedProblem
 from sidegan.conditional.settings import Ranges
 from sidegan.conditional.space import ConditionSpace
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.generator import opened, random_of, refuse_other
+from sidegan.gan.generator import opened, random_of, refuse_other, stored_network
 from sidegan.gan.limits import LimitLayer, rooms
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
@@ -158,11 +158,9 @@ class ConditionalGenerator:
                 raise ArtifactError(
                     f"{path} was trained for the workspace {meta['workspace']}, not for {here}"
                 )
-            network = Generator(**meta["network"])
-            network.load_state_dict(content["weights"])
-            scaling, reach = Scaling(content["mean"], content["spread"]), content["reach"]
-            ranges = build(Ranges, meta["ranges"])
-            space = ConditionSpace(constraints, Trajectory(**meta["trajectory"]), ranges)
+            family, reach = Trajectory(**meta["trajectory"]), content["reach"]
+            network, scaling = stored_network(meta, content, family)
+            space = ConditionSpace(constraints, family, build(Ranges, meta["ranges"]))
             if network.noise <= space.size or reach.shape != (2, constraints.arm.joints):
                 raise ArtifactError(f"{path} contradicts itself: its network does not fit its ranges")
             return cls(network.eval(), scaling, reach, space)

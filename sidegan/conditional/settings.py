@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Seconds, Share, Size, Width
 from sidegan.errors import ConfigError
 
 Range = tuple[float, float]
@@ -88,7 +88,7 @@ class Request:
     """A request for one condition; what is left out is not requested."""
 
     home: list[float] | None = None  # [rad or m]
-    period: Positive | None = None  # [s]
+    period: Seconds | None = None
     effort: Share | None = None  # share of velocity and torque limits
     velocity: Share | None = None  # share of the velocity limits alone
     torque: Share | None = None
@@ -122,12 +122,12 @@ class TrainingSettings:
 
     epochs: Count
     steps: Count  # per epoch
-    batch: Annotated[int, Bound("≥", 2)]
+    batch: Annotated[int, Bound("≥", 2), Bound("≤", 1e5)]
     together: Annotated[int, Bound("≥", 2)]  # trajectories of a batch under one condition, kept diverse
-    noise: Count
-    width: Count
+    noise: Width
+    width: Width
     learning_rate: Positive
-    samples: Count  # time points per period
+    samples: Size  # time points per period
     reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
     ease: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # of the violations' weight, from which it grows
     violation: NonNegative  # weights of the losses

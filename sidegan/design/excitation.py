@@ -1,5 +1,6 @@
 """How exciting a trajectory is, and how diverse a set of them."""
 
+import logging
 from dataclasses import dataclass
 
 import torch
@@ -9,7 +10,13 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
+log = logging.getLogger(__name__)
+
 NOISE_BATCHES = 10  # the paper averages over ten noise batches
+_DISTANCES = 25_000_000  # held at once: 200 MB
+_PAIRED = 5_000  # rows, all pairs of which are looked at
+_EXACT = 20_000  # rows, each of which is compared with all others
+_SAMPLED = 500  # rows that stand for more than those
 
 
 @dataclass(frozen=True)
@@ -57,7 +64,12 @@ def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80
 
 
 def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
-    """The paper's two mean distances, over batches, and two measures that modes cannot fool."""
+    """The paper's two mean distances, over batches, and two measures that modes cannot fool.
+
+    Of very large sets they are estimates from a sample, which is logged.
+    """
+    if len(c) > _EXACT:
+        log.info("diversity of %d trajectories is estimated from a sample of them", len(c))
     batch = max(2, len(c) // NOISE_BATCHES)
     pairs = [
         (mean_distance(x), mean_distance(y))
@@ -74,15 +86,40 @@ def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
 
 
 def mean_distance(x: Tensor) -> float:
-    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity)."""
-    return float(torch.pdist(_rows(x)).mean())
+    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity).
+
+    Of more than 5,000 rows, over the pairs of that many of them.
+    """
+    rows = _rows(x)
+    return float(torch.pdist(rows[_sample(len(rows), _PAIRED)] if len(rows) > _PAIRED else rows).mean())
 
 
 def nearest_distance(x: Tensor) -> float:
-    """Mean distance of a row to its nearest other row: zero when samples repeat themselves."""
+    """Mean distance of a row to its nearest other row: zero when samples repeat themselves.
+
+    Of more than 20,000 rows, the mean over 500 of them, each with its nearest one among all.
+    """
     rows = _rows(x)
-    distances = torch.cdist(rows, rows, compute_mode="donot_use_mm_for_euclid_dist")
-    return float(distances.fill_diagonal_(torch.inf).amin(1).mean())
+    chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else torch.arange(len(rows))
+    nearest = [_nearest(rows, part) for part in chosen.split(_block(len(rows)))]
+    return float(torch.cat(nearest).mean())
+
+
+def _nearest(rows: Tensor, chosen: Tensor) -> Tensor:
+    """Distance of each chosen row, (K,), to the nearest other of all rows (N, D), (K,)."""
+    distances = torch.cdist(rows[chosen], rows, compute_mode="donot_use_mm_for_euclid_dist")
+    distances[torch.arange(len(chosen)), chosen] = torch.inf
+    return distances.amin(1)
+
+
+def _block(count: int) -> int:
+    """How many rows' distances to so many are held at once."""
+    return max(1, _DISTANCES // count)
+
+
+def _sample(count: int, size: int) -> Tensor:
+    """Indices of some of so many rows, the same each time."""
+    return torch.randperm(count, generator=torch.Generator().manual_seed(0))[:size]
 
 
 def effective_rank(x: Tensor) -> float:

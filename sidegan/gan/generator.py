@@ -73,10 +73,8 @@ class TrajectoryGenerator:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
         with opened(path, "trajectory generator", _FORMAT) as (meta, content):
-            network = Generator(**meta["network"])
-            network.load_state_dict(content["weights"])
-            scaling = Scaling(content["mean"], content["spread"])
             family = Trajectory(**meta["trajectory"])
+            network, scaling = stored_network(meta, content, family)
             limits = LimitLayer(family, content["room"], content["speed"]) if meta.get("limited") else None
             names = (meta["robot"], meta["digest"], meta["variant"])
             generator = cls(network.eval(), scaling, family, *names, limits)
@@ -109,6 +107,38 @@ def opened(path: Path, kind: str, form: int | str) -> Iterator[tuple[dict[str, A
         raise
     except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
         raise ArtifactError(f"{path} does not hold a {kind}: {error}") from error
+
+
+def stored_network(
+    meta: dict[str, Any], content: dict[str, Any], family: Trajectory
+) -> tuple[Generator, Scaling]:
+    """Network and scale of a generator's file, after a look at their numbers.
+
+    Raises:
+        ShapeError: when they do not fit each other or the family, hold a number that is not finite, or make
+            one and the same of everything.
+    """
+    weights: dict[str, Tensor] = content["weights"]
+    for name, x in {**weights, **{k: v for k, v in content.items() if isinstance(v, Tensor)}}.items():
+        if not x.isfinite().all():
+            raise ShapeError(f"{name} holds a number that is not finite")
+    stated = [x for x in meta["network"].values() if isinstance(x, int)]
+    if max(stated, default=0) > sum(x.numel() for x in weights.values()):  # before so much is asked for
+        raise ShapeError(f"its weights are fewer than the sizes {meta['network']} need")
+    network = Generator(**meta["network"])
+    if network.shape != (2, family.joints, family.harmonics):
+        raise ShapeError(f"its network makes images {network.shape} for {family.joints} joints")
+    network.load_state_dict(weights)
+    scaling = Scaling(content["mean"], content["spread"])
+    size = 2 * family.harmonics
+    if scaling.mean.shape != (family.joints, size) or scaling.spread.shape != (family.joints, size, size):
+        shapes = f"mean {tuple(scaling.mean.shape)} and spread {tuple(scaling.spread.shape)}"
+        raise ShapeError(
+            f"{shapes}, expected ({family.joints}, {size}) and ({family.joints}, {size}, {size})"
+        )
+    if not scaling.spread.abs().sum(2).all():
+        raise ShapeError("spread is zero in a coefficient, so that every trajectory would have the same")
+    return network, scaling
 
 
 def refuse_other(path: Path, meta: dict[str, Any], arm: Arm) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share, Size, Width
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.schedule import Schedule
@@ -62,7 +62,7 @@ class Exact:
     """Exact physics in place of the surrogates."""
 
     terms: dict[str, Term]  # what weights.fitness weighs
-    samples: Count  # time points per period
+    samples: Size  # time points per period
     # For what happens between the time points; position and velocity limits hold anyway.
     reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
     ease: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # of weights.success, from which it grows
@@ -82,11 +82,11 @@ class Variant:
     surrogates: Learned
     real_features: Literal["exact", "predicted"]  # what the second discriminator takes for those of the seeds
     body: Literal["conv", "mlp", "dcgan"]
-    width: Count  # of generator and discriminators
-    noise: Count  # dimension of the generator's noise
+    width: Width  # of generator and discriminators
+    noise: Width  # dimension of the generator's noise
     epochs: Count
     steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
-    batch: Annotated[int, Bound("≥", 2)]
+    batch: Annotated[int, Bound("≥", 2), Bound("≤", 1e5)]
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Count, Positive
+from sidegan.base.typed import Bound, Count, Hertz, Positive
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
@@ -12,7 +12,7 @@ from sidegan.identification.measurements import Noise
 class StudySettings:
     """Simulated measurements and recursive least squares: how excitation sets are executed and compared."""
 
-    rate: Positive  # of sampling [Hz]
+    rate: Hertz  # of sampling [Hz]
     prior: Positive  # P₀ = prior · I
     forgetting: Annotated[float, Bound(">", 0), Bound("≤", 1)]
     weighted: bool  # also with one weight per joint, beside the paper's unweighted

@@ -20,7 +20,7 @@ from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.sums import Sums, sums_of
 from sidegan.identification.trust import grams_of, trust
 from sidegan.identification.verdict import Trust
-from sidegan.library import Library
+from sidegan.library.foreign import load_foreign
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.check import CheckedRecording
@@ -170,7 +170,7 @@ def _candidates(
     """Arguments of ``trust`` for recommending trajectories of the library, recorded at ``rate`` [Hz]."""
     if settings.library is None:
         return {}
-    library = Library.load(Path(settings.library), model.arm)
+    library = load_foreign(Path(settings.library), model.arm)
     c = library.coefficients
     trajectory = Trajectory(model.joints, c.shape[2], library.period, library.home or None)
     grams, samples = grams_of(model, chosen, trajectory, c), max(1, round(rate * library.period))

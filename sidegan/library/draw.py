@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.typed import Count, Natural, Share
+from sidegan.base.typed import Count, Natural, Share, Size
 from sidegan.errors import InfeasibleError
 from sidegan.validity import Validity, summarise_faults
 
@@ -20,7 +20,7 @@ class Expansion:
     """How the library grows from the generator."""
 
     count: Count
-    batch: Count
+    batch: Size
     draws: Count  # most samples drawn before giving up
     least: Natural  # valid ones, with fewer of which a generator is refused
     polish: Natural  # gradient steps on every sample; 0: none

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
+from sidegan.base.names import folder_name
 from sidegan.base.storage import read_json
 from sidegan.errors import SideganError
-from sidegan.pipeline.graph import folder_name
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.tracking import Status, Tracker
 

@@ -5,7 +5,6 @@ Stamps, the order of work, reuse, what MLflow records and ``dvc.yaml`` follow fr
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -14,6 +13,7 @@ from typing import Any
 
 import yaml
 
+from sidegan.base.names import folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
 
@@ -70,7 +70,12 @@ class Artifact:
     @property
     def shelf(self) -> str:
         """Folder of its maker's artifacts, below the outputs."""
-        return self.maker if self.column is None else f"columns/{self.column}/{self.maker}"
+        maker = folder_name(self.maker)
+        return maker if self.column is None else f"columns/{folder_name(self.column)}/{maker}"
+
+    def folder(self, digest: bool = True) -> str:
+        """Name of its folder there, with the first digits of its digest or without."""
+        return f"{folder_name(self.label)}-{self.digest[:8]}" if digest else folder_name(self.label)
 
     @cached_property
     def stamp(self) -> dict[str, Any]:
@@ -133,14 +138,6 @@ def version(maker: str) -> int:
         return versions()[maker]
     except KeyError:
         raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}") from None
-
-
-def folder_name(text: str, longest: int = 100) -> str:
-    """A text as the name of a folder: no separators, and cut to a length, ending in a digest of the rest."""
-    name = re.sub(r"[^\w.,=+-]+", "_", text).strip("_.") or "_"
-    if len(name) <= longest:
-        return name
-    return f"{name[: longest - 9]}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 def flatten(value: Any, path: str = "") -> dict[str, Any]:

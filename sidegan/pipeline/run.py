@@ -18,7 +18,8 @@ from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.parallel import engine
 from sidegan.base.progress import duration
@@ -63,12 +64,14 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
     Raises:
         SideganError: whatever a stage refuses; ConfigError before any work.
     """
-    from sidegan.pipeline.stage import run_stage
+    from sidegan.pipeline.stage import refuse, run_stage
     from sidegan.pipeline.stages import stage
     from sidegan.pipeline.task import Task
 
     _check(config)
     task = Task(config, Store(Path(config.outputs), config.named, run_folder))
+    for one in config.stages:
+        refuse(stage(one), task)
     uri, enabled, parent = config.tracking.uri, config.tracking.enabled, os.environ.get(PARENT)
     tracker = Tracker(task.store.root, run_folder, config.experiment, name, uri, enabled, parent)
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
@@ -135,17 +138,26 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         _hydra_main()
+        sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback
     except KeyboardInterrupt:
         end_sweep("KILLED")
         sys.stderr.write("\nstopped; the same command again goes on where it was\n")
         return INTERRUPTED
-    except HydraException as error:
+    except OmegaConfBaseException as error:  # while Hydra composes: an interpolation that leads nowhere
+        from sidegan.pipeline.settings import refused_value
+
+        sys.stderr.write(f"error: {refused_value(error)}\n")
+        return BAD_CONFIG
+    except (HydraException, ValueError) as error:  # ValueError: a word that Hydra takes for another
         sys.stderr.write(f"error: {explain(error)}\n")
         return BAD_CONFIG
     except RuntimeError as error:
         if "srun" not in str(error):
             raise
         sys.stderr.write(f"error: hydra/launcher=slurm is for a machine that submits to SLURM: {error}\n")
+        return FAILURE
+    except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILURE
     except OSError as error:  # from Hydra, which makes the run's folder
         sys.stderr.write(f"error: the outputs cannot be written: {error}\n")
@@ -155,7 +167,7 @@ def main() -> int:
     return 0
 
 
-def explain(error: HydraException) -> str:
+def explain(error: Exception) -> str:
     """What is wrong with the command line, in our words where Hydra's advice leads astray."""
     text = str(error)
     unknown = re.search(r"Could not override '([^']+)'", text)
@@ -182,7 +194,9 @@ def _unknown(key: str) -> str:
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _hydra_main(cfg: DictConfig) -> None:
     job = HydraConfig.get()
-    name = run_name(str(cfg.experiment), list(job.overrides.task), job.runtime.choices, cfg.seed)
+    given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name
+    overrides: Any = OmegaConf.to_container(job.overrides.task)
+    name = run_name(str(given["experiment"]), overrides, job.runtime.choices, given["seed"])
     code = run_job(cfg, Path(job.runtime.output_dir), name)
     # In a sweep the other jobs go on; the callback leaves with the worst code.
     if code and job.mode == RunMode.RUN:

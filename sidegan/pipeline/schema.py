@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Seconds, Share, Size
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
@@ -15,6 +15,7 @@ from sidegan.seeds.settings import Long, Seeds
 from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
+Workers = Annotated[int, Bound("≥", 1), Bound("≤", 4096)]
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 
 
@@ -116,8 +117,8 @@ class Column:
 class TrajectoryFamily:
     """The short cyclic trajectories."""
 
-    harmonics: Count
-    period: Positive  # [s]
+    harmonics: Size
+    period: Seconds  # [s]
     home: list[float] | None  # [rad or m]; null: the robot's zero position
 
 
@@ -148,7 +149,7 @@ class Elsewhere:
     fast: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the tightest joint limit that is used
     moves: Count  # from rest to rest in one recording of pick and place
     velocity: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the limits that they reach
-    rest: Positive  # between two of them [s]
+    rest: Seconds  # between two of them [s]
 
 
 @dataclass(frozen=True)
@@ -199,10 +200,12 @@ class Tracking:
 class Parallel:
     """How the work is spread over cores and machines."""
 
-    workers: Count | None  # null: one per core; a Dask cluster elsewhere has as many as it has
+    workers: (
+        Annotated[int, Bound("≥", 1), Bound("≤", 4096)] | None
+    )  # null: one per core; a Dask cluster elsewhere has as many as it has
     backend: Literal["loky", "dask"]
     scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
-    threads: Count | None  # of the main process; null: one per core
+    threads: Workers | None  # of the main process; null: one per core
 
     def __post_init__(self) -> None:
         if self.scheduler is None:

@@ -238,7 +238,7 @@ def validate(cfg: DictConfig) -> Config:
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
-        raise ConfigError(f"{error.full_key}: {str(error.msg).splitlines()[0]}") from error
+        raise ConfigError(refused_value(error)) from error
     for group in ("ablation", "ladder"):
         if group in values:
             values[group] = altered(values[group], group)
@@ -246,6 +246,12 @@ def validate(cfg: DictConfig) -> Config:
         if group in values.get("beyond", {}):
             values["beyond"][group] = altered(values["beyond"][group], f"beyond.{group}")
     return build(Config, values)
+
+
+def refused_value(error: OmegaConfBaseException) -> str:
+    """What is wrong with a value that OmegaConf cannot read, in one line."""
+    reason = str(error.msg or error).splitlines()[0]
+    return f"{error.full_key}: {reason}" if error.full_key else reason
 
 
 def altered(group: Any, path: str) -> dict[str, Any]:

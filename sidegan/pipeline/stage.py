@@ -25,12 +25,14 @@ class Stage:
         show: what it prints and leaves in the run's folder besides.
         columnwise: its artifacts are made in every column of the comparison.
         leading: of columns that differ in their seed set alone they are made in the first.
+        check: refuses what it could not work with, before the run's first stage has begun.
     """
 
     artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
     show: Callable[[Task, Tracker], None] | None = None
     columnwise: bool = False
     leading: bool = False
+    check: Callable[[Task], None] = lambda task: None
 
     def listed(self, task: Task) -> list[Artifact]:
         """Its artifacts in every column that is made; what columns share is listed by each."""
@@ -38,6 +40,16 @@ class Stage:
             return [*self.artifacts(task)]
         made = (column for column in chosen(task) if leads(column) or not self.leading)
         return [one for column in made for one in self.artifacts(column)]
+
+
+def refuse(stage: Stage, task: Task) -> None:
+    """Refuse a stage that cannot work, as far as that can be told before anything has been made.
+
+    Raises:
+        SideganError: settings that are not there or contradict each other, an arm that cannot be used.
+    """
+    stage.listed(task)
+    stage.check(task)
 
 
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:

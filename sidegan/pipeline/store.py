@@ -62,7 +62,7 @@ class Store:
         return self.root / artifact.shelf / self._name(artifact)
 
     def _name(self, artifact: Artifact) -> str:
-        return artifact.label if self.named else f"{artifact.label}-{artifact.digest[:8]}"
+        return artifact.folder(digest=not self.named)
 
     def find(self, artifact: Artifact) -> Path | None:
         """Folder of the artifact, or None when it is absent, damaged, or made from something else."""
@@ -125,7 +125,7 @@ class Store:
 
     def _make(self, artifact: Artifact, report: Report) -> Path:
         final = self.folder(artifact)
-        work = final.with_name(f"{artifact.label}-{artifact.digest[:8]}.work")
+        work = final.with_name(f"{artifact.folder()}.work")
         folder = final.with_name(f".{final.name}.tmp")
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)

@@ -11,12 +11,14 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
+from sidegan.base.memory import require_room
+from sidegan.base.names import folder_name
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.graph import Artifact, Build, Metrics, folder_name
+from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort
@@ -82,6 +84,10 @@ class Task:
     def with_settings(self, **changes: Any) -> "Task":
         """The same task with other settings, by their name in the configuration."""
         return Task(replace(self.cfg, stages=[], **changes), self.store)
+
+    def require_room(self, count: int, setting: str) -> None:
+        """Refuse a setting by which there would be more trajectories than fit into memory."""
+        require_room(count * self.arm.joints * 2 * self.cfg.trajectory.harmonics, setting)
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
         """The random numbers of one purpose, independent of all others."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import NonNegative, Positive, Share
+from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 
 
@@ -16,11 +16,11 @@ class PlantSettings:
     The units are those of revolute joints; for prismatic ones read N for N·m, m for rad and kg for kg·m².
     """
 
-    rate: Positive  # [Hz] of the servos, and of the recording
+    rate: Hertz  # [Hz] of the servos, and of the recording
     viscous: list[NonNegative]  # friction [N·m·s/rad]
     coulomb: list[NonNegative]  # friction [N·m]
     rotor_inertia: list[NonNegative]  # seen from the joint's side [kg·m²]
-    bandwidth: list[Positive]  # of the position servo [Hz]
+    bandwidth: list[Hertz]  # of the position servo [Hz]
     damping_ratio: list[Positive]  # of the position servo
     feed_forward: Share  # share of the inverse dynamics that the controller adds; it knows no friction
     tolerance: Positive  # [rad] off the reference at which the execution has failed

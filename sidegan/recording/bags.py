@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
 
+_SUFFIXES = (".db3", ".mcap")
 _KIND = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")
 _NANOSECONDS = 1e-9
@@ -26,7 +27,21 @@ _SEARCHED = 1000  # joint names after which a message with all of the arm's is n
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a ROS 2 bag: a folder, or a file of one."""
-    return path.is_dir() or path.suffix.lower() in (".db3", ".mcap")
+    return path.is_dir() or path.suffix.lower() in _SUFFIXES
+
+
+def bag_files(path: Path) -> list[Path]:
+    """Files of the folder of a bag, in the order of their names.
+
+    Raises:
+        RecordingError: when the folder is none, or holds more than files.
+    """
+    inside = sorted(path.iterdir())
+    if not any(one.suffix in _SUFFIXES or one.name == "metadata.yaml" for one in inside):
+        raise RecordingError(f"{path} is a folder without a bag: it has neither .db3 nor .mcap files")
+    if other := [one for one in inside if not (one.is_file() or one.is_dir())]:
+        raise RecordingError(f"{other[0]} is neither a file nor a folder")
+    return [one for one in inside if one.is_file()]
 
 
 def bag_pieces(

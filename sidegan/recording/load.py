@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.bags import bag_pieces, is_bag
+from sidegan.recording.bags import bag_files, bag_pieces, is_bag
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import SIGNALS, Columns
 from sidegan.recording.tables import Numbers, Piece, Where, npz_table, parquet_table, text_table
@@ -20,6 +20,7 @@ _MOST_CORRUPT = 0.5  # of the rows of a piece
 _LEAST_JUDGED = 1000  # rows of a piece that is judged by itself; a file may end in a few broken ones
 _FIRST_ROW = 2  # number of the first row, after the header
 _MOST_KEPT = 800_000_000  # bytes of a bag that are kept for the next walk: bags are read slowly
+_LARGEST = 1e12  # of any signal in SI units, and of a time: what is larger is no measurement
 _LISTED = 8  # columns that a refusal names
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
@@ -64,8 +65,11 @@ class Source:
 
     def _open(self) -> tuple[Iterator[Piece], Where]:
         """Pieces of the file, and which of their columns is which signal."""
-        if not self.path.exists():
-            raise RecordingError(f"there is no recording {self.path}")
+        with reading(self.path, "recording", RecordingError):
+            if not self.path.exists():
+                raise RecordingError(f"there is no recording {self.path}")
+            if self.path.is_dir():
+                bag_files(self.path)
         if is_bag(self.path):
             return bag_pieces(self.path, self.columns, self.joint_names, self.rows)
         suffix = self.path.suffix.lower()
@@ -85,6 +89,8 @@ def _recording(source: Source, piece: Piece, where: Where) -> Recording:
     signals: dict[str, Numbers] = {}
     for name in ("time", *(signal for signal in SIGNALS if signal in where)):
         parts = [piece.columns[c] for c in where[name]]
+        if len(parts) > 1 and any(part.ndim > 1 for part in parts):
+            raise RecordingError(f"{source.name}: {where[name][0]!r} holds more than a number in each row")
         x = parts[0] if len(parts) == 1 else np.stack(parts, 1)
         if name != "time":
             x = x[:, None] if x.ndim == 1 else x
@@ -103,7 +109,7 @@ def _finite_rows(
 ) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the row and reason of the others."""
     flat = {name: x[:, None] if x.ndim == 1 else x for name, x in signals.items()}
-    bad = ~np.isfinite(np.concatenate(list(flat.values()), 1))
+    bad = ~(np.abs(np.concatenate(list(flat.values()), 1)) <= _LARGEST)
     names = [
         where[name][k] if len(where[name]) > 1 or x.shape[1] == 1 else f"{where[name][0]}[{k}]"
         for name, x in flat.items()

@@ -18,6 +18,7 @@ from sidegan.recording.tables import Numbers
 
 _POINTS_AT_ONCE = 65_536
 _LEAST_POINTS = 8  # of a segment
+_LEAST_PERIODS = 4.0  # of the cut-off in a recording: as long as the edges of the filter
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,12 @@ def grid_for(statistics: Statistics, settings: Preprocessing) -> Grid:
             f"{half:.4g} Hz"
         )
     cutoff = min(settings.cutoff or settings.headroom * bandwidth, half)
+    slowest = _LEAST_PERIODS / statistics.duration
+    if cutoff <= slowest:
+        raise RecordingError(
+            f"{statistics.name}: the cut-off is {cutoff:g} Hz, expected more than {slowest:.3g} Hz: of "
+            f"{statistics.duration:.4g} s the low-pass leaves nothing"
+        )
     return Grid(
         step=statistics.step,
         gap=statistics.gap,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Count, NonNegative, Positive
-from sidegan.errors import RecordingError
+from sidegan.base.typed import Bound, Hertz, NonNegative, Positive, Seconds
+from sidegan.errors import ConfigError, RecordingError
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
 _TO_SI = {
@@ -53,6 +53,14 @@ class Columns:
     joints: list[str] | None  # names that the file uses, in the arm's order; null: the arm's own
     topic: str | None  # of a bag; null: the only topic of joint states
     effort: Literal["torque", "current"]  # what the efforts of a bag's joint states are
+
+    def __post_init__(self) -> None:
+        for signal in SIGNALS:
+            pattern = getattr(self, signal)
+            if pattern is not None and re.search(r"[{}]", _PLACEHOLDER.sub("", pattern)):
+                raise ConfigError(
+                    f"{signal} is {pattern!r}, expected no braces but {{joint}}, {{index}} and {{index0}}"
+                )
 
     def file_joints(self, file: str, joint_names: Sequence[str]) -> tuple[str, ...]:
         """Names of the arm's joints in the file.
@@ -104,21 +112,22 @@ class Preprocessing:
     """How a recording becomes filtered segments on a uniform grid."""
 
     reverse: list[str]  # joints whose torque or current is counted the other way round
-    bandwidth: Positive | None  # highest frequency of the executed trajectory [Hz]; null: measured
-    cutoff: Positive | None  # of the zero-phase low-pass [Hz]; null: headroom × bandwidth
+    bandwidth: Hertz | None  # highest frequency of the executed trajectory [Hz]; null: measured
+    cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: headroom × bandwidth
     headroom: Positive  # cut-off over bandwidth
-    order: Count  # of the low-pass, which is run forwards and backwards
+    # of the low-pass, which is run forwards and backwards; beyond, its coefficients are rounding errors
+    order: Annotated[int, Bound("≥", 1), Bound("≤", 20)]
     oversampling: Annotated[float, Bound(">", 2)]  # samples that are kept per period of the cut-off
-    gap: Positive | None  # longest time that is interpolated over [s]; null: five sampling steps
+    gap: Seconds | None  # longest time that is interpolated over [s]; null: five sampling steps
     still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
-    pause: NonNegative  # samples this close to a motion are kept [s]
+    pause: Annotated[float, Bound("≥", 0), Bound("≤", 1e3)]  # samples this close to a motion are kept [s]
 
 
 @dataclass(frozen=True)
 class RecordingSettings(Preprocessing, Columns):
     """What is where in a recorded file, and how it is preprocessed."""
 
-    rows: Annotated[int, Bound("≥", 1000)]  # that are read at once
+    rows: Annotated[int, Bound("≥", 1000), Bound("≤", 1e7)]  # that are read at once
 
 
 def _columns(pattern: str | None, joints: Sequence[str]) -> list[str]:
@@ -127,12 +136,18 @@ def _columns(pattern: str | None, joints: Sequence[str]) -> list[str]:
         return []
     if not _PLACEHOLDER.search(pattern):
         return [pattern]
-    return [pattern.format(joint=joint, index=i + 1, index0=i) for i, joint in enumerate(joints)]
+    return [_filled(pattern, joint, i) for i, joint in enumerate(joints)]
+
+
+def _filled(pattern: str, joint: str, number: int) -> str:
+    """A pattern for one joint, counted from 0."""
+    values = {"joint": joint, "index": str(number + 1), "index0": str(number)}
+    return _PLACEHOLDER.sub(lambda match: values[match[1]], pattern)
 
 
 def _refuse_more_joints(file: str, signal: str, pattern: str, available: Sequence[str], joints: int) -> None:
     """Raise when a numbered signal goes on after the arm's last joint."""
-    following = pattern.format(joint="", index=joints + 1, index0=joints)
+    following = _filled(pattern, "", joints)
     if "{index" in pattern and following in available:
         raise RecordingError(f"{file} has {following}: {signal} of more than the arm's {joints} joints")
 

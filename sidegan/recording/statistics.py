@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
+from sidegan.recording.overlap import Rows, joined, rows_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.tables import Numbers
 
@@ -60,6 +61,7 @@ class Statistics:
     corrupt: tuple[tuple[int, str], ...]  # row and reason of what was left out
     bandwidth: float  # frequency below which nearly all of the motion's energy lies [Hz]
     signals: dict[str, Signal]  # by name
+    rows: Rows  # digests of some rows, by which another recording with the same samples is found
 
 
 def statistics_of(recording: Recording | Iterable[Recording], gap: float | None = None) -> Statistics:
@@ -75,6 +77,7 @@ def statistics_of(recording: Recording | Iterable[Recording], gap: float | None 
     times: list[Numbers] = []
     corrupt: list[tuple[int, str]] = []
     tallies: dict[str, _Tally] = {}
+    rows: list[Rows] = []
     head: list[Recording] = []  # from where the arm begins to move
     first: Tensor | None = None
     name = ""
@@ -84,6 +87,7 @@ def statistics_of(recording: Recording | Iterable[Recording], gap: float | None 
         if not len(part):
             continue
         times.append(part.time.numpy())
+        rows.append(rows_of(part))
         first = part.position[0] if first is None else first
         begun = bool(head) or bool(((part.position - first).abs() > _MOVED).any())
         if begun and float(part.time[0] - (head or [part])[0].time[-1]) < _HEAD:
@@ -98,7 +102,8 @@ def statistics_of(recording: Recording | Iterable[Recording], gap: float | None 
     clock = _clock(name, np.concatenate(times), gap)
     bandwidth = _bandwidth(head, clock["step"]) if head else 0.0
     signals = {signal: tally.result() for signal, tally in tallies.items()}
-    return Statistics(name, samples, **clock, corrupt=tuple(corrupt), bandwidth=bandwidth, signals=signals)
+    found: dict[str, Any] = {"bandwidth": bandwidth, "signals": signals, "rows": joined(rows)}
+    return Statistics(name, samples, **clock, corrupt=tuple(corrupt), **found)
 
 
 def _clock(name: str, time: Numbers, gap: float | None) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def text_table(path: Path, rows: int) -> Table:
     """
     import pandas as pd
 
-    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         first = file.readline()
     if not first.strip():
         raise RecordingError(f"{path} is empty")
@@ -151,7 +151,7 @@ def npz_table(path: Path, rows: int) -> Table:
 
 def _npz_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
     with reading(path, "NPZ", RecordingError), np.load(path, allow_pickle=False) as file:
-        arrays = {name: np.asarray(file[name], dtype=np.float64) for name in columns}
+        arrays = {name: _real(path, name, file[name]) for name in columns}
     lengths = {name: len(x) if x.ndim else 0 for name, x in arrays.items()}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} has {n}" for name, n in lengths.items())
@@ -160,3 +160,14 @@ def _npz_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece
     for first in range(0, count, rows):
         piece = {name: x[first : first + rows] for name, x in arrays.items()}
         yield Piece(piece, np.arange(first, min(first + rows, count)) + 1)
+
+
+def _real(path: Path, name: str, x: NDArray[Any]) -> Numbers:
+    """An array of an NPZ file as numbers.
+
+    Raises:
+        RecordingError: when it holds text, dates or complex numbers, of which half would get lost.
+    """
+    if x.dtype.kind not in "fiub":
+        raise RecordingError(f"{path}: array {name} holds {x.dtype}, expected real numbers")
+    return np.asarray(x, dtype=np.float64)

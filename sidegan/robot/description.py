@@ -10,6 +10,8 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.links import check_inertia, prepare_shapes
 
+_MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
+_AXIS = (1e-6, 1e6)  # length of an axis that can be made one
 _MOVABLE = ("revolute", "prismatic")
 _REFUSED = {
     "continuous": "it has no position limits; make it revolute, with a lower and an upper one",
@@ -63,6 +65,8 @@ def read_description(path: Path) -> Description:
 def _check_tree(root: ET.Element, where: str) -> None:
     """Raise unless links and joints have names of their own and form one tree."""
     joints = root.findall("joint")
+    if (count := len(root.findall("link"))) > _MOST_LINKS:
+        raise RobotError(f"{where} has {count} links, expected at most {_MOST_LINKS}")
     names = {
         "link": [xml.attribute(link, "name", where) for link in root.findall("link")],
         "joint": [xml.attribute(joint, "name", where) for joint in joints],
@@ -109,8 +113,10 @@ def _limits(joint: ET.Element, where: str) -> tuple[float, float, float, float]:
     """Lower, upper, velocity and effort limit of a joint that moves."""
     if joint.find("mimic") is not None:
         raise RobotError(f"{where} mimics another, expected joints that move on their own")
-    if not any(xml.vector(joint.find("axis"), "xyz", where, "1 0 0")):
-        raise RobotError(f"{where} has the axis 0 0 0, expected a direction")
+    axis = xml.vector(joint.find("axis"), "xyz", where, "1 0 0")
+    if not _AXIS[0] <= math.hypot(*axis) <= _AXIS[1]:
+        words = " ".join(f"{x:g}" for x in axis)
+        raise RobotError(f"{where} has the axis {words}, expected a direction, of about unit length")
     limit = joint.find("limit")
     if limit is None or not {"lower", "upper"} & set(limit.attrib):
         raise RobotError(f"{where} has no position limits, expected <limit lower upper velocity>")

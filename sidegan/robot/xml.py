@@ -1,10 +1,13 @@
 """XML read with care: no document types, and no number that is not one."""
 
-import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from sidegan.errors import RobotError
+
+_LARGEST_FILE = 50_000_000  # bytes
+_DEEPEST = 50  # levels; of URDF's own elements there are five
+_LARGEST = 1e18  # of any number in SI units: products of a few of them are still numbers
 
 
 def parse(path: Path) -> ET.Element:
@@ -14,11 +17,15 @@ def parse(path: Path) -> ET.Element:
         RobotError: when the file cannot be read, is not XML, or is not a URDF.
     """
     try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise RobotError(f"{path} is larger than {_LARGEST_FILE / 1e6:.0f} MB, which no description is")
         root = ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_PlainTree()))
     except OSError as error:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
     except _DocumentTypeError as error:
         raise RobotError(f"{path} declares a document type ({error}), expected plain XML") from None
+    except _DepthError:
+        raise RobotError(f"{path} nests elements more than {_DEEPEST} deep, expected a URDF") from None
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
         raise RobotError(f"{path} is not well-formed XML: {error}") from error
     if root.tag != "robot":
@@ -64,11 +71,12 @@ def vector(
     if text is None:
         raise RobotError(f"{where}: <{tag}> has no {key!r}")
     expected = "a finite number" if size == 1 else f"{size} finite numbers"
+    expected += f" of at most {_LARGEST:g}"
     try:
         values = tuple(float(word) for word in text.split())
     except ValueError:
         values = ()
-    if len(values) != size or not all(map(math.isfinite, values)):
+    if len(values) != size or not all(abs(x) <= _LARGEST for x in values):
         raise RobotError(f"{where}: <{tag} {key}={text!r}>, expected {expected}")
     return values
 
@@ -77,8 +85,24 @@ class _DocumentTypeError(Exception):
     """A document type was declared; its name."""
 
 
+class _DepthError(Exception):
+    """Elements are nested deeper than any that a robot needs."""
+
+
 class _PlainTree(ET.TreeBuilder):
-    """Refuses document types: a robot needs none, and their entities can read files or fill the memory."""
+    """Refuses what can read files or fill the memory: document types with their entities, and depth."""
+
+    depth = 0
+
+    def start(self, tag: str, attrs: dict[str, str]) -> ET.Element:
+        self.depth += 1
+        if self.depth > _DEEPEST:
+            raise _DepthError
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> ET.Element:
+        self.depth -= 1
+        return super().end(tag)
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
         raise _DocumentTypeError(name)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from sidegan.base.typed import Count, Positive, Share
+from sidegan.base.typed import Count, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
@@ -20,12 +20,12 @@ class Seeds:
     method: Literal["gradient", "paper"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
-    samples: Count  # time points per period
-    batch: Count  # trajectories per task
+    samples: Size  # time points per period
+    batch: Size  # trajectories per task
     steps: Count  # gradient: evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
     reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
-    ants: Count | None = None  # paper only: size of the colony
+    ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
 
     def __post_init__(self) -> None:
@@ -65,8 +65,8 @@ class Seeds:
 class Long:
     """The single long trajectory that the short ones are compared with; it is optimised as the seeds are."""
 
-    period: Positive  # [s]
-    harmonics: list[Count]  # one trajectory for each
-    samples: Count
+    period: Seconds  # [s]
+    harmonics: list[Size]  # one trajectory for each
+    samples: Size
     steps: Count | None  # of each start, as the seeds have them; null: as many as a seed
     starts: Count  # of which the best is kept

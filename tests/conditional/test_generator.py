@@ -78,7 +78,9 @@ def test_a_damaged_or_foreign_file_is_refused(file, constraints):
     content = read_torch(file)
     write_torch(file.with_name("old.pt"), {**content, "meta": content["meta"].replace("conditional 1", "x")})
     file.with_name("cut.pt").write_bytes(file.read_bytes()[:300])
-    for name in ("foreign.pt", "list.pt", "old.pt", "cut.pt"):
+    write_torch(file.with_name("nan.pt"), {**content, "reach": content["reach"] * torch.nan})
+    write_torch(file.with_name("flat.pt"), {**content, "spread": content["spread"] * 0})
+    for name in ("foreign.pt", "list.pt", "old.pt", "cut.pt", "nan.pt", "flat.pt"):
         with pytest.raises(ArtifactError):
             ConditionalGenerator.load(file.with_name(name), constraints)
 

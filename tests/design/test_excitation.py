@@ -1,12 +1,15 @@
 """Excitation and diversity: the full YᵀY and closed forms as oracles."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from sidegan.design import excitation
 from sidegan.design.excitation import Excitation, effective_rank, excite, mean_distance, nearest_distance
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import BaseParameters, RigidBody
@@ -167,3 +170,43 @@ def test_effective_rank_does_not_depend_on_scale_or_basis() -> None:
 def test_a_single_row_has_no_diversity(measure) -> None:
     with pytest.raises(ShapeError, match="at least 2 rows, got 1"):
         measure(torch.zeros(1, 7, 6, 2))
+
+
+def _nearest_of_all(x: torch.Tensor) -> float:
+    """All distances at once, as it was before large sets."""
+    rows = x.reshape(len(x), -1)
+    distances = torch.cdist(rows, rows, compute_mode="donot_use_mm_for_euclid_dist")
+    return float(distances.fill_diagonal_(torch.inf).amin(1).mean())
+
+
+def _rows(count: int) -> torch.Tensor:
+    return torch.randn(count, 2, 3, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(count))
+
+
+@pytest.mark.parametrize("count", [2, 7, 933])
+@pytest.mark.parametrize("held", [1, 3000, 25_000_000])
+def test_blocks_change_no_bit_of_the_nearest_distance(count, held, monkeypatch) -> None:
+    monkeypatch.setattr(excitation, "_DISTANCES", held)
+    assert nearest_distance(_rows(count)).hex() == _nearest_of_all(_rows(count)).hex()
+
+
+def test_a_sample_of_a_large_set_tells_nearly_the_same(monkeypatch) -> None:
+    x = _rows(3000)
+    exact = nearest_distance(x), mean_distance(x)
+    monkeypatch.setattr(excitation, "_EXACT", 2999)
+    monkeypatch.setattr(excitation, "_PAIRED", 1000)
+    assert (nearest_distance(x), mean_distance(x)) == pytest.approx(exact, rel=0.03)
+    assert nearest_distance(x) != exact[0]
+
+
+def test_two_hundred_thousand_trajectories_take_no_more_than_their_share_of_memory() -> None:
+    script = (
+        "import resource, torch\n"
+        "from sidegan.design.excitation import nearest_distance\n"
+        "x = torch.rand(200_000, 2)\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "nearest_distance(x)\n"
+        "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)\n"
+    )
+    megabytes = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout
+    assert float(megabytes) < 600

@@ -87,6 +87,10 @@ def broken(content, **meta):
     return {**content, "meta": json.dumps({**json.loads(content["meta"]), **meta})}
 
 
+def resized(content, **sizes):
+    return broken(content, network={**json.loads(content["meta"])["network"], **sizes})
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
@@ -101,6 +105,13 @@ def broken(content, **meta):
         (lambda c: broken(c, network={"joints": 2, "harmonics": 3, "body": "vit"}), "'vit'"),
         (lambda c: broken(c, trajectory={"joints": 0}), "joints and harmonics must be positive"),
         (lambda c: broken(c, format=99), "has format 99, expected 1"),
+        (lambda c: broken(c, trajectory={"joints": 2, "harmonics": 4}), "makes images"),
+        (lambda c: resized(c, width=10**7), "fewer than the sizes"),
+        (lambda c: {**c, "weights": {k: x * torch.nan for k, x in c["weights"].items()}}, "not finite"),
+        (lambda c: {**c, "mean": c["mean"] * torch.inf}, "mean holds a number that is not finite"),
+        (lambda c: {**c, "mean": c["mean"][:1]}, "mean .* expected"),
+        (lambda c: {**c, "spread": c["spread"][:, :2]}, "spread .* expected"),
+        (lambda c: {**c, "spread": 0 * c["spread"]}, "spread is zero"),
     ],
 )
 def test_a_foreign_file_is_refused(generator, change, expected, tmp_path):

@@ -1,13 +1,15 @@
 import dataclasses
 import json
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sidegan.base.names import folder_name
 from sidegan.errors import ArtifactError
 from sidegan.pipeline import graph
-from sidegan.pipeline.graph import Artifact, difference, flatten, folder_name, waves
+from sidegan.pipeline.graph import Artifact, difference, flatten, waves
 
 
 def artifact(settings, maker="gan", label="eigen", inputs=None, seed=3):
@@ -90,7 +92,17 @@ def test_flatten_keeps_empty_groups():
 @given(st.text(max_size=400))
 def test_a_folder_name_is_one_short_folder(text):
     name = folder_name(text)
-    assert name and "/" not in name and "\0" not in name and not name.startswith(".") and len(name) <= 100
+    assert name and "/" not in name and "\0" not in name and not name.startswith(".")
+    assert len(name.encode()) <= 100 and folder_name(name) == name
+
+
+@given(st.text(), st.text(), st.text(min_size=1), st.booleans())
+def test_no_name_leads_out_of_the_outputs(maker, label, column, named):
+    one = dataclasses.replace(artifact({}, label=label), maker=f"gan{maker}", column=column)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(graph, "version", lambda name: 1)
+        path = Path("/outputs", one.shelf, one.folder(digest=named))
+    assert path.parent.parent.parent == Path("/outputs/columns") and ".." not in path.parts
 
 
 def test_folder_names_stay_readable_and_long_ones_apart():

@@ -167,6 +167,17 @@ def test_a_bad_recording_leaves_nothing(files, tmp_path, planar):
         identified(tmp_path, "robot=kuka_lwr4", f"recordings=[{files[0]}]")
 
 
+def test_a_recording_is_not_held_out_under_another_name(files, tmp_path):
+    lines = files[0].read_text().splitlines(keepends=True)
+    (files[0].parent / "x").mkdir()
+    names = {"again.csv": lines, "part.csv": [lines[0], *lines[3000:3400]]}
+    for name, content in names.items():
+        (tmp_path / name).write_text("".join(content))
+    for other in (files[0].parent / "x" / ".." / files[0].name, *(tmp_path / name for name in names)):
+        with pytest.raises(RecordingError, match=r"holds samples of a\.csv"):
+            identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", f"validation=[{other}]")
+
+
 def test_conditions_that_cannot_be_met_leave_nothing(files, tmp_path):
     with pytest.raises(InfeasibleError, match="infeasible"):
         identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "identify.total_mass=1e-9")
@@ -181,6 +192,15 @@ def test_a_description_that_cannot_exist_is_refused_by_link(files, tmp_path, pla
     (tmp_path / "bad.urdf").write_text(impossible)
     with pytest.raises(RobotError, match="upper_arm"):
         identified(tmp_path, f"robot.name={tmp_path / 'bad.urdf'}", f"recordings=[{files[0]}]")
+
+
+def test_a_robots_name_leads_nowhere_else(files, tmp_path, planar):
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(planar.urdf.read_text().replace('name="planar2"', 'name="../../../evil"'))
+    outputs = tmp_path / "deep" / "outputs"
+    _, folder = identified(outputs, "robot=planar2", f"robot.name={urdf}", f"recordings=[{files[0]}]")
+    assert not [path for path in tmp_path.rglob("*evil*") if outputs not in path.parents]
+    assert (folder / "evil.urdf").is_file()
 
 
 def test_settings_that_make_no_sense_are_refused(files, tmp_path):

@@ -35,6 +35,11 @@ TWO_BASES = one_joint().replace("</robot>", link("lost") + "</robot>")
 BOMB = '<!DOCTYPE bomb [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + one_joint()
 THIEF = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;"/>'
 
+LONG = robot(
+    link("0", ""),
+    *(joint(f"j{k}", str(k - 1), str(k), kind="fixed", limit="") + link(str(k), "") for k in range(1, 6001)),
+)
+
 REFUSED = {
     "not XML": ("<robot name='cut", "is not well-formed XML: unclosed token"),
     "empty": ("", "is not well-formed XML"),
@@ -68,6 +73,17 @@ REFUSED = {
     "short origin": (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
     "infinite turn": (one_joint(kind="fixed", origin='rpy="inf 0 0"'), "<origin rpy='inf 0 0'>"),
     "no axis": (one_joint(axis='<axis xyz="0 0 0"/>'), "has the axis 0 0 0, expected a direction"),
+    "a vanishing axis": (
+        one_joint(axis='<axis xyz="0 0 1e-200"/>'),
+        "has the axis 0 0 1e-200, expected a dir",
+    ),
+    "an endless axis": (
+        one_joint(axis='<axis xyz="0 0 1e17"/>'),
+        "has the axis 0 0 1e+17, expected a direction",
+    ),
+    "an overflow": (one_joint(axis='<axis xyz="0 0 1e200"/>'), "expected 3 finite numbers of at most 1e+18"),
+    "a deep nest": (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
+    "an endless chain": (LONG, "has 6001 links, expected at most 500"),
     "negative mass": (
         one_joint(INERTIA.replace("1.5", "-1.5")),
         "link 'arm' has the mass -1.5 kg, expected 0",

@@ -50,9 +50,6 @@ def _pool(task: Task) -> Library:
     parts: dict[str, list[Artifact]] = {}
     for pool in own_pools(task):
         parts.setdefault(pool.name, []).extend(pool.parts)
-    for name in task.cfg.excite:
-        if name not in parts:
-            raise ConfigError(f"excite names {name!r}, expected some of {', '.join(parts)}")
     together = tuple(part for name in task.cfg.excite for part in parts[name])
     return Pool("excite", None, "excite", together).load(task)
 
@@ -97,4 +94,11 @@ def _percent(share: Tensor) -> list[str]:
     return [f"{x:.0%}" for x in share.tolist()]
 
 
-STAGE = Stage(show=_show)
+def _check(task: Task) -> None:
+    known = dict.fromkeys(pool.name for pool in own_pools(task))
+    for name in task.cfg.excite:
+        if name not in known:
+            raise ConfigError(f"excite names {name!r}, expected some of {', '.join(known)}")
+
+
+STAGE = Stage(show=_show, check=_check)

@@ -16,7 +16,9 @@ from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.store import STAMP, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
+from sidegan.recording.bags import bag_files
 from sidegan.recording.check import CheckedRecording, read_and_check
+from sidegan.recording.overlap import refuse_shared
 from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
 from sidegan.robot import Arm, load_robot, require_consistent
 
@@ -43,10 +45,15 @@ def model(task: Task) -> Artifact:
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
-    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed."""
+    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed.
+
+    Raises:
+        RecordingError: when one cannot be used, or two have a stretch of samples in common.
+    """
     settings = (arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
     training = read_and_check(cfg.recordings, "training", *settings)
     validation = read_and_check(cfg.validation, "validation", *settings)
+    refuse_shared([(one.name, one.statistics.rows) for one in (*training, *validation)])
     show_checks([*training, *validation])
     return training, validation
 
@@ -85,14 +92,16 @@ def _show(task: Task, tracker: Tracker) -> None:
 
 
 def _digest(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, or of all files of a folder."""
+    """Hexadecimal SHA-256 of a file, or of all files of a folder, which has to be a bag."""
     digest = hashlib.sha256()
     try:
-        files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise RecordingError(f"{path} is neither a file nor a folder")
+        files = bag_files(path) if path.is_dir() else [path]
         for one in files:
             digest.update(one.name.encode())
             digest.update(bytes.fromhex(file_digest(one)))
-    except FileNotFoundError as error:
+    except (FileNotFoundError, ValueError) as error:  # ValueError: a NUL in its name
         raise RecordingError(f"there is no file {path}") from error
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error

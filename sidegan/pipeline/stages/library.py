@@ -68,4 +68,8 @@ def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
-STAGE = Stage(lambda task: [library(task, *one) for one in generators(task)], columnwise=True)
+STAGE = Stage(
+    lambda task: [library(task, *one) for one in generators(task)],
+    columnwise=True,
+    check=lambda task: task.require_room(task.cfg.library.count, "library.count"),
+)

@@ -23,7 +23,7 @@ from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
 from sidegan.recording.settings import Preprocessing
 from sidegan.report.tables import arrow
-from sidegan.robot import Arm
+from sidegan.robot import Arm, require_consistent
 
 NAME = "MuJoCo plant"
 _METHODS = {False: "ols", True: "weighted"}
@@ -78,4 +78,8 @@ def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Me
     return Measurements(*(torch.cat(part) for part in parts))
 
 
-STAGE = Stage(lambda task: [plant(task, one) for one in excitation_sets(task)], columnwise=True)
+STAGE = Stage(
+    lambda task: [plant(task, one) for one in excitation_sets(task)],
+    columnwise=True,
+    check=lambda task: require_consistent(task.arm),
+)

@@ -49,4 +49,6 @@ def _sets(task: Task) -> list[Artifact]:
     return [*seeds.parents, seeds]
 
 
-STAGE = Stage(_sets, columnwise=True)
+STAGE = Stage(
+    _sets, columnwise=True, check=lambda task: task.require_room(task.cfg.seeds.count, "seeds.count")
+)

@@ -9,6 +9,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
+from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.score import Score
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
@@ -101,7 +102,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     """Write all results of an identification into a folder."""
     arm = identified.model.arm
     parameters, links = parameter_table(identified), link_table(identified)
-    urdf = f"{arm.name}.urdf"
+    urdf = f"{folder_name(arm.name)}.urdf"
     files = {
         "parameters with deviations": _PARAMETERS,
         "parameters with covariance": _MODEL,

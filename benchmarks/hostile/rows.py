@@ -1,0 +1,51 @@
+"""The rows: what was counted, and what stands beside it."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from benchmarks.hostile import configurations, descriptions, files, recordings
+from benchmarks.hostile.case import Case, outcomes
+
+ABOUT: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rows.yaml").read_text("utf-8"))
+_SHOWN = 200  # characters of what went wrong
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one row found: a number in its unit, and others beside it."""
+
+    ours: float
+    also: dict[str, float | str] = field(default_factory=dict)
+
+
+def row(name: str, result: Result) -> dict[str, Any]:
+    """A row of the table, as it is written to JSON."""
+    about = dict(ABOUT[name])
+    more, goal = about.pop("more"), about["goal"]
+    reached = result.ours >= goal if more else result.ours <= goal
+    return {"name": name, "ours": result.ours, **about, "reached": reached, "also": result.also}
+
+
+def catalogue() -> list[Case]:
+    """All bad inputs."""
+    parts = (descriptions.cases, recordings.cases, configurations.cases, files.cases)
+    return [case for part in parts for case in part()]
+
+
+def bad_inputs(small: bool) -> Result:
+    """Share of the catalogue that is answered as it should be; one case in fifteen of it when small."""
+    cases = catalogue()[:: 15 if small else 1]
+    found = outcomes(cases)
+    kinds = Counter(one.how for one in found)
+    also: dict[str, float | str] = {"cases": len(found), "slowest [s]": max(one.seconds for one in found)}
+    also |= {f"taken as: {how}": count for how, count in kinds.items()}
+    also |= {one.name: f"{one.how}: {one.words[:_SHOWN]}" for one in found if not one.answered}
+    return Result(sum(one.answered for one in found) / len(found), also)
+
+
+ROWS: dict[str, Callable[[bool], Result]] = {"bad_inputs": bad_inputs}

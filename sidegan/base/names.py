@@ -1,0 +1,19 @@
+"""Names from settings and files as names of files and folders."""
+
+import hashlib
+import re
+
+_LONGEST = 100  # bytes; file systems take 255
+_DIGEST = 8  # characters of the digest that stands for what was cut off
+
+
+def folder_name(text: str, longest: int = _LONGEST) -> str:
+    """A text as one name of a file or folder: no separators, not hidden, and cut to a length [bytes].
+
+    What was cut off is told by a digest. A name that is fine stays as it is.
+    """
+    name = re.sub(r"[^\w.,=+-]+", "_", text).strip("_.") or "_"
+    if len(name.encode()) <= longest:
+        return name
+    digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGEST]
+    return f"{name.encode()[: longest - _DIGEST - 1].decode(errors='ignore')}-{digest}"
