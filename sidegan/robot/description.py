@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sidegan.robot.chain import Chain, choose, tell
+from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import check_inertia, prepare_shapes
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.semantics import Semantics, read_semantics
 from sidegan.robot.setup import PLAIN, Setup
 from sidegan.robot.sources import read_source
+from sidegan.robot.standing import tell
 from sidegan.robot.tree import read_tree
 
 
@@ -54,7 +55,7 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         link.get("name", ""): check_inertia(link, f"{where}: link {link.get('name')!r}")
         for link in root.findall("link")
     }
-    told = tell(tree, chain, masses)
+    told = tell(tree, chain.moving, chain.locked, masses)
     for joint_name, value in chain.locked.items():
         lock(tree.joints[joint_name], value, tree.at(tree.joints[joint_name]))
     semantics = read_semantics(setup, tree, source.poses)

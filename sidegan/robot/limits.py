@@ -88,7 +88,7 @@ def limits_of(
         where = f"{tree.where}: "
         again = [why.removeprefix(where) for why in missing.why[1:]]
         raise RobotError(
-            f"{listed([missing.why[0], *again])}; state what the arm can do, for example {' '.join(lines)}"
+            f"{'; '.join([missing.why[0], *again])}; state what the arm can do, for example {' '.join(lines)}"
         )
     return found, [*told, *_tell(found, moving, stated)]
 

@@ -30,7 +30,7 @@ def model(task: Task) -> Artifact:
     cfg = task.cfg
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
-    arm = load_robot(cfg.robot.name)
+    arm = load_robot(cfg.robot.name, cfg.robot.setup)
     if cfg.identify.pull == "logdet":
         require_consistent(arm)
     files = {f"recordings.{i}": Path(name) for i, name in enumerate(cfg.recordings)}
