@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.hostile import configurations, descriptions, files, recordings
+from benchmarks.hostile import configurations, descriptions, files, joints, million, recordings
 from benchmarks.hostile.case import Case, outcomes
 
 ABOUT: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rows.yaml").read_text("utf-8"))
@@ -48,4 +48,30 @@ def bad_inputs(small: bool) -> Result:
     return Result(sum(one.answered for one in found) / len(found), also)
 
 
-ROWS: dict[str, Callable[[bool], Result]] = {"bad_inputs": bad_inputs}
+def many_joints(small: bool) -> Result:
+    """Longest time until something is done with a chain of many joints, or it is refused."""
+    found = joints.measured(joints.FEW if small else joints.COUNTS)
+    also = {f"{n} joints [s], {memory:.2f} GB, {words}": s for n, (words, s, memory) in found.items()}
+    return Result(max(seconds for _, seconds, _ in found.values()), {**also})
+
+
+def million_library(small: bool) -> Result:
+    """Memory for a million trajectories, along the line through a quarter of what is made and all of it."""
+    whole = million.FEW if small else million.SOME
+    part, all_of_it = million.measured((whole // 4, whole))
+    slope = (all_of_it.memory - part.memory) / (all_of_it.trajectories - part.trajectories)
+    also: dict[str, float | str] = {"million made (1), or extrapolated (0)": float(whole >= million.MANY)}
+    for one in (part, all_of_it):
+        also[f"{one.trajectories:,} trajectories: memory [GB]"] = one.memory
+        also[f"{one.trajectories:,} trajectories: file [GB]"] = one.file
+        also[f"{one.trajectories:,} trajectories: time [s]"] = one.seconds
+    also["a million: time [h]"] = all_of_it.seconds / all_of_it.trajectories * million.MANY / 3600
+    also["valid share of what is drawn"] = all_of_it.valid_share
+    return Result(all_of_it.memory + max(0.0, slope) * (million.MANY - all_of_it.trajectories), also)
+
+
+ROWS: dict[str, Callable[[bool], Result]] = {
+    "bad_inputs": bad_inputs,
+    "joints": many_joints,
+    "million_library": million_library,
+}

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sidegan.errors import ConfigError, SideganError
@@ -35,6 +36,7 @@ ONE_THREAD = {
 _IDLE = 600  # [s] after which an unused loky worker ends
 _CONNECT = 15  # [s] for a Dask scheduler to answer
 _WATCH = 1.0  # [s] between two looks at whether the parent process still lives
+_SEMAPHORES = Path("/dev/shm")  # where Linux shows them
 _KILLED = "a worker process was killed, perhaps for want of memory"
 
 Message = tuple[int, float]  # number of a job, and its share that is done
@@ -68,7 +70,9 @@ class Loky:
         from joblib.externals.loky import get_reusable_executor
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        manager, watch = SyncManager(), (os.getpid(),)
+        _sweep(_SEMAPHORES)
+        # At a port of this machine, with a key: a socket in a folder would be left by whoever is killed.
+        manager, watch = SyncManager(("127.0.0.1", 0)), (os.getpid(),)
         manager.start(leave_with, watch)
         with manager, warnings.catch_warnings():
             # Loky replaces a worker that has grown, and says so; nothing is lost by it.
@@ -166,6 +170,15 @@ def leave_with(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _sweep(folder: Path) -> None:
+    """Remove the semaphores of loky's whose process was killed together with all of its helpers."""
+    for path in folder.glob("sem.loky-*"):
+        _, owner, *_ = path.name.split("-")
+        if owner.isdigit() and not Path("/proc", owner).exists():
+            with suppress(OSError):  # another user's, or gone already
+                path.unlink()
 
 
 def _kill(executor: Any) -> None:

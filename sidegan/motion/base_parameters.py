@@ -13,6 +13,8 @@ from sidegan.motion.compiled.chain import Chain
 from sidegan.robot import Arm
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_STATES_EACH = 60  # random states per joint
+_MOST_STATES = 720  # of them: 72 rows per column, while the time grows with the cube of the joints
 _RANK_TOLERANCE = 1e-9  # relative; rounding noise sits near 1e-15, the weakest true direction near 1e-3
 
 
@@ -28,7 +30,7 @@ class BaseParameters:
 
     @classmethod
     def of(cls, arm: Arm) -> "BaseParameters":
-        """Independent columns and the map onto them, from 60 random states per joint.
+        """Independent columns and the map onto them, from 60 random states per joint, at most 720.
 
         The columns are the first linearly independent ones in Pinocchio's order, so that the choice is
         deterministic. Columns that are rounding noise are dropped before any is normalised.
@@ -54,13 +56,14 @@ class BaseParameters:
 
 
 def _random_rows(arm: Arm) -> np.ndarray:
-    """Rows of the full regressor over random states, (60 J², 10 J)."""
+    """Rows of the full regressor over S random states, (S J, 10 J)."""
     random = torch.Generator().manual_seed(0)
-    draw = torch.rand(3, 60 * arm.joints, arm.joints, generator=random, dtype=torch.float64) * 2 - 1
+    states = min(_STATES_EACH * arm.joints, _MOST_STATES)
+    draw = torch.rand(3, states, arm.joints, generator=random, dtype=torch.float64) * 2 - 1
     span = (arm.position_upper - arm.position_lower) / 2
     q = (arm.position_upper + arm.position_lower) / 2 + span * draw[0]
-    states = newton_euler.states_last((q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
-    return newton_euler.regressor(Chain.of(arm), states).permute(2, 0, 1).reshape(-1, 10 * arm.joints).numpy()
+    last = newton_euler.states_last((q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
+    return newton_euler.regressor(Chain.of(arm), last).permute(2, 0, 1).reshape(-1, 10 * arm.joints).numpy()
 
 
 def _first_independent(unit: np.ndarray) -> np.ndarray:

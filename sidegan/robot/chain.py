@@ -9,6 +9,7 @@ from sidegan.robot.standing import check_locked, standing
 from sidegan.robot.tree import MOVABLE, Joint, Tree, refuse_kind
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
+_MOST_JOINTS = 32  # time grows with their third power: 60 take minutes before the first trajectory
 _MOST_TIPS = 6  # that are offered
 _ARM, _HAND = 6, 8  # joints at least before a hand, and below these of its longest finger
 
@@ -37,6 +38,11 @@ def choose(tree: Tree, setup: Setup) -> Chain:
             refuse_kind(joint, tree.at(joint))
         raise RobotError(
             f"{tree.where} has no joints that move, expected at least one, revolute or prismatic"
+        )
+    if len(moving) > _MOST_JOINTS:
+        raise RobotError(
+            f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with their number "
+            f"the work grows; robot.tip={moving[_MOST_JOINTS - 1].child} ends the arm there"
         )
     for joint in path:
         if joint.kind not in MOVABLE and joint.name not in given:

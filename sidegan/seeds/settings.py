@@ -65,7 +65,7 @@ class Seeds:
 class Long:
     """The single long trajectory that the short ones are compared with; it is optimised as the seeds are."""
 
-    period: Seconds  # [s]
+    period: Seconds
     harmonics: list[Size]  # one trajectory for each
     samples: Size
     steps: Count | None  # of each start, as the seeds have them; null: as many as a seed

@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from sidegan.base import parallel
-from sidegan.base.engines import ONE_THREAD, Dask, Loky
+from sidegan.base.engines import ONE_THREAD, Dask, Loky, _sweep
 from sidegan.base.parallel import cores, engine, run_jobs
 from sidegan.errors import ConfigError, InfeasibleError, SideganError, StorageError
 
@@ -122,6 +122,18 @@ def test_workers_have_one_thread_and_the_folder_of_the_command(two_workers, tmp_
     for variables, folder, pid in run_jobs("settings", [settings, settings], 2):
         assert (variables, folder) == (ONE_THREAD, tmp_path)
         assert pid != os.getpid()
+
+
+def test_semaphores_of_the_killed_are_removed_and_no_others(tmp_path):
+    dead = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True
+    )
+    ours, theirs = tmp_path / f"sem.loky-{os.getpid()}-abc", tmp_path / f"sem.loky-{dead.stdout.strip()}-abc"
+    other = tmp_path / f"sem.mp-{dead.stdout.strip()}"
+    for path in (ours, theirs, other):
+        path.touch()
+    _sweep(tmp_path)
+    assert ours.exists() and other.exists() and not theirs.exists()
 
 
 def test_errors_of_a_job_come_out_of_every_engine(two_workers):

@@ -11,7 +11,7 @@ from random import Random
 import pytest
 
 from benchmarks.hostile import __main__ as hostile
-from benchmarks.hostile import rows
+from benchmarks.hostile import joints, million, rows
 from benchmarks.hostile.case import Case, outcomes
 from benchmarks.hostile.configurations import command
 from benchmarks.hostile.rows import Result
@@ -102,6 +102,19 @@ def test_the_command_prints_and_writes_its_rows(monkeypatch, tmp_path, capsys):
     assert "bad_inputs" in capsys.readouterr().out
     cases.pop()
     assert hostile.main(arguments) == 0
+
+
+def test_many_joints_are_worked_with_or_refused():
+    found = joints.measured(joints.FEW)
+    few, many = (found[count][0] for count in joints.FEW)
+    assert few.endswith("of 10 valid") and many.startswith(joints.REFUSED)
+
+
+def test_a_large_library_is_measured(monkeypatch):
+    monkeypatch.setattr(million, "FEW", 400)
+    row = rows.row("million_library", rows.million_library(small=True))
+    assert row["also"]["400 trajectories: file [GB]"] > row["also"]["100 trajectories: file [GB]"] > 0
+    assert row["ours"] > 0.1 and row["also"]["million made (1), or extrapolated (0)"] == 0
 
 
 def test_every_row_is_described():

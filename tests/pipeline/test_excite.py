@@ -76,3 +76,10 @@ def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
         speed = frame[["dq_shoulder", "dq_elbow"]].abs().max().to_numpy()
         assert (speed <= 0.4 * arm.velocity_limit.numpy() + 1e-6).all()
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
+
+
+def test_a_pool_that_is_not_there_is_told_before_any_work(tmp_path):
+    config = tiny(f"outputs={tmp_path}", "excite=[nobody]", experiment="excite")
+    with pytest.raises(ConfigError, match="excite names 'nobody', expected some of random, seeds"):
+        run_stages(config, tmp_path / "run", "run")
+    assert not (tmp_path / "seeds").exists()

@@ -4,7 +4,7 @@ import math
 import pandas as pd
 import pytest
 
-from sidegan.errors import ArtifactError, InfeasibleError
+from sidegan.errors import ArtifactError, InfeasibleError, RobotError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stage import finite, words
@@ -203,3 +203,11 @@ def test_polished_libraries_are_better(outputs, tmp_path):
         run_stages(exact.cfg, tmp_path, "polish")
         median[steps] = exact.load(library(exact, "exact", 0)).fitness.median()
     assert median[15] < 0.7 * median[0]
+
+
+def test_an_arm_that_cannot_exist_is_refused_before_any_work(tmp_path, planar):
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(planar.urdf.read_text().replace('ixx="0.045"', 'ixx="-5"'))
+    with pytest.raises(RobotError, match="not physically consistent: link 'upper_arm'"):
+        run_stages(tiny(f"outputs={tmp_path}", f"robot.name={urdf}"), tmp_path / "run", "run")
+    assert not (tmp_path / "seeds").exists()

@@ -1,3 +1,6 @@
+import dataclasses
+import os
+
 import numpy as np
 import pytest
 import torch
@@ -221,3 +224,37 @@ def test_a_last_row_that_is_cut_off_is_no_reason_to_refuse(made, tmp_path):
     loaded = list(Source(tmp_path / "a.csv", of_file(), made.joint_names, rows=199))
     assert sum(map(len, loaded)) == 199
     assert [row for part in loaded for row, _ in part.corrupt] == [201]
+
+
+def test_a_byte_order_mark_is_no_part_of_a_name(made, tmp_path):
+    path = write_csv(made, tmp_path)
+    path.write_bytes(path.read_text().encode("utf-8-sig"))
+    torch.testing.assert_close(load_recording(path, of_file(), made.joint_names).time, made.time)
+
+
+def test_half_of_a_complex_number_is_not_dropped(made, tmp_path):
+    columns = {name: column.to_numpy() for name, column in frame(made).items()}
+    np.savez(tmp_path / "a.npz", **columns | {"q1": columns["q1"] + 1j})
+    with pytest.raises(RecordingError, match="array q1 holds complex128, expected real numbers"):
+        load_recording(tmp_path / "a.npz", of_file(), made.joint_names)
+
+
+@pytest.mark.parametrize("pattern", ["q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}"])
+def test_braces_that_mean_nothing_are_refused(pattern):
+    with pytest.raises(ConfigError, match="expected no braces but"):
+        of_file(position=pattern)
+
+
+def test_numbers_that_no_sensor_gives_are_corrupt_rows(made, tmp_path):
+    torque = made.torque.clone()
+    torque[7, 1] = 1e300
+    path = write_csv(dataclasses.replace(made, torque=torque), tmp_path)
+    assert load_recording(path, of_file(), made.joint_names).corrupt == ((9, "no number in tau2"),)
+
+
+def test_what_is_no_file_is_not_waited_for(made, tmp_path):
+    os.mkfifo(tmp_path / "a.csv")
+    (tmp_path / "folder").mkdir()
+    for name, words in (("a.csv", "neither a file nor a folder"), ("folder", "without a bag")):
+        with pytest.raises(RecordingError, match=words):
+            load_recording(tmp_path / name, of_file(), made.joint_names)

@@ -161,3 +161,15 @@ def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise
     recording = Recording("waits", planar.joint_names, torch.from_numpy(time), q + noise, torque=q)
     assert 0.3 < statistics_of(recording).bandwidth < 0.7
     assert 0.3 < statistics_of(cut(recording, *range(4000, 40000, 4000))).bandwidth < 0.7
+
+
+@pytest.mark.parametrize("changes", [{"cutoff": 1e-9}, {"headroom": 1e-11}, {"bandwidth": 1e-9}])
+def test_a_cut_off_that_leaves_nothing_is_refused(planar, clock, changes):
+    with pytest.raises(RecordingError, match=r"the cut-off is .* Hz, expected more than 0\.2 Hz"):
+        preprocess(recorded(planar, clock), of_file(**changes))
+
+
+@pytest.mark.parametrize("changes", [{"order": 1000}, {"pause": 1e300}, {"gap": 1e300}, {"rows": 10**12}])
+def test_settings_beyond_all_sense_are_refused(changes):
+    with pytest.raises(ConfigError, match=next(iter(changes))):
+        of_file(**changes)

@@ -40,6 +40,11 @@ LONG = robot(
     *(joint(f"j{k}", str(k - 1), str(k), kind="fixed", limit="") + link(str(k), "") for k in range(1, 6001)),
 )
 
+SNAKE = robot(
+    link("0", ""),
+    *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for k in range(1, 34)),
+)
+
 REFUSED = {
     "not XML": ("<robot name='cut", "is not well-formed XML: unclosed token"),
     "empty": ("", "is not well-formed XML"),
@@ -83,6 +88,7 @@ REFUSED = {
     "an overflow": (one_joint(axis='<axis xyz="0 0 1e200"/>'), "expected 3 finite numbers of at most 1e+18"),
     "a deep nest": (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
     "an endless chain": (LONG, "has 6001 links, expected at most 500"),
+    "a snake": (SNAKE, "has 33 joints that move, expected at most 32"),
     "negative mass": (
         one_joint(INERTIA.replace("1.5", "-1.5")),
         "link 'arm' has the mass -1.5 kg, expected 0",

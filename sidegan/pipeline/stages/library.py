@@ -10,6 +10,7 @@ from sidegan.base.storage import write_json
 from sidegan.design.polish import Polish
 from sidegan.library import Library
 from sidegan.library.draw import draw_valid
+from sidegan.library.grow import WHOLE, Growth, grow, sample_of, summary_of
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
@@ -49,12 +50,19 @@ def _make(task: Task, build: Build, name: str, training: int) -> None:
         c = network.sample(count, noise)
         return c if polish is None else polish.improve(task.problem, c)
 
-    draws = draw_valid(
-        sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
-    ).require(settings.least, f"drawn from {name}")
-    made = measured(task.constraints, task.trajectory, draws.coefficients, name)
-    made.save(build.folder / LIBRARY)
-    facts = {key: x for key, x in summary(made).items() if key != "valid"} if len(made) else {"count": 0}
+    if settings.count > WHOLE:
+        growth = Growth(sample, task.constraints, task.trajectory, name)
+        draws = grow(build.folder / LIBRARY, growth, settings, build.report)
+        made = sample_of(build.folder / LIBRARY)
+        facts = summary_of(build.folder / LIBRARY, made)
+    else:
+        draws = draw_valid(
+            sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
+        ).require(settings.least, f"drawn from {name}")
+        made = measured(task.constraints, task.trajectory, draws.coefficients, name)
+        made.save(build.folder / LIBRARY)
+        facts = summary(made) if len(made) else {"count": 0}
+    facts = {key: x for key, x in facts.items() if key != "valid"}
     if task.cfg.gan[name].seeded:
         facts |= _union(task, made, noise)
     share = {"drawn": draws.drawn, "valid_share": draws.valid / draws.drawn}
@@ -62,7 +70,7 @@ def _make(task: Task, build: Build, name: str, training: int) -> None:
 
 
 def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float]:
-    """Diversity of the library and the seeds put together."""
+    """Diversity of the library, or of a sample of it, and the seeds put together."""
     both = task.load(seed_set(task)).merge(made)
     shuffled = summary(both.take(torch.randperm(len(both), generator=noise)))
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
