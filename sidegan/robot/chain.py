@@ -41,8 +41,8 @@ def choose(tree: Tree, setup: Setup) -> Chain:
         )
     if len(moving) > _MOST_JOINTS:
         raise RobotError(
-            f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with their number "
-            f"the work grows; robot.tip={moving[_MOST_JOINTS - 1].child} ends the arm there"
+            f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with "
+            f"their number the work grows; robot.tip={moving[_MOST_JOINTS - 1].child} ends the arm there"
         )
     for joint in path:
         if joint.kind not in MOVABLE and joint.name not in given:
