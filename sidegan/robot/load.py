@@ -2,6 +2,8 @@
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import torch
@@ -10,6 +12,7 @@ from torch import Tensor
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
+from sidegan.robot.named import by_name, close_names
 from sidegan.robot.setup import PLAIN, Setup, listed
 
 _MODELS = Path(__file__).parent / "models"
@@ -51,7 +54,9 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         RobotError: when there is no such robot, the file is no description, or the arm that is meant is not a
             serial chain of revolute and prismatic joints with limits on position and velocity.
     """
-    path = find(name_or_path)
+    path, args = find(name_or_path)
+    if args:
+        setup = replace(setup, args={**args, **(setup.args or {})})
     description = read_description(path, setup, home)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
@@ -114,19 +119,28 @@ def _warn_of_missing(description: Description) -> None:
     )
 
 
-def find(name_or_path: str | Path) -> Path:
-    """The URDF file that is meant."""
+def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
+    """The file that is meant, and arguments that it needs if it is a xacro file.
+
+    Raises:
+        RobotError: when there is none.
+    """
     if str(name_or_path) in built_in_robots():
-        return _MODELS / f"{name_or_path}.urdf"
+        return _MODELS / f"{name_or_path}.urdf", {}
     try:
         path = Path(name_or_path).expanduser()
         if path.is_file():
-            return path.resolve()
+            return path.resolve(), {}
         if path.is_dir():
             raise RobotError(f"{path} is a folder, expected a URDF file")
     except (OSError, RuntimeError) as error:  # a forbidden folder, an unknown ~user
         raise RobotError(f"cannot look for {name_or_path}: {error}") from error
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
-        names = ", ".join(built_in_robots())
-        raise RobotError(f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path")
+        if (found := by_name(name_or_path)) is not None:
+            return found
+        names = ", ".join([*close_names(name_or_path), *built_in_robots()])
+        more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' knows many by name"
+        raise RobotError(
+            f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path{more}"
+        )
     raise RobotError(f"there is no URDF file {path}")
