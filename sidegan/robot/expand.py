@@ -7,6 +7,7 @@ from pathlib import Path
 from sidegan.errors import RobotError
 
 _UNSET = re.compile(r"Undefined substitution argument (\w+)")
+_LOST = re.compile(r"Package not found: (\S+)")
 _SHALLOW = 4  # parts of a path whose folders are too many to be searched for packages
 
 
@@ -26,7 +27,7 @@ def expand(path: Path, args: Mapping[str, str]) -> bytes:
         from xacrodoc import XacroDoc, packages
     except ImportError:
         raise RobotError(
-            f"{path} needs xacrodoc: pip install 'sidegan[xacro]', or where ROS is: xacro {path.name} > arm.urdf"
+            f"{path} needs xacrodoc: pip install 'sidegan[xacro]', or in ROS: xacro {path.name} > arm.urdf"
         ) from None
     if not path.is_file():
         raise RobotError(f"there is no xacro file {path}")
@@ -38,15 +39,15 @@ def expand(path: Path, args: Mapping[str, str]) -> bytes:
         document = XacroDoc.from_file(path, subargs=dict(args), resolve_packages=False)
         return document.dom.toxml("utf-8")
     except Exception as error:  # xacro evaluates expressions: anything can go wrong in there
-        raise RobotError(f"{path}: xacro refuses it: {_reason(error, path, args)}") from error
+        raise RobotError(f"{path}: xacro refuses it: {_reason(error, args)}") from error
 
 
-def _reason(error: Exception, path: Path, args: Mapping[str, str]) -> str:
+def _reason(error: Exception, args: Mapping[str, str]) -> str:
     """Why xacro refuses a file, and what to do about it where that is known."""
     words = " ".join(str(error).split()) or type(error).__name__
     if unset := _UNSET.search(words):
         given = "".join(f"{name}: {value}, " for name, value in args.items())
         return f"{words}; state it by 'robot.args={{{given}{unset[1]}: …}}'"
-    if type(error).__name__ == "PackageNotFoundError":
-        return f"{words}; put the folder that holds this package on ROS_PACKAGE_PATH"
+    if lost := _LOST.search(words):
+        return f"there is no package {lost[1]}; put the folder that holds it on ROS_PACKAGE_PATH"
     return words

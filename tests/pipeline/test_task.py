@@ -3,7 +3,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_family, long_trajectory
@@ -155,3 +155,39 @@ def test_the_trajectories_are_the_arms(tmp_path):
     long = long_family(task, 12)
     assert long.shape == (2, 12, 2) and long.period == 32 and long.home == (0.1, 0.2)
     assert task.body is task.constraints.body
+
+
+PART = (
+    "robot.locked={elbow: 0.5}",
+    "robot.limits.velocity={shoulder: 0.7}",
+    "robot.limits.position={shoulder: [0.5, 1.5]}",
+)
+
+
+def test_what_is_said_beside_the_description_makes_another_arm(tmp_path):
+    task = Task(tiny(*PART), Store(tmp_path))
+    assert task.arm.joint_names == ("shoulder",)
+    assert task.arm.velocity_limit.tolist() == [0.7]
+    assert task.arm.digest != Task(tiny(), Store(tmp_path)).arm.digest
+
+
+def test_a_default_home_is_part_of_the_stamp_as_a_given_one_is(tmp_path):
+    task = Task(tiny(PART[2]), Store(tmp_path))
+    assert task.trajectory.home == pytest.approx((1, 0), abs=1e-3)
+    given = Task(tiny(PART[2], f"trajectory.home={list(task.home)}"), Store(tmp_path))
+    made, again, zeros = (seed_set(one).digest for one in (task, given, Task(tiny(), Store(tmp_path))))
+    assert made == again != zeros
+    assert Task(tiny(), Store(tmp_path)).home is None
+
+
+def test_a_named_home_is_the_one_of_the_srdf(tmp_path):
+    path = tmp_path / "arm.srdf"
+    pose = '<joint name="{}" value="{}"/>'
+    words = pose.format("shoulder", 0.1) + pose.format("elbow", -0.2)
+    path.write_text(
+        f'<robot name="planar2"><group_state name="ready" group="arm">{words}</group_state></robot>'
+    )
+    named = (f"robot.srdf={path}", "robot.home=ready")
+    assert Task(tiny(*named), Store(tmp_path)).trajectory.home == (0.1, -0.2)
+    with pytest.raises(ConfigError, match="are two homes"):
+        _ = Task(tiny(*named, "trajectory.home=[0, 0]"), Store(tmp_path)).arm
