@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 
 from sidegan.errors import RobotError
-from sidegan.robot.setup import Setup
+from sidegan.robot.setup import Setup, choice
 from sidegan.robot.standing import check_locked, standing
 from sidegan.robot.tree import MOVABLE, Joint, Tree, refuse_kind
 
@@ -42,7 +42,7 @@ def choose(tree: Tree, setup: Setup) -> Chain:
     if len(moving) > _MOST_JOINTS:
         raise RobotError(
             f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with "
-            f"their number the work grows; robot.tip={moving[_MOST_JOINTS - 1].child} ends the arm there"
+            f"their number the work grows; {choice('tip', moving[_MOST_JOINTS - 1].child)} ends the arm there"
         )
     for joint in path:
         if joint.kind not in MOVABLE and joint.name not in given:
@@ -130,7 +130,7 @@ def _tips(
     for name in [*ends[:_MOST_TIPS], *([fork] if fork else [])]:
         joints = [*(joint.name for joint in carriers[name]), name]
         count = f"{len(joints)} joint" + ("s" if len(joints) > 1 else "")
-        words.append(f"robot.tip={tree.joints[name].child} ({count}: {_span(joints)})")
+        words.append(f"{choice('tip', tree.joints[name].child)} ({count}: {_span(joints)})")
     return words
 
 

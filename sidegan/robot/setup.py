@@ -1,7 +1,9 @@
 """What a user says about an arm beside its description."""
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from shlex import quote
 
 from sidegan.base.typed import Positive
 
@@ -32,6 +34,8 @@ class Setup:
 
 
 PLAIN = Setup()
+_WORD = re.compile(r"[A-Za-z_/.~][\w/.~-]*")
+_NO_TEXT = {"null", "true", "false", "yes", "no", "on", "off", "nan", "inf"}
 
 
 def override(name: str, values: Mapping[str, object], given: Mapping[str, object] | None = None) -> str:
@@ -46,6 +50,22 @@ def override(name: str, values: Mapping[str, object], given: Mapping[str, object
     return f"'robot.{name}={{{inner}}}'"
 
 
+def choice(name: str, value: str) -> str:
+    """A setting of the robot as a word on the command line."""
+    return quote(f"robot.{name}={_text(value)}")
+
+
+def words(setup: Setup) -> list[str]:
+    """A whole setup as words on the command line."""
+    given = [(field.name, getattr(setup, field.name)) for field in fields(setup) if field.name != "limits"]
+    given += [(f"limits.{field.name}", getattr(setup.limits, field.name)) for field in fields(Limits)]
+    return [
+        override(name, value) if isinstance(value, Mapping) else choice(name, value)
+        for name, value in given
+        if value is not None
+    ]
+
+
 def listed(names: "list[str] | tuple[str, ...]", most: int = 8) -> str:
     """The first of some names, and how many there are beside them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
@@ -55,4 +75,9 @@ def listed(names: "list[str] | tuple[str, ...]", most: int = 8) -> str:
 def _plain(value: object) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(_plain, value))}]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else _text(str(value))
+
+
+def _text(value: str) -> str:
+    """Text as settings have it, in quotes where it would be read as a number or as nothing."""
+    return value if _WORD.fullmatch(value) and value.lower() not in _NO_TEXT else f'"{value}"'

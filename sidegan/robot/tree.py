@@ -9,6 +9,7 @@ from functools import cached_property
 
 from sidegan.errors import RobotError
 from sidegan.robot import xml
+from sidegan.robot.setup import choice
 
 _MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
 TURNING = ("revolute", "continuous")
@@ -93,7 +94,7 @@ def read_tree(root: ET.Element, where: str, base: str | None) -> Tree:
         _drop_others(root, _reached(bases, parents))
         return read_tree(root, where, base)
     if len(bases) != 1:
-        remedy = f"; choose one, robot.base={bases[0]}" if bases else ""
+        remedy = f"; choose one, {choice('base', bases[0])}" if bases else ""
         raise RobotError(
             f"{where} has {len(bases)} links without a parent {bases}, expected one, the base{remedy}"
         )
@@ -117,7 +118,7 @@ def refuse_kind(joint: Joint, at: str) -> None:
     """Raise where a joint of the arm has other than one degree of freedom."""
     if joint.kind in _REFUSED:
         why = _REFUSED[joint.kind]
-        raise RobotError(f"{at} is {joint.kind}: {why}; robot.base={joint.child} has it stand still")
+        raise RobotError(f"{at} is {joint.kind}: {why}; {choice('base', joint.child)} has it stand still")
 
 
 def _joints(root: ET.Element, where: str) -> list[Joint]:

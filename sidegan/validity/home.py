@@ -14,6 +14,8 @@ _ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
 def default_home(constraints: Constraints) -> tuple[float, ...] | None:
     """A position where the arm can rest [rad or m], (J,); None where zeros are one.
 
+    At a limit there is no room to move: such a position is none.
+
     The one with most room among the first feasible ones around the middle of the ranges; the same on every
     call.
 
@@ -22,7 +24,7 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
     """
     arm = constraints.arm
     zeros = torch.zeros(1, arm.joints, dtype=torch.float64)
-    if bool(_room(constraints, zeros)[0] >= 0):
+    if bool(_room(constraints, zeros)[0] > 0):
         return None
     middle, half = (
         (arm.position_lower + arm.position_upper) / 2,
@@ -34,7 +36,7 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
         q = middle + share * half * draw
         q = (1e3 * q).round() / 1e3  # figures that people can read and repeat
         room = _room(constraints, q)
-        if bool((room >= 0).any()):
+        if bool((room > 0).any()):
             return tuple(q[room.argmax()].tolist())
     raise InfeasibleError(
         f"the zero position of {arm.name} is not feasible, and none of {_DRAWS * len(_SHARES):,} others is; "

@@ -1,3 +1,4 @@
+import shlex
 from functools import cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
+from sidegan.robot import Limits, Setup, words
 from sidegan.validity import Box, Plane
 from tests.tiny import tiny
 
@@ -169,6 +171,25 @@ def test_what_is_said_beside_the_description_makes_another_arm(tmp_path):
     assert task.arm.joint_names == ("shoulder",)
     assert task.arm.velocity_limit.tolist() == [0.7]
     assert task.arm.digest != Task(tiny(), Store(tmp_path)).arm.digest
+
+
+@pytest.mark.parametrize("name", ["elbow", "joint_8.0", "body_1/left-arm", "j 1", "7"])
+def test_a_setup_survives_the_command_line(name):
+    limits = Limits(position={name: (-1.5, 2.0)}, velocity={name: 0.25}, jerk={name: 1e3})
+    setup = Setup(
+        args={name: "0.5", "kind": "ur5e"},
+        base="a b",
+        tip=name,
+        locked={name: -0.5},
+        limits=limits,
+        home="ready",
+    )
+    assert tiny(*map(unquoted, words(setup))).robot.setup == setup
+
+
+def unquoted(word):
+    """A word as the shell hands it over."""
+    return shlex.split(word)[0]
 
 
 def test_a_default_home_is_part_of_the_stamp_as_a_given_one_is(tmp_path):

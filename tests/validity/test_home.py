@@ -24,6 +24,11 @@ def test_zeros_are_left_alone_where_they_are_feasible(name):
     assert default_home(Constraints(load_robot(name), [Plane((0, 0, 1), 0.1)])) is None
 
 
+def test_zeros_at_a_limit_leave_no_room_to_move(bent):
+    bent.position_lower[0] = 0
+    assert default_home(Constraints(bent)) == pytest.approx((0.75, 0), abs=1e-3)
+
+
 def test_where_zeros_are_out_of_range_it_is_the_middle(bent):
     assert default_home(Constraints(bent)) == pytest.approx((1, 0), abs=1e-3)
 
