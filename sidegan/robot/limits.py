@@ -202,6 +202,8 @@ def _stated(tree: Tree, setup: Setup) -> tuple[_Stated, list[str]]:
 
 def _read_file(tree: Tree, path: Path, stated: _Stated) -> list[str]:
     """Read a MoveIt joint_limits.yaml; what is to be told about it."""
+    if not path.is_file():
+        raise RobotError(f"there is no file robot.limits_file={path}")
     try:
         content = yaml.load(path.read_bytes(), _Loader)
     except OSError as error:

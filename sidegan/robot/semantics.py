@@ -59,6 +59,8 @@ def read_semantics(setup: Setup, tree: Tree, poses: Mapping[str, dict[str, float
     if not setup.srdf:
         return Semantics(tree.where if poses else "", dict(poses))
     path = Path(setup.srdf).expanduser()
+    if not path.is_file():
+        raise RobotError(f"there is no file robot.srdf={path}")
     root = xml.parse(path)
     found = {name: dict(pose) for name, pose in poses.items()}
     for state in root.findall("group_state"):

@@ -283,7 +283,7 @@ class TestLimits:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            (None, "cannot read robot.limits_file="),
+            (None, r"there is no file robot\.limits_file="),
             ("joint_limits: [1", "is no YAML"),
             ("{}", "has no joint_limits"),
             ("joint_limits: {elbow: {max_velocity: 1}}", "limits elbow, of which .* has none"),
@@ -348,6 +348,11 @@ class TestSemantics:
     def test_a_pose_that_is_not_there_is_refused(self, tmp_path, home, message):
         with pytest.raises(RobotError, match=message):
             self.load(tmp_path, home=home)
+
+    def test_a_file_that_is_not_there_is_refused(self, tmp_path):
+        (tmp_path / "small.urdf").write_text(two_joints())
+        with pytest.raises(RobotError, match=r"there is no file robot\.srdf="):
+            load_robot(tmp_path / "small.urdf", Setup(srdf=str(tmp_path / "gone.srdf")))
 
     def test_a_pose_without_a_file_is_refused(self, load, tmp_path):
         load(one_joint())
