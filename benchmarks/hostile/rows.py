@@ -8,11 +8,16 @@ from typing import Any
 
 import yaml
 
-from benchmarks.hostile import configurations, descriptions, files, joints, million, recordings
+from benchmarks import mutants
+from benchmarks.hostile import configurations, descriptions, files, joints, kills, million, recordings
 from benchmarks.hostile.case import Case, outcomes
 
 ABOUT: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rows.yaml").read_text("utf-8"))
 _SHOWN = 200  # characters of what went wrong
+_NAMED = 20  # files that are
+_KILLS, _FEW_KILLS = 100, 3
+_MUTANTS, _FEW_MUTANTS = 200, 3
+_WORK = Path("outputs/mutants")
 
 
 @dataclass(frozen=True)
@@ -70,8 +75,30 @@ def million_library(small: bool) -> Result:
     return Result(all_of_it.memory + max(0.0, slope) * (million.MANY - all_of_it.trajectories), also)
 
 
+def killed(small: bool) -> Result:
+    """Files that differ after kills of whole process groups at random moments, over two arms."""
+    arms = ("planar2",) if small else tuple(kills.ARMS)
+    also: dict[str, float | str] = {}
+    wrong: list[str] = []
+    for arm in arms:
+        found = kills.killed(arm, _FEW_KILLS if small else _KILLS // len(arms))
+        wrong += found.unequal
+        also |= {f"{arm}: kills": float(found.kills), f"{arm}: finished runs": float(found.finished)}
+        also[f"{arm}: semaphores left"] = float(found.left)
+    return Result(len(wrong), {**also, **dict.fromkeys(wrong[:_NAMED], "unequal")})
+
+
+def noticed_mutants(small: bool) -> Result:
+    """Share of random small changes of the code that the tests notice."""
+    frame = mutants.run(_FEW_MUTANTS if small else _MUTANTS, 0, _WORK)
+    parts = frame.groupby("part").noticed.mean()
+    return Result(float(frame.noticed.mean()), {str(part): float(share) for part, share in parts.items()})
+
+
 ROWS: dict[str, Callable[[bool], Result]] = {
     "bad_inputs": bad_inputs,
     "joints": many_joints,
     "million_library": million_library,
+    "kills": killed,
+    "mutants": noticed_mutants,
 }
