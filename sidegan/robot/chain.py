@@ -37,7 +37,8 @@ def choose(tree: Tree, setup: Setup) -> Chain:
         for joint in tree.joints.values():
             refuse_kind(joint, tree.at(joint))
         raise RobotError(
-            f"{tree.where} has no joints that move, expected at least one, revolute or prismatic"
+            f"{tree.where} has no joints that move{_within(setup)}, expected at least one, revolute or "
+            "prismatic"
         )
     if len(moving) > _MOST_JOINTS:
         raise RobotError(
@@ -48,6 +49,13 @@ def choose(tree: Tree, setup: Setup) -> Chain:
         if joint.kind not in MOVABLE and joint.name not in given:
             refuse_kind(joint, tree.at(joint))
     return Chain(moving, standing(tree, moving, given))
+
+
+def _within(setup: Setup) -> str:
+    """Where joints were looked for, for a message."""
+    ends = [f"{word} {link!r}" for word, link in (("behind", setup.base), ("before", setup.tip)) if link]
+    ends += ["that are not locked"] if setup.locked else []
+    return "".join(f" {one}" for one in ends)
 
 
 def _path(tree: Tree, setup: Setup) -> list[Joint]:
@@ -68,7 +76,8 @@ def _path(tree: Tree, setup: Setup) -> list[Joint]:
     paths = {}
     for joint in tree.joints.values():
         path = tree.path(joint.child)
-        if _moves(joint) and joint.name not in given and path[: len(before)] == before:
+        beyond = len(path) > len(before) and path[: len(before)] == before
+        if beyond and _moves(joint) and joint.name not in given:
             paths[joint.name] = path[len(before) :]
     paths = _without_grippers(tree, paths)
     return _only(tree, paths, setup) if paths else []
@@ -127,7 +136,7 @@ def _tips(
     last = [_before_hand(name, carriers) for name in paths if name not in inner]
     ends = sorted(dict.fromkeys(last), key=lambda name: -len(carriers[name]))
     words = []
-    for name in [*ends[:_MOST_TIPS], *([fork] if fork else [])]:
+    for name in dict.fromkeys([*ends[:_MOST_TIPS], *([fork] if fork else [])]):
         joints = [*(joint.name for joint in carriers[name]), name]
         count = f"{len(joints)} joint" + ("s" if len(joints) > 1 else "")
         words.append(f"{choice('tip', tree.joints[name].child)} ({count}: {_span(joints)})")

@@ -1,5 +1,6 @@
 """An MJCF as URDF: MuJoCo compiles it; bodies, joints and shapes of the result are written out."""
 
+import logging
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from sidegan.robot.locking import rotation, write_placement
 from sidegan.robot.setup import listed
 from sidegan.robot.sources import Source
 
+_log = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 _GRAVITY = (0.0, 0.0, -9.81)  # [m/s²], that Pinocchio has
 _KINDS = {
@@ -45,10 +47,14 @@ def read_mjcf(path: Path) -> Source:
     Raises:
         RobotError: when MuJoCo refuses it.
     """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: _log.warning("%s: %s", path, text))
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    finally:
+        mujoco.set_mju_user_warning(before)
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     return Source(text, ET.fromstring(text), writer.poses(), tuple(writer.told()))

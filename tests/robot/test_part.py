@@ -176,16 +176,16 @@ class TestWhichChain:
         assert "locked gripper at 0.25 m, other at 0.25 m" in arm.told
 
     def test_a_hand_is_where_the_arm_ends(self, tmp_path):
-        parts = [link("0", "")]
+        parts = [link("l0", "")]
         for k in range(6):
-            parts += [joint(f"a{k}", str(k), str(k + 1)), link(str(k + 1))]
-        for side in "xyz":
-            parts += [joint(side, "6", side), link(side)]
+            parts += [joint(f"a{k}", f"l{k}", f"l{k + 1}"), link(f"l{k + 1}")]
+        for finger in "xyz":
+            parts += [joint(finger, "l6", f"tip_{finger}"), link(f"tip_{finger}")]
         path = tmp_path / "hand.urdf"
         path.write_text(robot(*parts))
-        with pytest.raises(RobotError, match=r"robot\.tip=6 \(6 joints: a0 to a5\)"):
+        with pytest.raises(RobotError, match=r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"):
             load_robot(path)
-        assert load_robot(path, Setup(tip="6")).joints == 6
+        assert load_robot(path, Setup(tip="l6")).joints == 6
 
     @pytest.mark.parametrize(
         ("setup", "message"),
@@ -196,6 +196,11 @@ class TestWhichChain:
                 Setup(base="right_upper", tip="left_lower"),
                 "link 'left_lower' does not hang on link 'right_upper'",
             ),
+            (
+                Setup(base="left_lower", tip="left_lower"),
+                "no joints that move behind 'left_lower' before 'left_",
+            ),
+            (Setup(base="tip"), "no joints that move behind 'tip'"),
             (Setup(locked={"right_elbo": 0.0}), "no joint 'right_elbo' .* for example right_elbow"),
             (
                 Setup(locked={"waist": 7.0}),
