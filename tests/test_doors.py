@@ -24,7 +24,9 @@ DOORS = {
     "matplotlib": {"report"},
     "plotly": {"report"},
     "numba": {"motion"},
-    "mujoco": {"plant"},
+    "mujoco": {"plant", "robot"},
+    "xacrodoc": {"robot"},
+    "robot_descriptions": {"robot"},
     "cvxpy": {"identification"},
     "rosbags": {"recording"},
 }

@@ -76,6 +76,8 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
     tracker = Tracker(task.store.root, run_folder, config.experiment, name, uri, enabled, parent)
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(config.plain())
+        if config.has("robot"):
+            task.tell_arm()
         if config.has("workspace", "trajectory"):
             task.tell_checks()
         for one in config.stages:

@@ -1,7 +1,7 @@
 """Groups of settings that only the pipeline knows: size, records, and workers."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
@@ -11,6 +11,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
 from sidegan.library.draw import Expansion
+from sidegan.robot import Setup
 from sidegan.seeds.settings import Long, Seeds
 from sidegan.validity import Box, Plane
 
@@ -61,13 +62,18 @@ class Scale:
     polished: Count  # trajectories of the polish curve
 
 
-@dataclass(frozen=True)
-class Robot:
-    """Which arm: the name of a built-in one, or the path of a URDF."""
+@dataclass(frozen=True, kw_only=True)
+class Robot(Setup):
+    """Which arm: a built-in one, or the path of a description, and what is to be said beside it."""
 
     name: str
     gains: list[float] | None  # of the drives, motor current to joint torque [N·m/A]
     effort: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of velocity and torque limits to use
+
+    @property
+    def setup(self) -> Setup:
+        """What is said beside the description."""
+        return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
 
 
 @dataclass(frozen=True)

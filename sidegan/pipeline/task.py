@@ -15,6 +15,7 @@ from sidegan.base.memory import require_room
 from sidegan.base.names import folder_name
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
+from sidegan.errors import ConfigError
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -22,13 +23,14 @@ from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort
-from sidegan.validity import Constraints, Validity, check
+from sidegan.validity import Constraints, Validity, check, default_home
 
 log = logging.getLogger(__name__)
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
+_homes: dict[tuple[str, str], tuple[float, ...] | None] = {}  # found before, by arm and workspace
 _SHARED = {"seeds", "paper_seeds", "halves", "long"}  # made once for all columns that have them
 
 
@@ -42,24 +44,57 @@ class Task:
     @cached_property
     def arm(self) -> Arm:
         """The arm."""
-        return with_effort(load_robot(self.cfg.robot.name), self.cfg.robot.effort)
+        robot = self.cfg.robot
+        home = self.cfg.trajectory.home if self.cfg.has("trajectory") else None
+        if home is not None and robot.home is not None:
+            raise ConfigError(
+                f"trajectory.home and robot.home={robot.home} are two homes; set one of them to null"
+            )
+        return with_effort(load_robot(robot.name, robot.setup, home), robot.effort)
+
+    @cached_property
+    def home(self) -> list[float] | None:
+        """Home position [rad or m], (J,): as configured, or where the arm can rest; None for zeros."""
+        if self.cfg.trajectory.home is not None:
+            return self.cfg.trajectory.home
+        if self.arm.home is not None:
+            return list(self.arm.home)
+        key = (self.arm.digest, repr(self.cfg.workspace))
+        if key not in _homes:
+            _homes[key] = default_home(self._workspace)
+        found = _homes[key]
+        return None if found is None else list(found)
 
     @cached_property
     def trajectory(self) -> Trajectory:
         """The family of the short trajectories."""
         family = self.cfg.trajectory
-        return Trajectory(self.arm.joints, family.harmonics, family.period, family.home)
+        return Trajectory(self.arm.joints, family.harmonics, family.period, self.home)
+
+    @cached_property
+    def _workspace(self) -> Constraints:
+        """The arm in its workspace."""
+        workspace = self.cfg.workspace
+        return Constraints(self.arm, [one.shape for one in workspace.regions], workspace.torque)
 
     @cached_property
     def constraints(self) -> Constraints:
         """The arm in its workspace; the home position is checked."""
-        workspace = self.cfg.workspace
-        constraints = Constraints(self.arm, [one.shape for one in workspace.regions], workspace.torque)
-        constraints.refuse_home(self.trajectory.home or ())
-        return constraints
+        self._workspace.refuse_home(self.trajectory.home or ())
+        return self._workspace
+
+    def tell_arm(self) -> None:
+        """Say what of the description moves, where the rest stands, and what was assumed."""
+        if self.arm.told:
+            log.info("%s: %s", self.arm.name, "; ".join(self.arm.told))
 
     def tell_checks(self) -> None:
         """Say what trajectories are checked for, and warn where that is suspiciously little."""
+        if self.home is not None and self.cfg.trajectory.home is None and self.arm.home is None:
+            log.info(
+                "zeros are no feasible home; home is %s, or where trajectory.home=… says",
+                ", ".join(f"{x:g}" for x in self.home),
+            )
         log.info("checked: %s", self.constraints.described())
         if self.constraints.doubtful:
             log.warning(
@@ -118,7 +153,8 @@ class Task:
                 ``metrics`` and ``alone`` of ``Artifact``.
         """
         training = options.get("training")
-        shared = {"workspace": asdict(self.cfg.workspace), "trajectory": asdict(self.cfg.trajectory)}
+        family = {**asdict(self.cfg.trajectory), "home": self.home}
+        shared = {"workspace": asdict(self.cfg.workspace), "trajectory": family}
         column = None if maker in _SHARED else self.cfg.column
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         numbered = {} if training is None else {"training": training}

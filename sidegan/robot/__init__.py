@@ -1,14 +1,17 @@
-"""What the arm is: placements, axes, inertias, limits and capsules as plain tensors, read from a URDF."""
+"""What the arm is: placements, axes, inertias, limits and capsules as tensors, read from a description."""
 
 from sidegan.robot.arm import Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.load import built_in_robots, load_robot
 from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, pinocchio_model
+from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
 
 __all__ = [
     "Arm",
     "Capsules",
+    "Limits",
+    "Setup",
     "StateRegressor",
     "about_the_centre",
     "built_in_robots",
@@ -20,5 +23,6 @@ __all__ = [
     "pseudo_inertia",
     "require_consistent",
     "with_effort",
+    "words",
     "write_urdf",
 ]

@@ -1,13 +1,15 @@
 """An arm as plain tensors."""
 
 import hashlib
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import RobotError
+from sidegan.robot.setup import PLAIN, Setup
 
 _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
 
@@ -47,6 +49,13 @@ class Arm:
     tip: Tensor  # the end effector [m], (3,), in the last joint's frame
     # of the link that each joint moves; the joints' names where nothing names the links
     link_names: tuple[str, ...] = ()
+    setup: Setup = PLAIN  # which part of the description this is
+    home: tuple[float, ...] | None = None  # the named pose that the setup asks for [rad or m], (J,)
+    poses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # named ones [rad or m], (J,) each
+    disabled_pairs: tuple[tuple[str, str, str], ...] = ()  # links that an SRDF lets touch, and its reason
+    acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
+    jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)
+    told: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people
 
     def __post_init__(self) -> None:
         if not self.link_names:

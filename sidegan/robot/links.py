@@ -1,11 +1,11 @@
 """Inertia and collision shapes of a URDF's links: checked, and put into words that Pinocchio reads."""
 
-import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from sidegan.errors import RobotError
 from sidegan.robot import xml
+from sidegan.robot.meshes import find_mesh
 
 _SIZES = {  # of each shape: how many numbers each of its sizes has
     "sphere": {"radius": 1},
@@ -16,11 +16,15 @@ _SIZES = {  # of each shape: how many numbers each of its sizes has
 }
 
 
-def check_inertia(link: ET.Element, where: str) -> None:
-    """Raise unless a link's mass and inertia are finite numbers and its mass is not negative."""
+def check_inertia(link: ET.Element, where: str) -> float:
+    """Mass of a link [kg]; 0 where it has no inertia.
+
+    Raises:
+        RobotError: when mass and inertia are not finite numbers, or the mass is negative.
+    """
     inertial = link.find("inertial")
     if inertial is None:
-        return
+        return 0.0
     mass = xml.number(xml.child(inertial, "mass", where), "value", where)
     if mass < 0:
         raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
@@ -29,21 +33,26 @@ def check_inertia(link: ET.Element, where: str) -> None:
         xml.number(inertia, key, where)
     for key in ("xyz", "rpy"):
         xml.vector(inertial.find("origin"), key, where, "0 0 0")
+    return mass
 
 
-def prepare_shapes(link: ET.Element, path: Path, where: str) -> bool:
-    """Whether all of a link's collision shapes can be had; those that cannot are taken out of the XML."""
+def prepare_shapes(link: ET.Element, path: Path, where: str) -> list[str]:
+    """Mesh files of a link's collision shapes that are not there; such shapes are taken out of the XML."""
     for visual in link.findall("visual"):
         link.remove(visual)
-    complete = True
+    absent = []
     for index, collision in enumerate(link.findall("collision")):
         shape = _checked_shape(collision, where)
         if shape.tag == "capsule":
             _write_as_marked_cylinder(link, collision, shape, f"capsule_{index}")
-        elif shape.tag == "mesh" and not _resolve_mesh(shape, path, where):
-            link.remove(collision)
-            complete = False
-    return complete
+        elif shape.tag == "mesh":
+            file = _mesh_file(shape, path, where)
+            if file is None:
+                link.remove(collision)
+                absent.append(shape.get("filename", ""))
+            else:
+                shape.set("filename", str(file))
+    return absent
 
 
 def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
@@ -66,20 +75,7 @@ def _write_as_marked_cylinder(link: ET.Element, collision: ET.Element, shape: ET
     ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
 
 
-def _resolve_mesh(mesh: ET.Element, urdf: Path, where: str) -> bool:
-    """Whether a mesh is beside the URDF, in a package above it or on the ROS paths; if so, write its path."""
+def _mesh_file(mesh: ET.Element, urdf: Path, where: str) -> Path | None:
+    """The file of a mesh; None where it is not there."""
     xml.vector(mesh, "scale", where, "1 1 1")
-    scheme, _, rest = xml.attribute(mesh, "filename", where).rpartition("://")
-    if scheme in ("", "file"):
-        candidates = [urdf.parent / rest]
-    else:
-        package, _, inside = rest.partition("/")
-        shares = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
-        prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-        shares += [Path(entry, "share") for entry in prefixes if entry]
-        candidates = [folder / package / inside for folder in [*urdf.parents, *shares]]
-        candidates += [folder / inside for folder in [*urdf.parents, *shares] if folder.name == package]
-    file = next((file for file in candidates if file.is_file()), None)
-    if file is not None:
-        mesh.set("filename", str(file.resolve()))
-    return file is not None
+    return find_mesh(xml.attribute(mesh, "filename", where), urdf)

@@ -1,15 +1,30 @@
 """From a name or a path to an arm."""
 
 import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
-from sidegan.robot.description import read_description
+from sidegan.robot.description import Description, read_description
+from sidegan.robot.named import by_name, close_names
+from sidegan.robot.setup import PLAIN, Setup, listed
 
 _MODELS = Path(__file__).parent / "models"
+_LIMITS = {
+    "lower": "position_lower",
+    "upper": "position_upper",
+    "velocity": "velocity_limit",
+    "effort": "torque_limit",
+    "acceleration": "acceleration_limit",
+    "jerk": "jerk_limit",
+}
+_STAMPED = ("lower", "upper", "velocity", "effort")  # the others are not part of the digest yet
 _log = logging.getLogger(__name__)
 
 
@@ -18,43 +33,41 @@ def built_in_robots() -> list[str]:
     return sorted(file.stem for file in _MODELS.glob("*.urdf"))
 
 
-def load_robot(name_or_path: str | Path) -> Arm:
-    """An arm (J joints, float64, SI units) from a built-in name or a URDF file.
+def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[float] | None = None) -> Arm:
+    """An arm (J joints, float64, SI units) from a built-in name or a description.
 
-    Links behind fixed joints become part of the link that carries them. The tip is the frame of the link
-    furthest from the last joint among those it carries. Spheres, cylinders, capsules (a cylinder that
-    `<collision_checking>` marks as one), boxes and meshes become capsules that enclose them; a link whose
-    mesh files are absent is left without that shape, and a warning says so.
+    Links behind fixed joints, and behind joints that the setup locks, become part of the link that carries
+    them. The tip is the frame of the link that the setup names, or of the link furthest from the last joint
+    among those it carries. Spheres, cylinders, capsules (a cylinder that `<collision_checking>` marks as
+    one), boxes and meshes become capsules that enclose them; a link whose mesh files are absent is left
+    without that shape, and a warning says so.
 
     Args:
-        name_or_path: a built-in name, such as "kuka_lwr4" or "planar2", or the path of a URDF file. The
-            effort limit of a joint may be absent or zero: it is then infinite. Everything else that
-            motion planning needs must be there.
+        name_or_path: a built-in name, such as "kuka_lwr4" or "planar2", a name that robot_descriptions
+            knows where that is installed, or the path of a URDF, xacro or MJCF file. The effort limit of a
+            joint may be absent or zero: it is then infinite. Everything else that motion planning needs
+            must be there, or be stated by the setup.
+        setup: which part of the description is the arm, and what overrides its limits.
+        home: home position [rad or m], (J,): joints that turn without end may go half a turn to each side.
 
     Raises:
-        RobotError: when there is no such robot, the file is not a URDF, or the arm is not a serial chain of
-            revolute and prismatic joints with limits on position and velocity.
+        RobotError: when there is no such robot, the file is no description, or the arm that is meant is not a
+            serial chain of revolute and prismatic joints with limits on position and velocity.
     """
-    path = _find(name_or_path)
-    description = read_description(path)
+    path, args = find(name_or_path)
+    if args:
+        setup = replace(setup, args={**args, **(setup.args or {})})
+    description = read_description(path, setup, home)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
 
     model = pin_model.build(description)
-    chain = pin_model.kinematics_and_inertias(model)
+    chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
-    limits = torch.tensor([description.limits[name] for name in names], dtype=torch.float64).T.contiguous()
-    numbers = {
-        **chain,
-        "position_lower": limits[0],
-        "position_upper": limits[1],
-        "velocity_limit": limits[2],
-        "torque_limit": limits[3],
-    }
+    limits = {kind: _column(description, names, kind) for kind in _LIMITS}
+    numbers = {**chain, **{_LIMITS[kind]: limits[kind] for kind in _STAMPED}}
     capsules = pin_model.enclosing_capsules(model, description)
-    if description.shapeless:
-        bare = ", ".join(description.shapeless)
-        _log.warning("%s: mesh files are missing; collisions of these links may go unnoticed: %s", path, bare)
+    _warn_of_missing(description)
     return Arm(
         name=description.name,
         digest=digest_of(numbers, capsules),
@@ -62,23 +75,72 @@ def load_robot(name_or_path: str | Path) -> Arm:
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
         urdf=path,
+        setup=setup,
+        home=_pose(description, setup, names),
+        poses=description.semantics.complete(names),
+        disabled_pairs=description.semantics.disabled,
+        told=tuple(description.told),
+        acceleration_limit=_if_any(limits["acceleration"]),
+        jerk_limit=_if_any(limits["jerk"]),
         **numbers,
     )
 
 
-def _find(name_or_path: str | Path) -> Path:
-    """The URDF file that is meant."""
+def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
+    """One kind of limit of all joints, (J,)."""
+    return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
+
+
+def _if_any(limits: Tensor) -> Tensor | None:
+    """Limits, where at least one joint has one."""
+    return limits if limits.isfinite().any() else None
+
+
+def _pose(description: Description, setup: Setup, names: tuple[str, ...]) -> tuple[float, ...] | None:
+    """The named pose that the setup asks for [rad or m], (J,)."""
+    if setup.home is None:
+        return None
+    pose = description.semantics.pose(setup.home, names)
+    return tuple(pose[name] for name in names)
+
+
+def _warn_of_missing(description: Description) -> None:
+    """Name links that lack a shape, and the files that are not there."""
+    if not description.missing:
+        return
+    bare = ", ".join(description.missing)
+    files = listed([file for files in description.missing.values() for file in files], 4)
+    _log.warning(
+        "%s: mesh files are missing; collisions of these links may go unnoticed: %s (not found: %s; "
+        "packages are looked for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+        description.path,
+        bare,
+        files,
+    )
+
+
+def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
+    """The file that is meant, and arguments that it needs if it is a xacro file.
+
+    Raises:
+        RobotError: when there is none.
+    """
     if str(name_or_path) in built_in_robots():
-        return _MODELS / f"{name_or_path}.urdf"
+        return _MODELS / f"{name_or_path}.urdf", {}
     try:
         path = Path(name_or_path).expanduser()
         if path.is_file():
-            return path.resolve()
+            return path.resolve(), {}
         if path.is_dir():
             raise RobotError(f"{path} is a folder, expected a URDF file")
     except (OSError, RuntimeError) as error:  # a forbidden folder, an unknown ~user
         raise RobotError(f"cannot look for {name_or_path}: {error}") from error
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
-        names = ", ".join(built_in_robots())
-        raise RobotError(f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path")
+        if (found := by_name(name_or_path)) is not None:
+            return found
+        names = ", ".join([*close_names(name_or_path), *built_in_robots()])
+        more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' knows many by name"
+        raise RobotError(
+            f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path{more}"
+        )
     raise RobotError(f"there is no URDF file {path}")

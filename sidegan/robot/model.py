@@ -41,8 +41,13 @@ def build(description: Description) -> pin.Model:
     return model
 
 
-def kinematics_and_inertias(model: pin.Model) -> dict[str, Tensor]:
-    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`."""
+def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Tensor]:
+    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`.
+
+    Args:
+        model: Pinocchio's.
+        tip: the link whose frame is the tip, where that lies beyond the last joint.
+    """
     joints = range(1, model.njoints)
     subspaces = np.array([_motion_subspace(model, i) for i in joints])
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
@@ -53,7 +58,7 @@ def kinematics_and_inertias(model: pin.Model) -> dict[str, Tensor]:
         "axis": _tensor(np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:])),
         "inertial_parameters": _tensor([model.inertias[i].toDynamicParameters() for i in joints]),
         "gravity": _tensor(model.gravity.linear),
-        "tip": _tensor(_tip(model)),
+        "tip": _tensor(_tip(model, tip)),
     }
 
 
@@ -84,10 +89,13 @@ def _motion_subspace(model: pin.Model, joint: int) -> Points:
     return np.asarray(data.S, dtype=np.float64).reshape(6)
 
 
-def _tip(model: pin.Model) -> Points:
-    """Origin of the link frame furthest from the last joint, among those that the joint carries [m], (3,)."""
+def _tip(model: pin.Model, link: str | None) -> Points:
+    """Origin of the named link, or of the one furthest from the last joint that carries it [m], (3,)."""
     last = model.njoints - 1
     carried = [f for f in model.frames if f.parentJoint == last and f.type == pin.FrameType.BODY]
+    named = [f.placement.translation for f in carried if f.name == link and f.placement.translation.any()]
+    if named:
+        return named[0]
     return max((f.placement.translation for f in carried), key=lambda point: float(np.linalg.norm(point)))
 
 

@@ -20,7 +20,7 @@ def pinocchio_model(arm: Arm) -> "pin.Model":
     """
     from sidegan.robot.model import build
 
-    return build(read_description(arm.urdf))
+    return build(read_description(arm.urdf, arm.setup))
 
 
 def chain_model(arm: Arm) -> "pin.Model":

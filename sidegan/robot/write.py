@@ -2,6 +2,7 @@
 
 import re
 import xml.parsers.expat as expat
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -13,6 +14,8 @@ from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
+from sidegan.robot.setup import PLAIN
+from sidegan.robot.sources import read_source
 
 _TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
@@ -43,7 +46,7 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path) -> None:
     replacements = {
         link: inertials.get(link, b"") for link, carrier in carriers.items() if carrier is not None
     }
-    text = arm.urdf.read_bytes()
+    text = read_source(arm.urdf, arm.setup.args).text
     with replacing(path) as draft:
         draft.write_bytes(_replaced(text, replacements))
         _check(arm, parameters, draft)
@@ -57,11 +60,13 @@ def _carriers(arm: Arm) -> dict[str, str | None]:
     """
     if not arm.urdf.is_file():
         raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
-    root = xml.parse(arm.urdf)
+    root = read_source(arm.urdf, arm.setup.args).root
     joints = [j for j in root.findall("joint") if j.get("type") is not None]
     ends = {_end(j, "child"): (_end(j, "parent"), j) for j in joints}
-    moved = {_end(j, "child"): j.get("name") for j in joints if j.get("type") != "fixed"}
-    if moved != dict(zip(arm.link_names, arm.joint_names)):
+    moved = {_end(j, "child"): j.get("name") for j in joints if j.get("name") in arm.joint_names}
+    free = {j.get("name") for j in joints if j.get("type") != "fixed"}
+    locked = arm.setup != PLAIN or bool(arm.told)
+    if moved != dict(zip(arm.link_names, arm.joint_names)) or not (locked or free == set(moved.values())):
         raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
 
     def carrier(link: str) -> str | None:
@@ -146,7 +151,8 @@ def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     from sidegan.robot import model as pin_model
 
-    chain = pin_model.kinematics_and_inertias(pin_model.build(read_description(file)))
+    setup = replace(arm.setup, args=None, home=None)
+    chain = pin_model.kinematics_and_inertias(pin_model.build(read_description(file, setup)), setup.tip)
     same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():
         scale = float(same[name].double().abs().max())

@@ -10,26 +10,39 @@ _DEEPEST = 50  # levels; of URDF's own elements there are five
 _LARGEST = 1e18  # of any number in SI units: products of a few of them are still numbers
 
 
-def parse(path: Path) -> ET.Element:
+def parse(path: Path, tags: tuple[str, ...] = ("robot",)) -> ET.Element:
     """The `<robot>` element of a URDF file.
 
+    Args:
+        path: the file.
+        tags: what the root element may be.
+
     Raises:
-        RobotError: when the file cannot be read, is not XML, or is not a URDF.
+        RobotError: when the file cannot be read, is not XML, or has another root element.
     """
     try:
         if path.stat().st_size > _LARGEST_FILE:
             raise RobotError(f"{path} is larger than {_LARGEST_FILE / 1e6:.0f} MB, which no description is")
-        root = ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_PlainTree()))
+        return parse_text(path.read_bytes(), path, tags)
     except OSError as error:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
+
+
+def parse_text(text: bytes, path: Path, tags: tuple[str, ...] = ("robot",)) -> ET.Element:
+    """The root element of a file's text; arguments and errors as of ``parse``."""
+    try:
+        root = ET.fromstring(text, parser=ET.XMLParser(target=_PlainTree()))
     except _DocumentTypeError as error:
         raise RobotError(f"{path} declares a document type ({error}), expected plain XML") from None
     except _DepthError:
         raise RobotError(f"{path} nests elements more than {_DEEPEST} deep, expected a URDF") from None
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
         raise RobotError(f"{path} is not well-formed XML: {error}") from error
-    if root.tag != "robot":
-        raise RobotError(f"{path} is not a URDF: its root element is <{root.tag}>, expected <robot>")
+    if root.tag not in tags:
+        expected = " or ".join(f"<{tag}>" for tag in tags)
+        raise RobotError(
+            f"{path} is no robot's description: its root element is <{root.tag}>, expected {expected}"
+        )
     return root
 
 

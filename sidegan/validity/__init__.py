@@ -2,6 +2,17 @@
 
 from sidegan.validity.check import Failure, Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
+from sidegan.validity.home import default_home
 from sidegan.validity.regions import Box, Plane, Region
 
-__all__ = ["Box", "Constraints", "Failure", "Plane", "Region", "Validity", "check", "summarise_faults"]
+__all__ = [
+    "Box",
+    "Constraints",
+    "Failure",
+    "Plane",
+    "Region",
+    "Validity",
+    "check",
+    "default_home",
+    "summarise_faults",
+]

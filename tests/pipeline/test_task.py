@@ -1,9 +1,10 @@
+import shlex
 from functools import cache
 
 import numpy as np
 import pytest
 
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_family, long_trajectory
@@ -14,6 +15,7 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
+from sidegan.robot import Limits, Setup, words
 from sidegan.validity import Box, Plane
 from tests.tiny import tiny
 
@@ -155,3 +157,58 @@ def test_the_trajectories_are_the_arms(tmp_path):
     long = long_family(task, 12)
     assert long.shape == (2, 12, 2) and long.period == 32 and long.home == (0.1, 0.2)
     assert task.body is task.constraints.body
+
+
+PART = (
+    "robot.locked={elbow: 0.5}",
+    "robot.limits.velocity={shoulder: 0.7}",
+    "robot.limits.position={shoulder: [0.5, 1.5]}",
+)
+
+
+def test_what_is_said_beside_the_description_makes_another_arm(tmp_path):
+    task = Task(tiny(*PART), Store(tmp_path))
+    assert task.arm.joint_names == ("shoulder",)
+    assert task.arm.velocity_limit.tolist() == [0.7]
+    assert task.arm.digest != Task(tiny(), Store(tmp_path)).arm.digest
+
+
+@pytest.mark.parametrize("name", ["elbow", "joint_8.0", "body_1/left-arm", "j 1", "7"])
+def test_a_setup_survives_the_command_line(name):
+    limits = Limits(position={name: (-1.5, 2.0)}, velocity={name: 0.25}, jerk={name: 1e3})
+    setup = Setup(
+        args={name: "0.5", "kind": "ur5e"},
+        base="a b",
+        tip=name,
+        locked={name: -0.5},
+        limits=limits,
+        home="ready",
+    )
+    assert tiny(*map(unquoted, words(setup))).robot.setup == setup
+
+
+def unquoted(word):
+    """A word as the shell hands it over."""
+    return shlex.split(word)[0]
+
+
+def test_a_default_home_is_part_of_the_stamp_as_a_given_one_is(tmp_path):
+    task = Task(tiny(PART[2]), Store(tmp_path))
+    assert task.trajectory.home == pytest.approx((1, 0), abs=1e-3)
+    given = Task(tiny(PART[2], f"trajectory.home={list(task.home)}"), Store(tmp_path))
+    made, again, zeros = (seed_set(one).digest for one in (task, given, Task(tiny(), Store(tmp_path))))
+    assert made == again != zeros
+    assert Task(tiny(), Store(tmp_path)).home is None
+
+
+def test_a_named_home_is_the_one_of_the_srdf(tmp_path):
+    path = tmp_path / "arm.srdf"
+    pose = '<joint name="{}" value="{}"/>'
+    words = pose.format("shoulder", 0.1) + pose.format("elbow", -0.2)
+    path.write_text(
+        f'<robot name="planar2"><group_state name="ready" group="arm">{words}</group_state></robot>'
+    )
+    named = (f"robot.srdf={path}", "robot.home=ready")
+    assert Task(tiny(*named), Store(tmp_path)).trajectory.home == (0.1, -0.2)
+    with pytest.raises(ConfigError, match="are two homes"):
+        _ = Task(tiny(*named, "trajectory.home=[0, 0]"), Store(tmp_path)).arm

@@ -13,7 +13,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     """Read and check the configured recordings, and leave what the check says in the run's folder."""
     if not task.cfg.recordings:
         raise ConfigError("recordings is empty, expected files to check: 'recordings=[a.csv,b.csv]'")
-    training, validation = checked(task.cfg, load_robot(task.cfg.robot.name))
+    training, validation = checked(task.cfg, load_robot(task.cfg.robot.name, task.cfg.robot.setup))
     path = write_checks([*training, *validation], task.store.run_folder)
     tracker.log_artifact(path, "identify")
 

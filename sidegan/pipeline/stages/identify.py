@@ -20,7 +20,7 @@ from sidegan.recording.bags import bag_files
 from sidegan.recording.check import CheckedRecording, read_and_check
 from sidegan.recording.overlap import refuse_shared
 from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
-from sidegan.robot import Arm, load_robot, require_consistent
+from sidegan.robot import Arm, load_robot, require_consistent, words
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ def model(task: Task) -> Artifact:
     cfg = task.cfg
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
-    arm = load_robot(cfg.robot.name)
+    arm = load_robot(cfg.robot.name, cfg.robot.setup)
     if cfg.identify.pull == "logdet":
         require_consistent(arm)
     files = {f"recordings.{i}": Path(name) for i, name in enumerate(cfg.recordings)}
@@ -68,7 +68,8 @@ def _make(cfg: Config, arm: Arm, build: Build) -> None:
 def _command(cfg: Config) -> str:
     lists = {"recordings": cfg.recordings, "validation": cfg.validation}
     files = " ".join(f"'{name}=[{','.join(paths)}]'" for name, paths in lists.items() if paths)
-    return f"python -m sidegan.run +experiment=identify robot.name={cfg.robot.name} {files}"
+    arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
+    return f"python -m sidegan.run +experiment=identify {arm} {files}"
 
 
 def _error(folder: Path) -> Metrics:

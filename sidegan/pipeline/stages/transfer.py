@@ -74,7 +74,7 @@ class Elsewhere:
         loaded = arm.inertial_parameters.clone()
         loaded[-1] += _ball(self.target.payload, arm.tip)
         write_urdf(arm, loaded, self.folder / "arm.urdf")
-        return load_robot(self.folder / "arm.urdf")
+        return load_robot(self.folder / "arm.urdf", replace(arm.setup, args=None, home=None))
 
     @cached_property
     def constraints(self) -> Constraints:

@@ -1,0 +1,250 @@
+"""Limits of the joints that move: of the description, of a MoveIt file, and of the user."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from sidegan.errors import RobotError
+from sidegan.robot import xml
+from sidegan.robot.setup import Limits, Setup, listed, override
+from sidegan.robot.tree import Joint, Tree, meant
+
+_FILE = {  # MoveIt's names
+    "velocity": "max_velocity",
+    "acceleration": "max_acceleration",
+    "jerk": "max_jerk",
+    "effort": "max_effort",
+}
+_EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # ranges to put where there is none
+_EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
+_Number = dict[str, float]
+
+
+@dataclass
+class JointLimits:
+    """Limits of one joint that moves [rad or m, and per s, N·m or N]; infinite where there are none."""
+
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+
+@dataclass
+class _Stated:
+    """What files and users say about limits, by joint name, the user last."""
+
+    position: dict[str, tuple[float, float]] = field(default_factory=dict)
+    velocity: _Number = field(default_factory=dict)
+    acceleration: _Number = field(default_factory=dict)
+    jerk: _Number = field(default_factory=dict)
+    effort: _Number = field(default_factory=dict)
+
+
+@dataclass
+class _Missing:
+    """What has to be asked for: why, and what to set, by kind of limit."""
+
+    why: list[str] = field(default_factory=list)
+    values: dict[str, dict[str, object]] = field(default_factory=dict)
+
+    def ask(self, kind: str, joint: str, value: object, why: str) -> None:
+        self.why.append(why)
+        self.values.setdefault(kind, {})[joint] = value
+
+
+def limits_of(
+    tree: Tree, moving: tuple[Joint, ...], setup: Setup, centre: dict[str, float]
+) -> tuple[dict[str, JointLimits], list[str]]:
+    """Limits of the joints that move, by name, and what there is to tell about them.
+
+    Args:
+        tree: the whole description.
+        moving: the joints.
+        setup: what overrides the description's limits.
+        centre: home position of joints [rad], for the range of those that turn without end.
+
+    Raises:
+        RobotError: names all limits that are missing or impossible, with the settings that state them.
+    """
+    stated, told = _stated(tree, setup)
+    missing, found = _Missing(), {}
+    for joint in moving:
+        lower, upper = _position(tree, joint, stated, missing, centre)
+        speed = _velocity(tree, joint, stated, missing)
+        effort = _effort(tree, joint, stated, missing)
+        bound = [kind.get(joint.name, math.inf) for kind in (stated.acceleration, stated.jerk)]
+        found[joint.name] = JointLimits(lower, upper, speed, effort, *bound)
+        _write(joint, found[joint.name])
+    if missing.why:
+        lines = [
+            override(f"limits.{kind}", values, getattr(setup.limits, kind))
+            for kind, values in missing.values.items()
+        ]
+        where = f"{tree.where}: "
+        again = [why.removeprefix(where) for why in missing.why[1:]]
+        raise RobotError(
+            f"{'; '.join([missing.why[0], *again])}; state what the arm can do, for example {' '.join(lines)}"
+        )
+    return found, [*told, *_tell(found, moving, stated)]
+
+
+def _tell(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: _Stated) -> list[str]:
+    """What was assumed about ranges, and which torques are not limited."""
+    told = []
+    endless = [j.name for j in moving if j.kind == "continuous" and j.name not in stated.position]
+    if endless:
+        wider = {name: [x + s * math.pi for x, s in zip(_span(found[name]), (-1, 1))] for name in endless}
+        ranges = listed([f"{name} {found[name].lower:.4g} to {found[name].upper:.4g}" for name in endless])
+        more = override("limits.position", wider)
+        told.append(f"continuous joints may go half a turn from home: {ranges} rad ({more} for more)")
+    free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
+    if free and len(free) < len(moving):
+        told.append(f"no limit on the torque of {listed(free)}")
+    return told
+
+
+def _span(limits: JointLimits) -> tuple[float, float]:
+    return limits.lower, limits.upper
+
+
+def _write(joint: Joint, limits: JointLimits) -> None:
+    """Put limits where Pinocchio's parser insists on them, and a range where there was none."""
+    element = joint.element
+    limit = element.find("limit")
+    if limit is None:
+        limit = xml.ET.SubElement(element, "limit")
+    if joint.kind == "continuous":
+        element.set("type", "revolute")
+    numbers = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity}
+    for key, value in {**numbers, "effort": limits.effort}.items():
+        limit.set(key, repr(value if math.isfinite(value) else 0.0))
+
+
+def _position(
+    tree: Tree,
+    joint: Joint,
+    stated: _Stated,
+    missing: _Missing,
+    centre: dict[str, float],
+) -> tuple[float, float]:
+    """Lower and upper limit [rad or m]; half a turn to each side of home where a joint turns without end."""
+    at, name = tree.at(joint), joint.name
+    if name in stated.position:
+        return _ordered(at, stated.position[name])
+    limit = joint.element.find("limit")
+    if joint.kind == "continuous":
+        middle = centre.get(name, 0.0)
+        return middle - math.pi, middle + math.pi
+    example = _EXAMPLE[joint.kind]
+    if limit is None or not {"lower", "upper"} & set(limit.attrib):
+        missing.ask("position", name, example, f"{at} has no position limits, expected <limit lower upper>")
+        return example
+    lower, upper = (xml.number(limit, key, at, "0") for key in ("lower", "upper"))
+    if not lower < upper:
+        why = f"{at} has the position limits {lower:g} to {upper:g}, expected lower < upper"
+        missing.ask("position", name, (upper, lower) if lower > upper else example, why)
+    return lower, upper
+
+
+def _velocity(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> float:
+    """Limit on velocity [rad/s or m/s]."""
+    if joint.name in stated.velocity:
+        return stated.velocity[joint.name]
+    limit, at = joint.element.find("limit"), tree.at(joint)
+    text = None if limit is None else limit.get("velocity")
+    velocity = 0.0 if limit is None else xml.number(limit, "velocity", at, "0")
+    if not velocity > 0:
+        example = _EXAMPLE_SPEED.get(joint.kind, 1.0)
+        missing.ask(
+            "velocity", joint.name, example, f"{at} has the velocity limit {text}, expected one above 0"
+        )
+    return velocity
+
+
+def _effort(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> float:
+    """Limit on torque or force [N·m or N]; infinite where none is stated."""
+    limit, at = joint.element.find("limit"), tree.at(joint)
+    effort = 0.0 if limit is None else xml.number(limit, "effort", at, "0")
+    if joint.name in stated.effort:
+        return stated.effort[joint.name]
+    if effort < 0:
+        why = f"{at} has the effort limit {effort:g}, expected one above 0, or none"
+        missing.ask("effort", joint.name, -effort, why)
+    return effort or math.inf
+
+
+def _ordered(at: str, span: tuple[float, float]) -> tuple[float, float]:
+    if not span[0] < span[1]:
+        raise RobotError(f"{at}: robot.limits.position is {span[0]:g} to {span[1]:g}, expected lower < upper")
+    return span
+
+
+def _stated(tree: Tree, setup: Setup) -> tuple[_Stated, list[str]]:
+    """What the file says, overridden by what the user says."""
+    stated, told = _Stated(), []
+    if setup.limits_file:
+        told = _read_file(tree, Path(setup.limits_file).expanduser(), stated)
+    for kind in Limits.__dataclass_fields__:
+        given = getattr(setup.limits, kind) or {}
+        for name in given:
+            if name not in tree.joints:
+                raise RobotError(
+                    f"{tree.where} has no joint {name!r} of robot.limits.{kind}{meant(name, tree.joints)}"
+                )
+        getattr(stated, kind).update(given)
+    return stated, told
+
+
+def _read_file(tree: Tree, path: Path, stated: _Stated) -> list[str]:
+    """Read a MoveIt joint_limits.yaml; what is to be told about it."""
+    if not path.is_file():
+        raise RobotError(f"there is no file robot.limits_file={path}")
+    try:
+        content = yaml.load(path.read_bytes(), _Loader)
+    except OSError as error:
+        raise RobotError(f"cannot read robot.limits_file={path}: {error.strerror}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise RobotError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    joints = content.get("joint_limits") if isinstance(content, dict) else None
+    if not isinstance(joints, dict) or not all(isinstance(one, dict) for one in joints.values()):
+        raise RobotError(f"{path} has no joint_limits, expected a joint_limits.yaml of MoveIt")
+    known = [name for name in joints if name in tree.joints]
+    if not known:
+        raise RobotError(f"{path} limits {listed(list(joints))}, of which {tree.where} has none")
+    for name in known:
+        _read_joint(f"{path}: joint {name!r}", name, joints[name], stated)
+    rest = [str(name) for name in joints if name not in tree.joints]
+    return [f"{path.name} limits {listed(rest)}, which are not there"] if rest else []
+
+
+def _read_joint(at: str, name: str, values: dict[str, object], stated: _Stated) -> None:
+    """Read what a MoveIt file says about one joint."""
+
+    def number(key: str) -> float:
+        value = values.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise RobotError(f"{at}: {key} is {value!r}, expected a number")
+        return float(value)
+
+    for kind, key in _FILE.items():
+        plural = f"has_{kind}_limits"
+        if key in values and values.get(plural, True):
+            limit = number(key)
+            if not limit > 0:
+                raise RobotError(f"{at}: {key} is {limit:g}, expected one above 0, or {plural}: false")
+            getattr(stated, kind)[name] = limit
+    if values.get("has_position_limits", True) and {"min_position", "max_position"} <= set(values):
+        stated.position[name] = _ordered(at, (number("min_position"), number("max_position")))
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML with the angles that ROS writes: `!degrees 90`."""
+
+
+_Loader.add_constructor("!degrees", lambda loader, node: math.radians(float(str(node.value))))
+_Loader.add_constructor("!radians", lambda loader, node: float(str(node.value)))

@@ -1,0 +1,77 @@
+"""Joints that do not move become fixed ones, where they stand."""
+
+import math
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sidegan.errors import RobotError
+from sidegan.robot import xml
+from sidegan.robot.tree import TURNING, Joint
+
+_AXIS = (1e-6, 1e6)  # length of an axis that can be made one
+Matrix = NDArray[np.float64]
+
+
+def unit_axis(joint: Joint, at: str) -> Matrix:
+    """Direction of a joint's axis, (3,).
+
+    Raises:
+        RobotError: when it is none.
+    """
+    axis = xml.vector(joint.element.find("axis"), "xyz", at, "1 0 0")
+    length = math.hypot(*axis)
+    if not _AXIS[0] <= length <= _AXIS[1]:
+        words = " ".join(f"{x:g}" for x in axis)
+        raise RobotError(f"{at} has the axis {words}, expected a direction, of about unit length")
+    return np.array(axis) / length
+
+
+def lock(joint: Joint, value: float, at: str) -> None:
+    """Make a joint fixed at a position [rad or m]; one with other freedoms stands at its origin."""
+    element = joint.element
+    if value and joint.kind in (*TURNING, "prismatic"):
+        axis = unit_axis(joint, at)
+        origin = element.find("origin")
+        place = np.array(xml.vector(origin, "xyz", at, "0 0 0"))
+        turn = from_rpy(xml.vector(origin, "rpy", at, "0 0 0"))
+        if joint.kind == "prismatic":
+            place = place + turn @ axis * value
+        else:
+            turn = turn @ rotation(axis, value)
+        if origin is None:
+            origin = ET.SubElement(element, "origin")
+        write_placement(origin, turn, place)
+    element.set("type", "fixed")
+    for tag in ("mimic", "limit", "axis", "safety_controller", "dynamics", "calibration"):
+        for extra in element.findall(tag):
+            element.remove(extra)
+
+
+def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
+    """Write a rotation (3, 3) and a place [m], (3,), as URDF has them."""
+    origin.set("xyz", " ".join(repr(float(x)) for x in place))
+    origin.set("rpy", " ".join(repr(x) for x in to_rpy(turn)))
+
+
+def rotation(axis: Matrix, angle: float) -> Matrix:
+    """Rotation (3, 3) by an angle [rad] about a unit vector (3,): Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def from_rpy(rpy: tuple[float, ...]) -> Matrix:
+    """Rotation (3, 3) of roll, pitch and yaw [rad]."""
+    roll, pitch, yaw = (rotation(axis, angle) for axis, angle in zip(np.eye(3), rpy))
+    return yaw @ pitch @ roll
+
+
+def to_rpy(turn: Matrix) -> tuple[float, float, float]:
+    """Roll, pitch and yaw [rad] of a rotation (3, 3), exact also where yaw and roll turn about one axis."""
+    yaw = math.atan2(turn[1, 0], turn[0, 0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    pitch = math.atan2(-turn[2, 0], c * turn[0, 0] + s * turn[1, 0])
+    roll = math.atan2(s * turn[0, 2] - c * turn[1, 2], c * turn[1, 1] - s * turn[0, 1])
+    return roll, pitch, yaw

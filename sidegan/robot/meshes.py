@@ -1,0 +1,53 @@
+"""Where the files are that a description names: beside it, in its package, or on the ROS paths."""
+
+import os
+from collections.abc import Iterator
+from glob import escape
+from pathlib import Path
+
+_DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is looked for in
+
+
+def find_mesh(name: str, urdf: Path) -> Path | None:
+    """The file that is meant by a path or by package://package/path; None where it is not there.
+
+    Relative paths are looked for beside the description and in the folders above it. A package is a folder of
+    that name above the description or in one of those folders, on ROS_PACKAGE_PATH, or in the share folder of
+    an entry of AMENT_PREFIX_PATH; failing that, the path within the package is looked for as a relative one,
+    for descriptions that were copied without their package.
+
+    Args:
+        name: as the description has it.
+        urdf: the description.
+    """
+    scheme, _, rest = name.rpartition("://")
+    candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)
+    for file in candidates:
+        try:
+            if file.is_file():
+                return file.resolve()
+        except (OSError, ValueError):  # a name that is none, a forbidden folder
+            continue
+    return None
+
+
+def _relative(path: str, urdf: Path) -> Iterator[Path]:
+    return (folder / path for folder in urdf.parents)
+
+
+def _in_package(path: str, urdf: Path) -> Iterator[Path]:
+    package, _, inside = path.partition("/")
+    shares = [Path(one) for one in _entries("ROS_PACKAGE_PATH")]
+    shares += [Path(one, "share") for one in _entries("AMENT_PREFIX_PATH")]
+    for folder in [*urdf.parents, *shares]:
+        yield folder / package / inside
+        if folder.name == package:
+            yield folder / inside
+    for one in _entries("ROS_PACKAGE_PATH"):
+        for depth in range(1, _DEEPEST + 1):
+            yield from (found / inside for found in Path(one).glob("*/" * depth + escape(package)) if package)
+    yield from _relative(inside, urdf)
+
+
+def _entries(variable: str) -> list[str]:
+    return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]

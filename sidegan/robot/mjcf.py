@@ -1,0 +1,270 @@
+"""An MJCF as URDF: MuJoCo compiles it; bodies, joints and shapes of the result are written out."""
+
+import logging
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sidegan.errors import RobotError
+from sidegan.robot.enclosing import around_points
+from sidegan.robot.locking import rotation, write_placement
+from sidegan.robot.setup import listed
+from sidegan.robot.sources import Source
+
+_log = logging.getLogger(__name__)
+Vector = NDArray[np.float64]
+_GRAVITY = (0.0, 0.0, -9.81)  # [m/s²], that Pinocchio has
+_KINDS = {
+    int(mujoco.mjtJoint.mjJNT_FREE): "floating",
+    int(mujoco.mjtJoint.mjJNT_BALL): "floating",
+    int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+    int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
+}
+_SHAPES = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",  # around it
+    int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
+}
+_FORMATS = (".stl", ".obj", ".dae")  # of meshes that Pinocchio reads
+
+
+def read_mjcf(path: Path) -> Source:
+    """A description from an MJCF file.
+
+    Links are named as bodies. Limits on velocity are unknown to MJCF and have to be stated; limits on torque
+    are those of joints, or else of actuators. Equality constraints between joints become mimic joints, and
+    keyframes named poses. Shapes that take part in collisions are kept, but for planes and height fields.
+
+    Args:
+        path: the file.
+
+    Raises:
+        RobotError: when MuJoCo refuses it.
+    """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: _log.warning("%s: %s", path, text))
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    finally:
+        mujoco.set_mju_user_warning(before)
+    writer = _Writer(model, path)
+    text = ET.tostring(writer.root, encoding="utf-8")
+    return Source(text, ET.fromstring(text), writer.poses(), tuple(writer.told()))
+
+
+class _Writer:
+    """Writes a compiled model as URDF."""
+
+    def __init__(self, model: mujoco.MjModel, path: Path) -> None:
+        self.model = model
+        self.path = path
+        self.root = ET.Element("robot", name=_model_name(model) or path.stem)
+        self.dropped: list[str] = []
+        self._efforts = _efforts(model)
+        for body in range(model.nbody):
+            link = ET.SubElement(self.root, "link", name=self.name("body", body))
+            self._inertia(link, body)
+            first = model.body_geomadr[body]
+            for geom in range(first, first + model.body_geomnum[body]):
+                self._shape(link, geom)
+            if body:
+                self._joints(body)
+        self._mimics()
+
+    def name(self, kind: str, index: int) -> str:
+        """What something is called; its number where it has no name."""
+        code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
+        return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
+
+    def poses(self) -> dict[str, dict[str, float]]:
+        """Joint positions [rad or m] of the keyframes."""
+        joints = [j for j in range(self.model.njnt) if _KINDS[int(self.model.jnt_type[j])] != "floating"]
+        return {
+            self.name("key", key): {
+                self.name("joint", j): float(self.model.key_qpos[key, self.model.jnt_qposadr[j]])
+                for j in joints
+            }
+            for key in range(self.model.nkey)
+        }
+
+    def told(self) -> list[str]:
+        """What could not be carried over."""
+        model, told = self.model, []
+        if self.dropped:
+            told.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")
+        if model.dof_armature.any():
+            told.append("rotor inertias (armature) are not part of the rigid model")
+        if not np.allclose(model.opt.gravity, _GRAVITY, atol=1e-3):
+            told.append(
+                f"gravity is {_GRAVITY[2]} m/s² along z, not {model.opt.gravity.tolist()} as in the file"
+            )
+        return told
+
+    def _inertia(self, link: ET.Element, body: int) -> None:
+        model = self.model
+        if not model.body_mass[body]:
+            return
+        inertial = ET.SubElement(link, "inertial")
+        origin = ET.SubElement(inertial, "origin")
+        write_placement(origin, _turn(model.body_iquat[body]), model.body_ipos[body])
+        ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
+        xx, yy, zz = (repr(float(x)) for x in model.body_inertia[body])
+        ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
+
+    def _joints(self, body: int) -> None:
+        """The joints between a body and its parent, each with a link of its own but the last."""
+        model = self.model
+        parent, child = self.name("body", model.body_parentid[body]), self.name("body", body)
+        turn, place = _turn(model.body_quat[body]), model.body_pos[body].copy()
+        count, first = model.body_jntnum[body], model.body_jntadr[body]
+        for joint in range(first, first + count):
+            anchor, axis = model.jnt_pos[joint].copy(), model.jnt_axis[joint]
+            kind = _KINDS[int(model.jnt_type[joint])]
+            if kind == "floating":
+                anchor = np.zeros(3)
+            direct = joint == first + count - 1 and not anchor.any()
+            name = self.name("joint", joint)
+            after = child if direct else f"{child}/{name}"
+            if not direct:
+                ET.SubElement(self.root, "link", name=after)
+            at, around = place + turn @ anchor, turn
+            reference = 0.0 if kind == "floating" else float(model.qpos0[model.jnt_qposadr[joint]])
+            if kind == "prismatic":
+                at = at - turn @ axis * reference
+            elif kind == "revolute":
+                around = turn @ rotation(axis, -reference)
+            element = self._joint(name, kind, parent, after, around, at)
+            self._limits(element, joint)
+            if direct:
+                return
+            parent, turn, place = after, np.eye(3), -anchor
+        self._joint(f"{child}/fixed", "fixed", parent, child, turn, place)
+
+    def _joint(
+        self, name: str, kind: str, parent: str, child: str, turn: Vector, place: Vector
+    ) -> ET.Element:
+        joint = ET.SubElement(self.root, "joint", name=name, type=kind)
+        ET.SubElement(joint, "parent", link=parent)
+        ET.SubElement(joint, "child", link=child)
+        write_placement(ET.SubElement(joint, "origin"), turn, place)
+        return joint
+
+    def _limits(self, element: ET.Element, joint: int) -> None:
+        """Axis and limits of a joint."""
+        model = self.model
+        if element.get("type") == "floating":
+            return
+        ET.SubElement(element, "axis", xyz=_words(model.jnt_axis[joint]))
+        limit = ET.SubElement(element, "limit", velocity="0", effort=repr(self._efforts.get(joint, 0.0)))
+        if model.jnt_limited[joint]:
+            lower, upper = model.jnt_range[joint]
+            limit.set("lower", repr(float(lower)))
+            limit.set("upper", repr(float(upper)))
+        elif element.get("type") == "revolute":
+            element.set("type", "continuous")
+
+    def _mimics(self) -> None:
+        """Joints that an equality constraint couples to another one."""
+        model, joints = self.model, {j.get("name"): j for j in self.root.findall("joint")}
+        for i in range(model.neq):
+            if int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0:
+                one, other = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
+                offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
+                ET.SubElement(joints[one], "mimic", joint=other, multiplier=factor, offset=offset)
+
+    def _shape(self, link: ET.Element, geom: int) -> None:
+        """A geom as a collision shape, if it takes part in collisions."""
+        model = self.model
+        if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+            return
+        turn, place = _turn(model.geom_quat[geom]), model.geom_pos[geom].copy()
+        x, y, z = (float(size) for size in model.geom_size[geom])
+        kind = _SHAPES.get(int(model.geom_type[geom]))
+        collision = ET.Element("collision")
+        shape = ET.SubElement(collision, "geometry")
+        if kind == "sphere":
+            ET.SubElement(shape, kind, radius=repr(x))
+        elif kind in ("capsule", "cylinder"):
+            ET.SubElement(shape, kind, radius=repr(x), length=repr(2 * y))
+        elif kind == "box":
+            ET.SubElement(shape, kind, size=_words([2 * x, 2 * y, 2 * z]))
+        elif kind == "mesh":
+            turn, place = self._mesh(shape, int(model.geom_dataid[geom]), turn, place)
+        else:
+            self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
+            return
+        origin = ET.Element("origin")
+        write_placement(origin, turn, place)
+        collision.insert(0, origin)
+        link.append(collision)
+
+    def _mesh(self, shape: ET.Element, mesh: int, turn: Vector, place: Vector) -> tuple[Vector, Vector]:
+        """A mesh by its file, or a capsule around its vertices where it has none; its rotation and place."""
+        model = self.model
+        file = self._file(mesh)
+        if file is not None:  # MuJoCo moved its vertices into the principal axes of inertia: undo that
+            turn = turn @ _turn(model.mesh_quat[mesh]).T
+            place = place - turn @ model.mesh_pos[mesh]
+            ET.SubElement(shape, "mesh", filename=str(file), scale=_words(model.mesh_scale[mesh]))
+            return turn, place
+        first = model.mesh_vertadr[mesh]
+        (a, b), radius = around_points(
+            model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
+        )
+        length = float(np.linalg.norm(b - a))
+        ET.SubElement(shape, "capsule", radius=repr(float(radius)), length=repr(max(length, 1e-9)))
+        return turn @ _onto((b - a) / length if length else np.array([0.0, 0, 1])), place + turn @ (a + b) / 2
+
+    def _file(self, mesh: int) -> Path | None:
+        """The file that a mesh was read from, where Pinocchio can read it too."""
+        address = self.model.mesh_pathadr[mesh]
+        if address < 0:
+            return None
+        name = self.model.paths[address:].split(b"\0", 1)[0].decode()
+        file = self.path.parent / name
+        return file.resolve() if file.suffix.lower() in _FORMATS and file.is_file() else None
+
+
+def _efforts(model: mujoco.MjModel) -> dict[int, float]:
+    """Largest torque or force [N·m or N] of each joint that limits one, of itself or of its actuator."""
+    found: dict[int, float] = {}
+    for i in range(model.nu):
+        if (
+            int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+            and model.actuator_forcelimited[i]
+        ):
+            force = np.abs(model.actuator_forcerange[i] * model.actuator_gear[i, 0]).min()
+            found[int(model.actuator_trnid[i, 0])] = float(force)
+    for joint in np.flatnonzero(model.jnt_actfrclimited):
+        found[int(joint)] = float(np.abs(model.jnt_actfrcrange[joint]).min())
+    return found
+
+
+def _model_name(model: mujoco.MjModel) -> str:
+    return model.names.split(b"\0", 1)[0].decode()
+
+
+def _turn(quaternion: Vector) -> Vector:
+    """Rotation (3, 3) of a quaternion, scalar first."""
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
+    return out.reshape(3, 3)
+
+
+def _onto(direction: Vector) -> Vector:
+    """A rotation (3, 3) that turns z into a unit vector."""
+    quaternion = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quaternion, direction)
+    return _turn(quaternion)
+
+
+def _words(numbers: Vector | list[float]) -> str:
+    return " ".join(repr(float(x)) for x in numbers)

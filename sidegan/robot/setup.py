@@ -1,0 +1,83 @@
+"""What a user says about an arm beside its description."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from shlex import quote
+
+from sidegan.base.typed import Positive
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits by joint name that override the description's; null: as it has them."""
+
+    position: dict[str, tuple[float, float]] | None = None  # lower and upper [rad or m]
+    velocity: dict[str, Positive] | None = None  # [rad/s or m/s]
+    acceleration: dict[str, Positive] | None = None  # [rad/s² or m/s²]
+    jerk: dict[str, Positive] | None = None  # [rad/s³ or m/s³]
+    effort: dict[str, Positive] | None = None  # [N·m or N]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Which part of a description is the arm, where the rest stands, and what overrides its limits."""
+
+    args: dict[str, str] | None = None  # arguments of a xacro file
+    base: str | None = None  # link from which on joints move; null: the first
+    tip: str | None = None  # link up to which joints move; null: the end of the only chain
+    locked: dict[str, float] | None = None  # where joints stand that do not move [rad or m]
+    limits: Limits = Limits()
+    limits_file: str | None = None  # path of a MoveIt joint_limits.yaml
+    srdf: str | None = None  # path of a semantic description: named poses, pairs that may touch
+    home: str | None = None  # a named pose of the SRDF, or a keyframe of the MJCF; null: trajectory.home
+
+
+PLAIN = Setup()
+_WORD = re.compile(r"[A-Za-z_/.~][\w/.~-]*")
+_NO_TEXT = {"null", "true", "false", "yes", "no", "on", "off", "nan", "inf"}
+
+
+def override(name: str, values: Mapping[str, object], given: Mapping[str, object] | None = None) -> str:
+    """A setting of the robot by joint name as a word on the command line, with those that were given before.
+
+    Args:
+        name: of the setting within ``robot``.
+        values: what is to be set.
+        given: what the user has set already.
+    """
+    inner = ", ".join(f"{joint}: {_plain(value)}" for joint, value in {**(given or {}), **values}.items())
+    return f"'robot.{name}={{{inner}}}'"
+
+
+def choice(name: str, value: str) -> str:
+    """A setting of the robot as a word on the command line."""
+    return quote(f"robot.{name}={_text(value)}")
+
+
+def words(setup: Setup) -> list[str]:
+    """A whole setup as words on the command line."""
+    given = [(field.name, getattr(setup, field.name)) for field in fields(setup) if field.name != "limits"]
+    given += [(f"limits.{field.name}", getattr(setup.limits, field.name)) for field in fields(Limits)]
+    return [
+        override(name, value) if isinstance(value, Mapping) else choice(name, value)
+        for name, value in given
+        if value is not None
+    ]
+
+
+def listed(names: "list[str] | tuple[str, ...]", most: int = 8) -> str:
+    """The first of some names, and how many there are beside them."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_plain, value))}]"
+    return f"{value:.6g}" if isinstance(value, float) else _text(str(value))
+
+
+def _text(value: str) -> str:
+    """Text as settings have it, in quotes where it would be read as a number or as nothing."""
+    return value if _WORD.fullmatch(value) and value.lower() not in _NO_TEXT else f'"{value}"'

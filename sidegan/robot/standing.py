@@ -1,0 +1,139 @@
+"""Where the joints stand that do not move, and what becomes of the links behind them."""
+
+from collections.abc import Mapping, Sequence
+
+from sidegan.errors import RobotError
+from sidegan.robot import xml
+from sidegan.robot.setup import listed, override
+from sidegan.robot.tree import MOVABLE, Joint, Tree, meant
+
+
+def standing(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
+    """Positions of all joints that do not move [rad or m]: as given, as what they mimic, or mid-range.
+
+    Raises:
+        RobotError: names the joints that mimic one that moves, or none, with what resolves it.
+    """
+    found = _Standing(tree, {joint.name for joint in moving}, given)
+    for joint in tree.joints.values():
+        if joint.kind != "fixed" and joint.name not in found.moving:
+            found.lock(joint)
+    if found.wrong:
+        remedy = override("locked", dict.fromkeys(found.wrong, 0.0), given)
+        first, *rest = found.wrong.values()
+        also = [why.removeprefix(f"{tree.where}: ") for why in rest]
+        raise RobotError(
+            f"{'; '.join([first, *also])}: expected another joint that stands still; {remedy} locks them"
+        )
+    return found.locked
+
+
+class _Standing:
+    """The joints of a tree that do not move, while their positions are being found."""
+
+    def __init__(self, tree: Tree, moving: set[str], given: Mapping[str, float]) -> None:
+        self.tree = tree
+        self.moving = moving
+        self.given = given
+        self.locked: dict[str, float] = {}
+        self.wrong: dict[str, str] = {}  # joints that follow what they cannot, and why
+        self._asked: set[str] = set()
+
+    def lock(self, joint: Joint) -> float:
+        """Where a joint stands."""
+        if joint.name in self.locked:
+            return self.locked[joint.name]
+        self._asked.add(joint.name)
+        if joint.name in self.given:
+            value = self.given[joint.name]
+        elif joint.mimic is not None:
+            value = self._followed(joint, joint.mimic)
+        else:
+            span = _range(self.tree, joint)
+            value = sum(span) / 2 if span else 0.0
+        self.locked[joint.name] = value
+        return value
+
+    def _followed(self, joint: Joint, mimic: xml.ET.Element) -> float:
+        """Where a joint stands that mimics another: multiplier · its position + offset."""
+        at, name = self.tree.at(joint), mimic.get("joint", "")
+        lost = name not in self.tree.joints or (name in self._asked and name not in self.locked)
+        if lost or name in self.moving:
+            self.wrong[joint.name] = f"{at} mimics another, {name!r}" if name else f"{at} mimics none"
+            return 0.0
+        followed = self.tree.joints[name]
+        here = 0.0 if followed.kind == "fixed" else self.lock(followed)
+        factor = xml.number(mimic, "multiplier", at, "1")
+        return factor * here + xml.number(mimic, "offset", at, "0")
+
+
+def check_locked(tree: Tree, name: str, value: float) -> None:
+    """Raise unless a joint is there, can move, and can stand where it is to stand."""
+    joint = tree.joints.get(name)
+    if joint is None:
+        movable = [one.name for one in tree.joints.values() if one.kind in MOVABLE]
+        raise RobotError(
+            f"{tree.where} has no joint {name!r} that robot.locked could lock{meant(name, movable)}"
+        )
+    if joint.kind not in MOVABLE:
+        raise RobotError(f"{tree.at(joint)} is {joint.kind}: leave it out of robot.locked")
+    span = _range(tree, joint)
+    if span and not span[0] <= value <= span[1]:
+        nearest = min(max(value, span[0]), span[1])
+        raise RobotError(
+            f"{tree.at(joint)} is locked at {value:g}, outside its range {span[0]:g} to {span[1]:g}; the "
+            f"nearest is {override('locked', {name: nearest})}"
+        )
+
+
+def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
+    """A joint's range, where it has one [rad or m]."""
+    limit = joint.element.find("limit")
+    if joint.kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
+        return None
+    lower, upper = (xml.number(limit, key, tree.at(joint), "0") for key in ("lower", "upper"))
+    return (lower, upper) if lower < upper else None
+
+
+def tell(
+    tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
+) -> list[str]:
+    """What was locked, and whose mass was lumped into which link.
+
+    Args:
+        tree: the whole description.
+        moving: the joints that move.
+        locked: where the others stand [rad or m].
+        masses: of the links [kg].
+    """
+    if not locked:
+        return []
+    told = ["locked " + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
+    carried = {joint.child: joint.child for joint in moving}
+    lumped: dict[str, list[str]] = {}
+    for link in tree.links:
+        path = tree.path(link)
+        if any(joint.name in locked for joint in _behind(path, carried)):
+            carrier = next((j.child for j in reversed(path) if j.child in carried), "")
+            lumped.setdefault(carrier, []).append(link)
+    for carrier, links in lumped.items():
+        mass = sum(masses.get(link, 0.0) for link in links)
+        told.append(
+            f"{mass:.4g} kg of {listed(links)} lumped into {carrier}"
+            if carrier
+            else f"standing still with the base: {listed(links)}"
+        )
+    return told
+
+
+def _stands(joint: Joint, value: float) -> str:
+    """Where a joint stands, for people."""
+    if joint.kind not in MOVABLE:
+        return f"{joint.name} at its origin"
+    return f"{joint.name} at {value:.4g} {'m' if joint.kind == 'prismatic' else 'rad'}"
+
+
+def _behind(path: list[Joint], carried: dict[str, str]) -> list[Joint]:
+    """The joints of a path behind the last one that moves."""
+    last = max((i for i, joint in enumerate(path) if joint.child in carried), default=-1)
+    return path[last + 1 :]

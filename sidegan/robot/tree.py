@@ -1,0 +1,177 @@
+"""Links and joints of a description as a tree."""
+
+import difflib
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+from sidegan.errors import RobotError
+from sidegan.robot import xml
+from sidegan.robot.setup import choice
+
+_MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
+TURNING = ("revolute", "continuous")
+MOVABLE = (*TURNING, "prismatic")
+_REFUSED = {
+    "floating": "the arm's base must be fixed",
+    "planar": "a joint must have one degree of freedom",
+}
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of a description."""
+
+    name: str
+    kind: str  # its type
+    parent: str  # the link that it hangs on
+    child: str  # the link that it leads to
+    element: ET.Element
+
+    @property
+    def mimic(self) -> ET.Element | None:
+        """What it follows, if it follows another joint."""
+        return self.element.find("mimic")
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The joints of a description whose links form one tree."""
+
+    where: str  # the description, for messages
+    root: str  # the link that all others hang on
+    joints: dict[str, Joint]
+
+    @cached_property
+    def above(self) -> dict[str, Joint]:
+        """The joint that leads to each link but the root."""
+        return {joint.child: joint for joint in self.joints.values()}
+
+    @property
+    def links(self) -> list[str]:
+        """All links, the root first."""
+        return [self.root, *self.above]
+
+    def path(self, link: str) -> list[Joint]:
+        """The joints from the root to a link."""
+        found: list[Joint] = []
+        while link in self.above:
+            found.append(self.above[link])
+            link = found[-1].parent
+        return found[::-1]
+
+    def at(self, joint: Joint) -> str:
+        """The joint, for messages."""
+        return f"{self.where}: joint {joint.name!r}"
+
+    def require_link(self, name: str, setting: str) -> None:
+        """Raise unless there is a link of this name."""
+        if name not in self.links:
+            raise RobotError(f"{self.where} has no link {name!r}{meant(name, self.links, setting)}")
+
+
+def meant(name: str, known: Iterable[str], setting: str = "") -> str:
+    """What a user may have meant by an unknown name, for a message."""
+    names = list(known)
+    close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
+    return ", expected for example " + " or ".join(f"{setting}{one}" for one in close)
+
+
+def read_tree(root: ET.Element, where: str, base: str | None) -> Tree:
+    """The tree of a description; links and joints of other trees are taken out where a base is named.
+
+    Raises:
+        RobotError: when names are missing or not unique, or the links do not form one tree.
+    """
+    joints = {joint.name: joint for joint in _joints(root, where)}
+    links = [link.get("name", "") for link in root.findall("link")]
+    parents = {joint.child: joint.parent for joint in joints.values()}
+    bases = [link for link in links if link not in parents]
+    if len(bases) > 1 and base in links:
+        bases = [_topmost(base or "", parents)]
+        _drop_others(root, _reached(bases, parents))
+        return read_tree(root, where, base)
+    if len(bases) != 1:
+        remedy = f"; choose one, {choice('base', bases[0])}" if bases else ""
+        raise RobotError(
+            f"{where} has {len(bases)} links without a parent {bases}, expected one, the base{remedy}"
+        )
+    if astray := sorted(set(links) - _reached(bases, parents)):
+        raise RobotError(
+            f"{where}: no joints lead from {bases[0]!r} to {', '.join(astray)}, expected one tree"
+        )
+    return Tree(where, bases[0], joints)
+
+
+def check_kind(joint: Joint, at: str) -> None:
+    """Raise unless a joint's kind is one of URDF's and its origin is made of numbers."""
+    if joint.kind not in (*MOVABLE, *_REFUSED, "fixed"):
+        expected = "expected revolute, prismatic, continuous or fixed"
+        raise RobotError(f"{at} is of type {joint.kind!r}, {expected}")
+    for key in ("xyz", "rpy"):
+        xml.vector(joint.element.find("origin"), key, at, "0 0 0")
+
+
+def refuse_kind(joint: Joint, at: str) -> None:
+    """Raise where a joint of the arm has other than one degree of freedom."""
+    if joint.kind in _REFUSED:
+        why = _REFUSED[joint.kind]
+        raise RobotError(f"{at} is {joint.kind}: {why}; {choice('base', joint.child)} has it stand still")
+
+
+def _joints(root: ET.Element, where: str) -> list[Joint]:
+    """The joints of a description, with names of their own and links that are there."""
+    if (count := len(root.findall("link"))) > _MOST_LINKS:
+        raise RobotError(f"{where} has {count} links, expected at most {_MOST_LINKS}")
+    names = {
+        kind: [xml.attribute(one, "name", where) for one in root.findall(kind)] for kind in ("link", "joint")
+    }
+    for kind, given in names.items():
+        name, count = Counter(given).most_common(1)[0] if given else ("", 0)
+        if count > 1:
+            raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected different names")
+    links, taken, joints = set(names["link"]), set(), []
+    for element, name in zip(root.findall("joint"), names["joint"]):
+        at = f"{where}: joint {name!r}"
+        parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
+        for link in (parent, child):
+            if link not in links:
+                raise RobotError(f"{at} joins the link {link!r}, which is not there")
+        if child in taken:
+            raise RobotError(f"{at} leads to link {child!r}, as another joint does; expected no loops")
+        taken.add(child)
+        joints.append(Joint(name, element.get("type", ""), parent, child, element))
+        check_kind(joints[-1], at)
+    return joints
+
+
+def _reached(bases: list[str], parents: dict[str, str]) -> set[str]:
+    """All links that hang on these."""
+    reached = set(bases)
+    while more := {child for child, parent in parents.items() if parent in reached} - reached:
+        reached |= more
+    return reached
+
+
+def _topmost(link: str, parents: dict[str, str]) -> str:
+    """The link without a parent that a link hangs on; itself where its parents form a ring."""
+    start, seen = link, {link}
+    while link in parents:
+        link = parents[link]
+        if link in seen:
+            return start
+        seen.add(link)
+    return link
+
+
+def _drop_others(root: ET.Element, kept: set[str]) -> None:
+    """Take links out that are not to be kept, with the joints that lead to them."""
+    for link in root.findall("link"):
+        if link.get("name") not in kept:
+            root.remove(link)
+    for joint in root.findall("joint"):
+        child = joint.find("child")
+        if child is None or child.get("link") not in kept:
+            root.remove(joint)

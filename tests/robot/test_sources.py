@@ -1,0 +1,245 @@
+"""Descriptions that are no URDF: MJCF against MuJoCo, xacro files, arms by name; and where meshes are."""
+
+import re
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import ConvexHull
+
+from sidegan.errors import RobotError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.robot import Limits, Setup, load_robot, write_urdf
+from sidegan.robot.meshes import find_mesh
+from sidegan.validity.capsules import capsule_axes
+
+from .urdf import one_joint
+
+SPEEDS = Limits(velocity={"one": 1.0, "two": 1.0, "slide": 0.1})
+CORNERS = np.array(np.meshgrid([0, 1], [0, 2], [0, 3.0])).reshape(3, 8).T
+MJCF = """<mujoco model="toy">
+<compiler angle="degree"/>
+<default><joint range="-90 90"/></default>
+<asset><mesh name="box" file="box.obj" scale="0.1 0.2 0.3"/>
+  <mesh name="bare" vertex="0 0 0  0.1 0 0  0 0.2 0  0 0 0.3"/></asset>
+<worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/>
+  <body name="a" pos="0 0 0.2" euler="10 20 30">
+    <joint name="one" axis="0 1 1" pos="0.1 0 0.05" ref="20" armature="0.1"/>
+    <geom type="mesh" mesh="box" pos="0.1 0.2 0.3" euler="40 50 60"/>
+    <body name="b" pos="0.3 0 0">
+      <joint name="two" axis="1 0 0" limited="false"/>
+      <joint name="slide" type="slide" axis="0 1 0" range="0 0.5" ref="0.1"/>
+      <inertial pos="0.1 0.2 0.3" mass="1" fullinertia="0.2 0.3 0.25 0.01 0.02 0.03"/>
+      <geom type="mesh" mesh="bare" pos="0.1 0.2 0.3" euler="40 50 60"/>
+      <geom type="ellipsoid" size="0.1 0.2 0.3"/><geom type="sphere" size="0.9" contype="0" conaffinity="0"/>
+      <body name="c" pos="0 0 0.1"><joint name="left_finger" type="slide" axis="0 1 0" range="0 0.04"/>
+        <inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1e-3 1e-3"/></body>
+      <body name="d" pos="0 0 0.1"><joint name="right_finger" type="slide" axis="0 1 0" range="0 0.04"/>
+        <inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1e-3 1e-3"/></body>
+    </body>
+  </body>
+</worldbody>
+<equality><joint joint1="right_finger" joint2="left_finger" polycoef="0.01 -1 0 0 0"/></equality>
+<actuator><position joint="one" kp="10" forcerange="-87 87"/></actuator>
+<keyframe><key name="ready" qpos="0.1 0.2 0.3 0 0"/></keyframe>
+</mujoco>"""
+
+
+@pytest.fixture
+def mjcf(tmp_path):
+    lines = ["v " + " ".join(map(str, corner)) for corner in CORNERS]
+    (tmp_path / "box.obj").write_text("\n".join([*lines, *faces()]) + "\n")
+    path = tmp_path / "toy.xml"
+    path.write_text(MJCF)
+    return path
+
+
+def faces():
+    """The faces of the box, outwards."""
+    hull, words = ConvexHull(CORNERS), []
+    for corners, plane in zip(hull.simplices, hull.equations):
+        a, b, c = CORNERS[corners]
+        order = corners if np.dot(np.cross(b - a, c - a), plane[:3]) > 0 else corners[::-1]
+        words.append("f " + " ".join(str(i + 1) for i in order))
+    return words
+
+
+class TestMjcf:
+    def test_torque_is_that_of_mujoco(self, mjcf):
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03}))
+        assert arm.joint_names == ("one", "two", "slide")
+        model = mujoco.MjModel.from_xml_path(str(mjcf))
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        model.dof_armature[:] = 0
+        data, random = mujoco.MjData(model), np.random.default_rng(0)
+        states, expected = random.uniform(-1, 1, (3, 40, 3)), []
+        for q, dq, ddq in zip(*states):
+            data.qpos[:] = [*q, 0.03, 0.01 - 0.03]
+            data.qvel[:], data.qacc[:] = [*dq, 0, 0], [*ddq, 0, 0]
+            mujoco.mj_inverse(model, data)
+            expected.append(data.qfrc_inverse[:3].copy())
+        found = RigidBody(arm).torque(*map(torch.from_numpy, states))
+        np.testing.assert_allclose(found.numpy(), expected, rtol=0, atol=1e-9)  # N·m, N
+
+    def test_shapes_are_where_mujoco_has_them(self, mjcf):
+        arm = load_robot(mjcf, Setup(limits=SPEEDS))
+        model = mujoco.MjModel.from_xml_path(str(mjcf))
+        data, q = mujoco.MjData(model), np.array([0.3, -0.4, 0.2])
+        data.qpos[:3] = q
+        mujoco.mj_kinematics(model, data)
+        a, b = (x[:, :, 0].T.numpy() for x in capsule_axes(arm, torch.from_numpy(q)[:, None]))
+        meshes = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0]
+        assert len(a) == 3
+        for capsule, geom in zip((0, 1), meshes):
+            first, count = (x[model.geom_dataid[geom]] for x in (model.mesh_vertadr, model.mesh_vertnum))
+            points = model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T
+            points = points + data.geom_xpos[geom] - a[capsule]
+            along = b[capsule] - a[capsule]
+            foot = np.clip(points @ along / max(along @ along, 1e-12), 0, 1)[:, None] * along
+            reach = np.linalg.norm(points - foot, axis=1).max()
+            radius = arm.capsules.radius[capsule].item()
+            assert reach <= radius + 1e-6  # the vertices are single precision
+            assert reach > 0.9 * radius
+
+    def test_limits_poses_and_what_is_left_out(self, mjcf):
+        with pytest.raises(RobotError, match=r"'robot\.limits\.velocity=\{one: 1, two: 1, slide: 0.1\}'"):
+            load_robot(mjcf)
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, home="ready"))
+        assert arm.home == (0.1, 0.2, 0.3)
+        assert arm.torque_limit.tolist() == [87, np.inf, np.inf]
+        assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, 0.2 + np.pi, 0.5])
+        told = "; ".join(arm.told)
+        assert "left_finger at 0.02 m, right_finger at -0.01 m" in told
+        assert "floor of world" in told
+        assert "rotor inertias (armature) are not part" in told
+
+    def test_an_identified_arm_is_written_as_urdf(self, mjcf):
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, base="a/one", tip="b", locked={"slide": 0.1}))
+        assert arm.joint_names == ("two",)
+        path = mjcf.parent / "identified.urdf"
+        write_urdf(arm, 1.5 * arm.inertial_parameters, path)
+        again = load_robot(path, arm.setup)
+        np.testing.assert_allclose(
+            again.inertial_parameters, 1.5 * arm.inertial_parameters, rtol=0, atol=1e-11
+        )
+
+    def test_what_mujoco_refuses_comes_with_its_reason(self, mjcf):
+        mjcf.write_text(MJCF.replace("box.obj", "gone.obj"))
+        with pytest.raises(RobotError, match=r"toy\.xml: MuJoCo refuses it: .*gone\.obj"):
+            load_robot(mjcf)
+
+
+XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">
+{argument}<xacro:property name="reach" value="$(arg reach)"/>
+<link name="base"/><joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+<origin xyz="0 0 ${{2 * reach}}"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint><link name="arm"/></robot>"""
+
+
+class TestXacro:
+    def test_is_expanded_with_its_arguments(self, tmp_path):
+        pytest.importorskip("xacrodoc")
+        path = tmp_path / "arm.urdf.xacro"
+        path.write_text(XACRO.format(argument='<xacro:arg name="reach" default="0.5"/>'))
+        assert load_robot(path).translation[0, 2].item() == 1.0
+        assert load_robot(path, Setup(args={"reach": "0.25"})).translation[0, 2].item() == 0.5
+
+    def test_an_argument_that_is_missing_is_asked_for(self, tmp_path):
+        pytest.importorskip("xacrodoc")
+        path = tmp_path / "arm.urdf.xacro"
+        path.write_text(XACRO.format(argument=""))
+        with pytest.raises(RobotError, match=r"xacro refuses it: .*'robot\.args=\{reach: …\}'"):
+            load_robot(path)
+
+    def test_a_package_that_is_missing_is_named(self, tmp_path):
+        pytest.importorskip("xacrodoc")
+        path = tmp_path / "arm.urdf.xacro"
+        path.write_text(
+            '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+            '<xacro:include filename="$(find no_such_package)/a.xacro"/></robot>'
+        )
+        with pytest.raises(RobotError, match=r"no package no_such_package; put .* on ROS_PACKAGE_PATH"):
+            load_robot(path)
+
+    def test_without_xacrodoc_the_remedy_is_told(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "xacrodoc", None)
+        path = tmp_path / "arm.xacro"
+        path.write_text(XACRO.format(argument=""))
+        with pytest.raises(RobotError, match=re.escape("pip install 'sidegan[xacro]'")):
+            load_robot(path)
+
+
+class TestByName:
+    @pytest.fixture
+    def known(self, tmp_path, monkeypatch):
+        """A package robot_descriptions with one arm that is there, and one that cannot be fetched."""
+        package = tmp_path / "robot_descriptions"
+        package.mkdir()
+        (tmp_path / "toy.urdf").write_text(one_joint())
+        (package / "__init__.py").touch()
+        (package / "toy_description.py").write_text(f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\n")
+        (package / "far_description.py").write_text("raise ConnectionError('no route to host')\n")
+        for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+            monkeypatch.delitem(sys.modules, name)
+        monkeypatch.syspath_prepend(tmp_path)
+        yield tmp_path
+        for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+            del sys.modules[name]
+
+    def test_a_name_is_looked_up(self, known):
+        assert load_robot("toy").urdf == load_robot("toy_description").urdf == known / "toy.urdf"
+
+    def test_a_name_that_is_not_there_is_refused_with_those_that_are(self, known):
+        with pytest.raises(RobotError, match="no robot named 'toi', expected toy, kuka_lwr4, planar2 or"):
+            load_robot("toi")
+
+    def test_what_cannot_be_fetched_is_told(self, known):
+        with pytest.raises(RobotError, match="cannot fetch far_description: no route to host"):
+            load_robot("far")
+
+
+class TestMeshes:
+    @pytest.fixture
+    def folder(self, tmp_path):
+        """An arm's description in a package, and a mesh in another package of the same workspace."""
+        for name in (
+            "ws/src/arm/urdf",
+            "ws/src/arm/meshes",
+            "ws/src/vendor/shapes/meshes",
+            "share/made/meshes",
+        ):
+            (tmp_path / name).mkdir(parents=True)
+        for mesh in ("src/arm/meshes/own.stl", "src/vendor/shapes/meshes/deep.stl"):
+            (tmp_path / "ws" / mesh).touch()
+        (tmp_path / "share/made/meshes/installed.stl").touch()
+        return tmp_path
+
+    @pytest.mark.parametrize(
+        ("name", "found"),
+        [
+            ("package://arm/meshes/own.stl", "ws/src/arm/meshes/own.stl"),
+            ("../meshes/own.stl", "ws/src/arm/meshes/own.stl"),
+            ("meshes/own.stl", "ws/src/arm/meshes/own.stl"),
+            ("package://renamed/meshes/own.stl", "ws/src/arm/meshes/own.stl"),
+            ("model://arm/meshes/own.stl", "ws/src/arm/meshes/own.stl"),
+            ("package://shapes/meshes/deep.stl", "ws/src/vendor/shapes/meshes/deep.stl"),
+            ("package://made/meshes/installed.stl", "share/made/meshes/installed.stl"),
+            ("package://shapes/meshes/gone.stl", None),
+            ("meshes/gone.stl", None),
+            ("package://", None),
+        ],
+    )
+    def test_are_found_as_ros_users_expect(self, folder, monkeypatch, name, found):
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(folder / "ws/src"))
+        monkeypatch.setenv("AMENT_PREFIX_PATH", str(folder))
+        file = find_mesh(name, folder / "ws/src/arm/urdf/arm.urdf")
+        assert file == (None if found is None else (folder / found).resolve())
+
+    def test_one_that_is_missing_is_named(self, load, caplog):
+        mesh = '<collision><geometry><mesh filename="package://p/gone.stl"/></geometry></collision>'
+        load(one_joint(collision=mesh))
+        assert "package://p/gone.stl" in caplog.text
+        assert "arm" in caplog.text

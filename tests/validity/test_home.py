@@ -1,0 +1,51 @@
+"""Where an arm rests when nobody says where."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.errors import InfeasibleError
+from sidegan.robot import Arm, load_robot
+from sidegan.validity import Constraints, Plane, default_home
+
+
+@pytest.fixture
+def bent() -> Arm:
+    """The planar arm whose first joint may be between 0.5 and 1.5 rad."""
+    arm = load_robot("planar2")
+    lower, upper = arm.position_lower.clone(), arm.position_upper.clone()
+    lower[0], upper[0] = 0.5, 1.5
+    return replace(arm, position_lower=lower, position_upper=upper)
+
+
+@pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
+def test_zeros_are_left_alone_where_they_are_feasible(name):
+    assert default_home(Constraints(load_robot(name), [Plane((0, 0, 1), 0.1)])) is None
+
+
+def test_zeros_at_a_limit_leave_no_room_to_move(bent):
+    bent.position_lower[0] = 0
+    assert default_home(Constraints(bent)) == pytest.approx((0.75, 0), abs=1e-3)
+
+
+def test_where_zeros_are_out_of_range_it_is_the_middle(bent):
+    assert default_home(Constraints(bent)) == pytest.approx((1, 0), abs=1e-3)
+
+
+def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same(bent):
+    regions = [Plane((0, 0, 1), 0.7)]  # the elbow is too low with the first joint in the middle
+    with pytest.raises(InfeasibleError, match="keep_out of forearm"):
+        Constraints(bent, regions).refuse_home((1, 0))
+    home = default_home(Constraints(bent, regions))
+    assert home is not None
+    Constraints(bent, regions).refuse_home(home)
+    middle, half = (bent.position_lower + bent.position_upper) / 2, bent.position_upper - bent.position_lower
+    assert ((torch.tensor(home) - middle).abs() / half).max() < 0.15
+    assert default_home(Constraints(bent, regions)) == home
+
+
+def test_where_no_position_is_free_that_is_told_with_what_may_help(bent):
+    weak = replace(bent, torque_limit=1e-9 * bent.torque_limit)
+    with pytest.raises(InfeasibleError, match=r"trajectory\.home=.*workspace=free"):
+        default_home(Constraints(weak))
