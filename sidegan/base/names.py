@@ -1,7 +1,8 @@
-"""Names from settings and files as names of files and folders."""
+"""Names from settings and files: as names of files and folders, and listed for people."""
 
 import hashlib
 import re
+from collections.abc import Sequence
 
 _LONGEST = 100  # bytes; file systems take 255
 _DIGEST = 8  # characters of the digest that stands for what was cut off
@@ -17,3 +18,9 @@ def folder_name(text: str, longest: int = _LONGEST) -> str:
         return name
     digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGEST]
     return f"{name.encode()[: longest - _DIGEST - 1].decode(errors='ignore')}-{digest}"
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """The first of some names, and how many there are beside them."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 from torch import Tensor
 
+from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.score import Score
 from sidegan.robot import Arm
@@ -135,7 +136,7 @@ def _excitation(trust: Trust) -> Iterator[Finding]:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})"
     for j, share in enumerate(trust.torque_deviation.tolist()):
-        own = _list([name for name in trust.weak if _joint_of(name) == j])
+        own = listed([name for name in trust.weak if _joint_of(name) == j], _NAMED)
         if share > _GOOD_TORQUE:
             level = BAD if share > _USABLE_TORQUE else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
@@ -166,8 +167,3 @@ def _joint_of(name: str) -> int:
     """Joint or link, from 0, that a parameter's name ends with."""
     number = re.search(r"\d+$", name)
     return int(number.group()) - 1 if number else -1
-
-
-def _list(names: list[str]) -> str:
-    rest = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + rest

@@ -206,9 +206,7 @@ class Tracking:
 class Parallel:
     """How the work is spread over cores and machines."""
 
-    workers: (
-        Annotated[int, Bound("≥", 1), Bound("≤", 4096)] | None
-    )  # null: one per core; a Dask cluster elsewhere has as many as it has
+    workers: Workers | None  # null: one per core; a Dask cluster elsewhere has as many as it has
     backend: Literal["loky", "dask"]
     scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
     threads: Workers | None  # of the main process; null: one per core

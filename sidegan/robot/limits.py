@@ -6,9 +6,10 @@ from pathlib import Path
 
 import yaml
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.setup import Limits, Setup, listed, override
+from sidegan.robot.setup import Limits, Setup, override
 from sidegan.robot.tree import Joint, Tree, meant
 
 _FILE = {  # MoveIt's names

@@ -9,11 +9,12 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.named import by_name, close_names
-from sidegan.robot.setup import PLAIN, Setup, listed
+from sidegan.robot.setup import PLAIN, Setup
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.enclosing import around_points
 from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.setup import listed
 from sidegan.robot.sources import Source
 
 _log = logging.getLogger(__name__)

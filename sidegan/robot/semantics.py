@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.setup import Setup, listed
+from sidegan.robot.setup import Setup
 from sidegan.robot.tree import Tree
 
 

@@ -66,12 +66,6 @@ def words(setup: Setup) -> list[str]:
     ]
 
 
-def listed(names: "list[str] | tuple[str, ...]", most: int = 8) -> str:
-    """The first of some names, and how many there are beside them."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
-
-
 def _plain(value: object) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(_plain, value))}]"

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.setup import listed, override
+from sidegan.robot.setup import override
 from sidegan.robot.tree import MOVABLE, Joint, Tree, meant
 
 

@@ -6,6 +6,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.compiled.chain import BOX, PLANE, Shapes
 from sidegan.motion.dynamics import RigidBody
@@ -215,7 +216,4 @@ class Constraints:
 
 def _except(names: tuple[str, ...], why: str) -> str:
     """The first of some names, and why they are excepted."""
-    if not names:
-        return ""
-    rest = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f" ({why}: {', '.join(names[:_SHOWN])}{rest})"
+    return f" ({why}: {listed(names, _SHOWN)})" if names else ""
