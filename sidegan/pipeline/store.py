@@ -93,11 +93,14 @@ class Store:
         message = f"there is no {maker}/{artifact.label} for this configuration, run stage {maker} first"
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
-            message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
+            nearest = ", ".join(min(differences, key=len)[:4])
+            message += (
+                f"; of the nearest one {nearest}" if nearest else "; it is there under another folder name"
+            )
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
-        """What making an artifact took, as far as it is kept: ``seconds`` of wall time, and more."""
+        """What making an artifact took, as far as it is kept: ``seconds``, ``cpu_seconds``, and more."""
         path = self._costs(artifact)
         return read_json(path) if path.exists() else {}
 
@@ -129,7 +132,7 @@ class Store:
         folder = final.with_name(f".{final.name}.tmp")
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)
-        began = time.monotonic()
+        began, used = time.monotonic(), time.process_time()
         try:
             with _storage_errors(final):
                 folder.mkdir(parents=True)
@@ -137,7 +140,9 @@ class Store:
             artifact.make(build)
             seconds = time.monotonic() - began
             write_stamp(folder, artifact.stamp)
-            self.keep_costs(artifact, {"seconds": round(seconds, 1), **build.costs})
+            cpu = time.process_time() - used  # of this process; a maker with workers keeps its own
+            own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu, 1)}
+            self.keep_costs(artifact, own | dict(build.costs))
             with _storage_errors(final):
                 _replace(folder, final)
         finally:
