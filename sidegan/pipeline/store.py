@@ -95,7 +95,7 @@ class Store:
         if differences:
             nearest = ", ".join(min(differences, key=len)[:4])
             message += (
-                f"; of the nearest one {nearest}" if nearest else "; it is there under another folder name"
+                f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
             )
         raise ArtifactError(message)
 
