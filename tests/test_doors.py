@@ -72,7 +72,12 @@ def imported(path):
     return names
 
 
-FILES = sorted(path for path in SOURCE.rglob("*.py") if room_of(path) not in ("__init__", "untracked"))
+COPIED = "torque_model.py"  # stands on its own beside an identified arm
+FILES = sorted(
+    path
+    for path in SOURCE.rglob("*.py")
+    if room_of(path) not in ("__init__", "untracked") and path.name != COPIED
+)
 IMPORTS = [(path, name) for path in FILES for name in imported(path)]
 
 

@@ -94,9 +94,7 @@ class Store:
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
             nearest = ", ".join(min(differences, key=len)[:4])
-            message += (
-                f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
-            )
+            message += f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
