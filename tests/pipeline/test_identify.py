@@ -165,6 +165,12 @@ def test_pinocchio_reads_friction_from_the_urdf(once, consistent):
     np.testing.assert_allclose(model.upperDryFrictionLimit, terms["coulomb"], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("stage", ["identify", "check"])
+def test_an_arm_that_nobody_named_is_asked_for(files, tmp_path, stage):
+    with pytest.raises(ConfigError, match=r"which arm was recorded\? robot.name="):
+        identified(tmp_path, f"recordings=[{files[0]}]", f"stages=[{stage}]")
+
+
 def test_a_check_fits_nothing(files, tmp_path, capsys):
     folder = tmp_path / "runs" / "check"
     config = configured(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "stages=[check]")
@@ -305,7 +311,9 @@ def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path, train, test):
 def test_the_lwr_recording_is_told_apart_from_a_good_one(tmp_path):
     path = real("kuka_lwr4/recorded_hw1_50hz.csv")
     for choice in ("csv", "lwr4"):
-        verdict, folder = identified(tmp_path, f"recording={choice}", f"recordings=[{path}]", run=choice)
+        verdict, folder = identified(
+            tmp_path, "robot=kuka_lwr4", f"recording={choice}", f"recordings=[{path}]", run=choice
+        )
         assert max(verdict["validation"]["nmse"][:4]) <= 0.02
         assert max(verdict["validation"]["unweighted"]["nmse"][:4]) <= 0.02
         reasons = "\n".join(verdict["reasons"])
