@@ -28,7 +28,7 @@ DOORS = {
     "xacrodoc": {"robot"},
     "robot_descriptions": {"robot"},
     "cvxpy": {"identification"},
-    "rosbags": {"recording"},
+    "rosbags": {"recording", "controllers"},
 }
 ORDER = [
     "errors",
@@ -44,6 +44,7 @@ ORDER = [
     "plant",
     "recording",
     "identification",
+    "controllers",
     "report",
     "pipeline",
     "run",
