@@ -39,7 +39,7 @@ def goal_text(course: Course) -> str:
 
 
 def write_mcap(courses: Mapping[str, Course], path: Path) -> None:
-    """Write courses as ``trajectory_msgs/JointTrajectory`` into one MCAP, a topic ``/<name>/joint_trajectory`` each.
+    """Write courses as ``trajectory_msgs/JointTrajectory`` into one MCAP, under ``/<name>/joint_trajectory``.
 
     Raises:
         StorageError: when the file cannot be written.

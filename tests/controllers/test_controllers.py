@@ -1,4 +1,4 @@
-"""What controllers are given is the motion that was checked: by other decoders, between its points, slowed down."""
+"""What controllers are given is the motion that was checked: by other decoders, between points, slowed down."""
 
 import io
 import re
