@@ -23,6 +23,7 @@ from filelock import FileLock, Timeout
 from sidegan.base.parallel import Report
 from sidegan.base.progress import duration
 from sidegan.base.storage import read_json, write_json
+from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline.graph import Artifact, Build, difference
 
@@ -94,9 +95,7 @@ class Store:
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
             nearest = ", ".join(min(differences, key=len)[:4])
-            message += (
-                f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
-            )
+            message += f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
@@ -137,7 +136,8 @@ class Store:
             with _storage_errors(final):
                 folder.mkdir(parents=True)
                 work.mkdir(exist_ok=True)
-            artifact.make(build)
+            with one_thread():  # as in a worker: which process makes it changes no bit
+                artifact.make(build)
             seconds = time.monotonic() - began
             write_stamp(folder, artifact.stamp)
             cpu = time.process_time() - used  # of this process; a maker with workers keeps its own

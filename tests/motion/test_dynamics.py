@@ -11,11 +11,13 @@ from torch import Tensor
 
 from sidegan.errors import RobotError, ShapeError
 from sidegan.motion import newton_euler, plain
+from sidegan.motion.base_parameters import BaseParameters
 from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, pinocchio_model
 from tests.chains import random_chain, random_states
+from tests.threads import several_threads
 
 CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(3)]
 
@@ -155,6 +157,14 @@ def test_base_parameters_are_the_same_every_time(arm: Arm) -> None:
     one, two = RigidBody(arm).base, RigidBody(arm).base
     assert one.names == two.names
     torch.testing.assert_close(one.mapping, two.mapping, atol=0, rtol=0)  # the same computation
+
+
+def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm: Arm) -> None:
+    one = BaseParameters.of(arm)
+    with several_threads():
+        other = BaseParameters.of(arm)
+    for name in ("columns", "mapping", "values", "subspace"):
+        assert torch.equal(getattr(one, name), getattr(other, name)), name  # the same computation
 
 
 def test_an_arm_without_any_effect_is_refused(planar: Arm) -> None:

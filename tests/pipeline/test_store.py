@@ -7,12 +7,15 @@ import signal
 from dataclasses import replace
 
 import pytest
+import torch
+from threadpoolctl import threadpool_info
 
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import graph
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.store import Store
+from tests.threads import several_threads
 
 
 @pytest.fixture(autouse=True)
@@ -70,6 +73,17 @@ def test_a_changed_input_makes_another_artifact(store):
     seeds = numbers()
     one, other = (numbers(inputs={"seeds": digest}) for digest in (seeds.digest, "another"))
     assert store.folder(one) != store.folder(other)
+
+
+def test_an_artifact_is_made_on_one_thread_as_a_worker_makes_it(store):
+    def make(build):
+        most = max([torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())])
+        (build.folder / "numbers.txt").write_text(str(most))
+
+    with several_threads():
+        folder = store.produce(numbers(make=make))
+        assert torch.get_num_threads() == 2
+    assert (folder / "numbers.txt").read_text() == "1"
 
 
 def test_an_artifact_is_invisible_until_it_is_whole(store):
