@@ -121,6 +121,16 @@ def test_planar_arm_has_the_textbooks_base_parameters(planar: Arm) -> None:
     torch.testing.assert_close(base.values, torch.tensor(values, dtype=torch.float64), atol=1e-10, rtol=0)
 
 
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_what_moves_the_torque_ever_so_little_is_a_base_parameter(planar: Arm, apart: float) -> None:
+    """Two parallel, upright axes, hardly apart: the second link's centre is felt through that alone."""
+    upright = replace(planar, gravity=9.81 * planar.axis[0], translation=planar.translation * 0)
+    assert RigidBody(upright).base.names == ("Iyy1", "Iyy2")
+    shift = planar.translation * torch.tensor([[0.0], [1.0]], dtype=torch.float64)
+    near = replace(upright, translation=apart * shift)
+    assert RigidBody(near).base.names == ("Iyy1", "mx2", "mz2", "Iyy2")
+
+
 @pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
 def test_base_parameters_explain_the_full_regressor(joints: int, seed: int, arm: Arm) -> None:
     arm = random_chain(joints, seed)[0] if joints else arm
