@@ -128,7 +128,9 @@ class Plant:
         spec = mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mj_stateSize(self.model, spec))
         mj_getState(self.model, data, start, spec)
-        states, _ = rollout.rollout(self.model, data, start, target.numpy()[None])
+        # The solver starts from rest, whatever was simulated before.
+        warm = np.zeros(self.model.nv)
+        states, _ = rollout.rollout(self.model, data, start, target.numpy()[None], initial_warmstart=warm)
         joints = self.arm.joints  # a state is time, positions, velocities
         states = torch.from_numpy(np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints])
         position, velocity = states[:, :joints], states[:, joints:]
