@@ -26,6 +26,7 @@ class Pieces:
     radius: Tensor  # of the balls [m], (C,)
     exact: Tensor  # whether a piece is the capsule itself, (C,) bool
     fitted: Tensor  # whether capsule and piece were fitted to meshes, (C,) bool
+    core: Tensor  # radius of the capsule on the same axis that has the piece's volume [m], (C,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,11 @@ class Capsules:
     def __post_init__(self) -> None:
         if len(self.owners) != len(self.names):
             object.__setattr__(self, "owners", self.names)
+
+    @property
+    def core(self) -> Tensor:
+        """Radii [m], (C,), that optimisers keep apart: about those of what is inside of the capsules."""
+        return self.radius if self.pieces is None else self.pieces.core
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,11 @@ import torch
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covers import Cover, cover_of
+from sidegan.robot.capsule_fit import hull_volume, volume
 from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
 
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
+_HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
@@ -82,7 +84,21 @@ def _pieces(rows: list[tuple[Shape, int]]) -> Pieces:
         radius=torch.tensor([shape.rounding[k] for shape, k in rows], dtype=torch.float64),
         exact=torch.tensor([shape.exact for shape, _ in rows]),
         fitted=torch.tensor([bool(shape.digest) for shape, _ in rows]),
+        core=torch.tensor([_core(shape, k) for shape, k in rows], dtype=torch.float64),
     )
+
+
+def _core(shape: Shape, k: int) -> float:
+    """Radius [m] of a capsule on the same axis, of the same volume as the piece."""
+    ends, radius = shape.segments[k]
+    if shape.exact:
+        return radius
+    size = hull_volume(shape.corners[k])
+    low, high = 0.0, radius
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if volume((ends, middle)) < size else (low, middle)
+    return max(high, shape.rounding[k])
 
 
 def _is_mesh(one: pin.GeometryObject) -> bool:

@@ -57,6 +57,7 @@ class Slack:
         joints = torch.arange(self.arm.joints)
         between = joints[None] > torch.minimum(first, second)[:, None]
         self.pair_reach = reach[outer] * between
+        self.piece_reach = piece_reach(self.arm)[outer] * between
         self.region_reach = reach[constraints.guarded[:, 1]]
 
     def of(self, motion: CellMotion, half: float) -> dict[str, Tensor]:
@@ -67,6 +68,10 @@ class Slack:
         slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
         slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
         return slack
+
+    def of_pieces(self, motion: CellMotion) -> Tensor:
+        """Upper bounds of the change of the distances of what is inside of the pairs' capsules, (N, P)."""
+        return motion.position_change @ self.piece_reach.to(motion.jerk).T
 
 
 def _travel(arm: Arm) -> Tensor:
@@ -81,24 +86,38 @@ def capsule_reach(arm: Arm) -> Tensor:
     The distance of a point to a joint's axis is at most that of the next joint's origin (which turning
     about the axis does not change) plus the lengths from there outwards.
     """
-    travel = _travel(arm)
     capsules = arm.capsules
-    ends = torch.maximum(capsules.a.norm(dim=1), capsules.b.norm(dim=1))
-    reach = torch.zeros(len(ends), arm.joints, dtype=torch.float64)
-    for k, link in enumerate(capsules.link.tolist()):
+    points = torch.stack([capsules.a, capsules.b], 1)
+    return _reach(arm, capsules.link.tolist(), [*points])
+
+
+def piece_reach(arm: Arm) -> Tensor:
+    """The same of a point of the hull inside of each capsule, (C, J)."""
+    pieces = arm.capsules.pieces
+    if pieces is None:
+        return capsule_reach(arm)
+    return _reach(arm, arm.capsules.link.tolist(), [*pieces.corners.split(pieces.start.diff().tolist())])
+
+
+def _reach(arm: Arm, links: list[int], bodies: list[Tensor]) -> Tensor:
+    """Largest speed [m per rad or m] that a joint gives the corners (V, 3) of bodies on links, (C, J)."""
+    travel = _travel(arm)
+    reach = torch.zeros(len(links), arm.joints, dtype=torch.float64)
+    for k, (link, corners) in enumerate(zip(links, bodies)):
         for j in range(link + 1):
             if arm.prismatic[j]:
                 reach[k, j] = 1.0
             elif j == link:
-                reach[k, j] = torch.maximum(*(_from_axis(arm, j, x) for x in (capsules.a[k], capsules.b[k])))
+                reach[k, j] = _from_axis(arm, j, corners).max()
             else:
                 step = travel[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
-                reach[k, j] = step + travel[j + 2 : link + 1].sum() + ends[k]
+                reach[k, j] = step + travel[j + 2 : link + 1].sum() + corners.norm(dim=1).max()
     return reach
 
 
-def _from_axis(arm: Arm, joint: int, point: Tensor) -> Tensor:
-    return torch.linalg.cross(arm.axis[joint], point).norm()
+def _from_axis(arm: Arm, joint: int, points: Tensor) -> Tensor:
+    """Distance [m] of points (…, 3) from a joint's axis, (…)."""
+    return torch.linalg.cross(arm.axis[joint].expand_as(points), points).norm(dim=-1)
 
 
 def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:

@@ -63,8 +63,11 @@ class Search:
         used, rows = torch.unique(index, return_inverse=True)
         times = (used.to(self.c) + 0.5) * (2 * half)
         q, dq, ddq = (self._state(which, rows, times, order) for order in range(3))
-        margins = self.constraints.margins(q, dq, ddq)
-        slack = self.slack.of(cell_motion(dq, ddq, self.jerk[which], half), half)
+        margins = self.constraints.capsule_margins(q, dq, ddq)
+        motion = cell_motion(dq, ddq, self.jerk[which], half)
+        slack = self.slack.of(motion, half)
+        if self.constraints.pieces.finer.any():
+            self._look_inside(q, margins, slack, self.slack.of_pieces(motion))
         open_ = torch.zeros_like(which, dtype=torch.bool)
         for name, margin in margins.items():
             unsure = ~(margin >= slack[name])
@@ -73,6 +76,18 @@ class Search:
                 margin = torch.where(unsure & (margin >= 0), margin - slack[name], margin)
             self._record(name, margin, which, times[rows])
         return cells[open_]
+
+    def _look_inside(
+        self, q: Tensor, margins: dict[str, Tensor], slack: dict[str, Tensor], reached: Tensor
+    ) -> None:
+        """Let what is inside of capsules decide where they do not, if it guarantees more."""
+        margin, most = margins["collision"], slack["collision"]
+        asked = torch.nonzero(~(margin >= most) & self.constraints.pieces.finer)
+        n, p = asked.unbind(1)
+        inner = self.constraints.pieces.lower(q, asked)
+        better = inner - reached[n, p] >= margin[n, p] - most[n, p]
+        margins["collision"] = margin.index_put((n[better], p[better]), inner[better])
+        slack["collision"] = most.index_put((n[better], p[better]), reached[n, p][better])
 
     def _state(self, which: Tensor, rows: Tensor, times: Tensor, order: int) -> Tensor:
         if len(which) == len(self.c) * len(times):  # every trajectory on one grid: a single matrix product

@@ -23,6 +23,7 @@ from sidegan.motion.compiled.cells import (
 from sidegan.motion.compiled.chain import PLANE, Array
 from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
 from sidegan.motion.compiled.formulas import dot, less
+from sidegan.motion.compiled.hulls import between_pieces
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import place_capsules, row
 
@@ -112,7 +113,10 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
 
 @inline
 def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """The same for pairs of capsules: only those whose balls are near enough to matter."""
+    """The same for pairs of capsules: only those whose balls are near enough to matter.
+
+    Where capsules leave the cell undecided, what is inside of them decides, where that is known.
+    """
     shapes, a, b, middle = model.shapes, work.ends[0], work.ends[1], work.ends[2]
     most = _reached(model.pair_most, 0, work.motion)
     undecided = False
@@ -127,6 +131,14 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
         margin = distance - (shapes.radius[i] + shapes.radius[j])
         if not margin >= need:
             slack = _reached(model.pair_reach, p, work.motion)
+            if model.hulls.finer[p] and not margin >= slack:
+                reached = _reached(model.piece_reach, p, work.motion)
+                enough = max(smallest.margin[here.n, COLLISION], reached)
+                inner = between_pieces(model.hulls, shapes, work.world, work.ends, p, enough, work.search)
+                if inner >= enough:
+                    continue
+                if inner - reached >= margin - slack:
+                    margin, slack = inner, reached
             undecided |= _settle(margin, slack, here, COLLISION, p, smallest)
     return undecided
 
