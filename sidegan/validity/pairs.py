@@ -91,11 +91,11 @@ def _find(arm: Arm) -> Pairs:
     open_ = [not (n or m) for n, m in zip(near, named)]
     touching = _Touching(arm, pairs, of)
     _refuse(arm, touching, _marked(of, open_))
-    never = never_touching(arm, pairs[torch.tensor(open_, dtype=torch.bool)], sampled(arm))
-    kept = [k for k, o in enumerate(open_) if o and tuple(pairs[k].tolist()) not in never]
-    left = {of[k] for k in kept}
+    kept = torch.tensor([k for k, o in enumerate(open_) if o], dtype=torch.long)
+    kept = kept[~never_touching(arm, pairs[kept])]
+    left = {of[k] for k in kept.tolist()}
     return Pairs(
-        checked=pairs[torch.tensor(kept, dtype=torch.long)],
+        checked=pairs[kept],
         links=len(left),
         neighbours=tuple(Exemption(links, "neighbours") for links in _marked(of, near)),
         named=tuple(

@@ -1,5 +1,6 @@
 """How far apart the convex pieces inside of capsules are: compiled where numba is there, else by NumPy."""
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from sidegan.motion.backend import usable
 from sidegan.motion.compiled.chain import Chain, Shapes, array
 from sidegan.robot import Arm
 from sidegan.robot.arm import Pieces
-from sidegan.validity.capsules import frames_of
+from sidegan.validity.capsules import frames_of, segment_distance
 from sidegan.validity.hulls import apart
 
 if TYPE_CHECKING:
@@ -52,22 +53,36 @@ class PieceDistances:
             return self._compiled(q, asked, need)
         return self._plain(self.pieces, q, asked)
 
+    def shapes(self) -> Shapes:
+        """The capsules and their pairs, without regions, as compiled kernels take them."""
+        none, numbers = torch.zeros(0, 2, dtype=torch.long), torch.zeros(0, 6, dtype=torch.float64)
+        return Shapes.of(self.arm.capsules, self.pairs, none, numbers, none[:, 0])
+
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""
         from sidegan.motion.compiled.hulls import Hulls
 
         if self.pieces is None:
             return Hulls.none(len(self.arm.capsules.radius), len(self.pairs))
-        tensors = self.pieces.corners, self.pieces.start, self.pieces.radius, self.finer
+        tensors = self.pieces.corners, self.pieces.start, self.pieces.radius, self.around, self.finer
         return Hulls(*map(array, tensors))
+
+    @cached_property
+    def around(self) -> Tensor:
+        """How far the corners of each piece are from its capsule's axis at most [m], (C,)."""
+        capsules, pieces = self.arm.capsules, self.pieces
+        if pieces is None:
+            return torch.zeros_like(capsules.radius)
+        counts = pieces.start.diff()
+        a, b = (x.repeat_interleave(counts, 0).T for x in (capsules.a, capsules.b))
+        apart = segment_distance(a, b, pieces.corners.T, pieces.corners.T)
+        return torch.stack([part.max() for part in apart.split(counts.tolist())])
 
     def _compiled(self, q: Tensor, asked: Tensor, need: float) -> Tensor:
         from sidegan.motion.compiled import hulls as kernel
 
         order = torch.argsort(asked[:, 0], stable=True)
-        none = torch.zeros(0, 2, dtype=torch.long)
-        numbers = torch.zeros(0, 6, dtype=torch.float64)
-        shapes = Shapes.of(self.arm.capsules, self.pairs, none, numbers, none[:, 0])
+        shapes = self.shapes()
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
         kernel.distances(

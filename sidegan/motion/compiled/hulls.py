@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.motion.compiled.chain import Array, Chain, Shapes
-from sidegan.motion.compiled.formulas import Matrix, Vector, add, dot, less, product, times, to_parent
+from sidegan.motion.compiled.formulas import Matrix, Vector, add, cross, dot, less, product, times, to_parent
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import (
     Frames,
@@ -38,13 +38,15 @@ class Hulls(NamedTuple):
     corners: Array  # in the frames of the capsules [m], (V, 3)
     start: Array  # where those of each begin, (C + 1,) int
     radius: Array  # of the balls [m], (C,)
+    around: Array  # how far the corners are from the capsule's axis at most [m], (C,)
     finer: Array  # whether a pair of hulls may be farther apart than its capsules, (P,) bool
 
     @classmethod
     def none(cls, capsules: int, pairs: int) -> "Hulls":
         """Nothing but the capsules themselves."""
         zeros = np.zeros(capsules)
-        return cls(np.zeros((0, 3)), np.zeros(capsules + 1, dtype=np.int64), zeros, np.zeros(pairs, dtype=bool))
+        starts, finer = np.zeros(capsules + 1, dtype=np.int64), np.zeros(pairs, dtype=bool)
+        return cls(np.zeros((0, 3)), starts, zeros, zeros, finer)
 
 
 @inline
@@ -71,7 +73,7 @@ def _on_segment(a: Vector, b: Vector) -> float:
     return min(max(-dot(a, along) / dot(along, along), 0.0), 1.0)
 
 
-@inline
+@kernel
 def _on_triangle(a: Vector, b: Vector, c: Vector) -> tuple[float, float, float]:
     """Shares of the corners in the point of a triangle that is nearest to the origin."""
     ab, ac = less(b, a), less(c, a)
@@ -108,7 +110,7 @@ def _outside(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
     return -dot(a, normal) * dot(less(d, a), normal) <= 0
 
 
-@inline
+@kernel
 def _face(points: Array, i: int, j: int, k: int, best: float, weights: Array) -> float:
     """Take the face of a tetrahedron into account: the smaller squared distance, with its shares written."""
     a, b, c = row(points, i), row(points, j), row(points, k)
@@ -216,6 +218,55 @@ def direction(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> Vector:
         return gap
     gap = less(add(a1, b1), add(a2, b2))
     return gap if dot(gap, gap) > 1e-12 else (0.0, 0.0, 1.0)
+
+
+@inline
+def _lever(axis: Vector, origin: Vector, a: Vector, b: Vector) -> float:
+    """Largest distance [m] of a segment's points from a line through a point."""
+    one, two = cross(axis, less(a, origin)), cross(axis, less(b, origin))
+    return math.sqrt(max(dot(one, one), dot(two, two)))
+
+
+@inline
+def reached(
+    chain: Chain, shapes: Shapes, world: Frames, ends: Array, p: int, moves: Array, reach: Array, beside: float
+) -> float:
+    """How far at most joints that move so far move the second of a pair's bodies against the first [m].
+
+    In the frame of a joint, a point's distance from its axis changes only as far as the joints further out
+    move it there: the levers of now, and this motion, bound all levers.
+
+    Args:
+        chain: the arm's joints.
+        shapes: its capsules and their pairs.
+        world: its frames now.
+        ends: the capsules' ends in the world now, (3, C, 3).
+        p: the pair.
+        moves: how far each joint may go from its position at most [rad or m], (J,).
+        reach: the largest lever that each joint has wherever the arm is, (P, J).
+        beside: distance [m] from the capsule's axis within which the body is.
+    """
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    inner, outer = shapes.frame[i], shapes.frame[k]
+    c = k
+    if inner > outer:
+        inner, outer, c = outer, inner, i
+    a, b = row(ends[0], c), row(ends[1], c)
+    total = 0.0
+    for j in range(outer - 1, inner - 1, -1):
+        lever = reach[p, j]
+        if not chain.prismatic[j]:
+            axis = to_parent(matrix(world.turn, j + 1), row(chain.axis, j))
+            lever = min(lever, _lever(axis, row(world.place, j + 1), a, b) + beside + total)
+        total += moves[j] * lever
+    return total
+
+
+@inline
+def outer_of(shapes: Shapes, p: int) -> int:
+    """The capsule of a pair that is further out."""
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    return i if shapes.frame[i] > shapes.frame[k] else k
 
 
 @inline
