@@ -139,6 +139,9 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
     """
     shapes, a, b, middle = model.shapes, work.ends[0], work.ends[1], work.ends[2]
     most = _reached(model.pair_most, 0, work.motion)
+    for k in range(smallest.margin.shape[1]):
+        if smallest.margin[here.n, k] < 0:
+            most = -np.inf  # nothing that this cell leaves undecided is looked at again
     undecided = False
     for p in range(len(shapes.pairs)):
         i, j = shapes.pairs[p, 0], shapes.pairs[p, 1]
