@@ -50,6 +50,7 @@ class Shapes(NamedTuple):
     frame: Array  # in which a capsule lies: 0 for the base, else joint + 1, (C,) int
     ends: Array  # of its axis, in that frame [m], (2, C, 3)
     radius: Array  # [m], (C,)
+    core: Array  # radius that optimisers keep apart [m], (C,)
     size: Array  # a little more than the radius of the ball around it [m], (C,)
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
@@ -63,7 +64,7 @@ class Shapes(NamedTuple):
         """Shapes of an arm's capsules and of regions, given by their numbers (R, 6)."""
         ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-        return cls(*map(array, (capsules.link + 1, ends, radius, size, pairs, guarded, regions, kinds)))
+        return cls(*map(array, (capsules.link + 1, ends, radius, capsules.core, size, pairs, guarded, regions, kinds)))
 
 
 def array(x: Tensor) -> Array:

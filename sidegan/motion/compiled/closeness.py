@@ -59,7 +59,7 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room)
         one, two = nearest(row(a, i), row(b, i), row(a, k), row(b, k))
         gap = less(one, two)
         distance = math.sqrt(dot(gap, gap))
-        excess = reach - max(distance, TOUCHING) + shapes.radius[i] + shapes.radius[k]
+        excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
         if excess > 0:
             total += excess * excess
             if distance > TOUCHING:

@@ -187,7 +187,7 @@ def _nearest_pair(shapes: Shapes, ends: Array, least: float) -> float:
         apart, far = less(row(ends[2], i), row(ends[2], k)), least + shapes.size[i] + shapes.size[k]
         if far <= 0 or dot(apart, apart) < far * far:
             distance = between_segments(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
-            least = min(least, distance - (shapes.radius[i] + shapes.radius[k]))
+            least = min(least, distance - (shapes.core[i] + shapes.core[k]))
     return least
 
 
