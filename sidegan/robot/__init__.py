@@ -1,6 +1,6 @@
 """What the arm is: placements, axes, inertias, limits and capsules as tensors, read from a description."""
 
-from sidegan.robot.arm import Arm, Capsules, with_effort
+from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.load import built_in_robots, load_robot
 from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, pinocchio_model
@@ -8,6 +8,7 @@ from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
 
 __all__ = [
+    "HIGHER",
     "Arm",
     "Capsules",
     "Limits",

@@ -25,7 +25,7 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
-_STAMPED = ("lower", "upper", "velocity", "effort")  # the others are not part of the digest yet
+_OPTIONAL = ("acceleration", "jerk")  # part of the digest only where there are any
 _log = logging.getLogger(__name__)
 
 
@@ -66,12 +66,13 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
-    numbers = {**chain, **{_LIMITS[kind]: limits[kind] for kind in _STAMPED}}
+    numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
+    higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
     capsules = pin_model.enclosing_capsules(model, description)
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers, capsules),
+        digest=digest_of(numbers | higher, capsules),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -81,20 +82,14 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         poses=description.semantics.complete(names),
         disabled_pairs=description.semantics.disabled,
         told=tuple(description.told),
-        acceleration_limit=_if_any(limits["acceleration"]),
-        jerk_limit=_if_any(limits["jerk"]),
         **numbers,
+        **higher,
     )
 
 
 def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
     """One kind of limit of all joints, (J,)."""
     return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
-
-
-def _if_any(limits: Tensor) -> Tensor | None:
-    """Limits, where at least one joint has one."""
-    return limits if limits.isfinite().any() else None
 
 
 def _pose(description: Description, setup: Setup, names: tuple[str, ...]) -> tuple[float, ...] | None:
