@@ -97,10 +97,10 @@ def pull_back(
             for slope, piece in zip(slopes, pieces):
                 slope[rows, times] = piece / problem.samples
     if penalty is not None and problem.constraints.higher:
-        cost, pieces = penalty.higher(problem.constraints, [x.detach() for x in motion])
+        cost, pushes = penalty.higher(problem.constraints, [x.detach() for x in motion])
         violation += cost / problem.samples
-        for order, piece in pieces.items():
-            slopes[order] += piece / problem.samples
+        for order, push in pushes.items():
+            slopes[order] += push / problem.samples
     (gradient,) = torch.autograd.grad(motion, c, slopes)
     return violation, gradient
 

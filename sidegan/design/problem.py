@@ -57,8 +57,8 @@ class Problem:
     def limit_use(self, c: Tensor) -> Tensor:
         """Largest share of its tightest limit that each joint uses, (B, J).
 
-        Limits are those of position, from home, of velocity and, where there are any, of acceleration and jerk:
-        what is linear in the coefficients.
+        Limits are those of position, from home, of velocity and, where there are any, of acceleration and
+        jerk: what is linear in the coefficients.
         """
         motion = self.trajectory.roll_out(c, self.finer_grid)
         position = (motion.position - c.new_tensor(self.trajectory.home)).abs().amax(1) / self.room

@@ -45,10 +45,12 @@ class FusedSearch(Search):
         else:
             used, rows = torch.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2
-        times = (used.to(self.c) + 0.5) * (2 * half)
-        basis = [self.trajectory.basis(times, order).flatten(1) for order in range(self.orders)]
-        tensors = self.c.flatten(2), self.jerk, self.drifts, torch.stack(basis, 1), times
-        motions = kernel_cells.Motions(*map(array, tensors), half)
+        centres = (used.to(self.c) + 0.5) * (2 * half)
+        functions = [self.trajectory.basis(centres, order).flatten(1) for order in range(self.orders)]
+        c, jerk, drifts, basis, times = map(
+            array, (self.c.flatten(2), self.jerk, self.drifts, torch.stack(functions, 1), centres)
+        )
+        motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
         undecided = np.empty(len(cells), dtype=bool)
         cuts = _cuts(which)
 

@@ -31,9 +31,7 @@ class Search:
         self.constraints, self.trajectory, self.c = constraints, trajectory, c
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / _COARSE)))
         # Of the derivative after the next one, by what is limited: a margin drifts by the next one at first.
-        self.bounds = {
-            name: derivative_bound(trajectory, c, HIGHER[name] + 2) for name in constraints.higher
-        }
+        self.bounds = {name: derivative_bound(trajectory, c, HIGHER[name] + 2) for name in constraints.higher}
         self.orders = max([3, *(HIGHER[name] + 2 for name in constraints.higher)])
         self.valid = torch.ones(len(c), dtype=torch.bool, device=c.device)
         self.margins = {name: c.new_full((len(c),), torch.inf) for name in constraints.labels}
@@ -71,7 +69,7 @@ class Search:
         times = (used.to(self.c) + 0.5) * (2 * half)
         states = [self._state(which, rows, times, order) for order in range(self.orders)]
         margins = self.constraints.margins(*states[: self.constraints.orders])
-        slack = self.slack.of(cell_motion(*states[1:3], self.jerk[which], half), half)
+        slack = self.slack.of(cell_motion(states[1], states[2], self.jerk[which], half), half)
         for name, bound in self.bounds.items():
             slack[name] = drift(states[HIGHER[name] + 1], bound[which], half)
         open_ = torch.zeros_like(which, dtype=torch.bool)
