@@ -85,7 +85,8 @@ class Constraints:
         arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
         if any(x.shape != (len(q), arm.joints) for x in states):
             shapes = ", ".join(str(tuple(x.shape)) for x in states)
-            raise ShapeError(f"states are {shapes}, expected (N, {arm.joints}) each")
+            times = "three times" if jerk is None else "four times"
+            raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
         if len(states) < self.orders:
             raise ShapeError(f"jerk of {arm.name} is limited: margins need it beside the acceleration")
         lower, upper, speed = (x.to(q) for x in (arm.position_lower, arm.position_upper, arm.velocity_limit))
