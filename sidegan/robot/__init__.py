@@ -1,6 +1,6 @@
 """What the arm is: placements, axes, inertias, limits and capsules as tensors, read from a description."""
 
-from sidegan.robot.arm import Arm, Capsules, with_effort
+from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, load_robot
@@ -10,6 +10,7 @@ from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
 
 __all__ = [
+    "HIGHER",
     "Arm",
     "Capsules",
     "Drives",

@@ -11,6 +11,8 @@ from torch import Tensor
 from sidegan.errors import RobotError
 from sidegan.robot.setup import PLAIN, Setup
 
+HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
+
 _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
 
 
@@ -95,6 +97,12 @@ class Arm:
         """Number of joints J."""
         return len(self.joint_names)
 
+    @property
+    def higher_limits(self) -> dict[str, Tensor]:
+        """Limits of acceleration and jerk, (J,), where there are any; infinite for joints without one."""
+        limits = {"acceleration": self.acceleration_limit, "jerk": self.jerk_limit}
+        return {name: x for name, x in limits.items() if x is not None and x.isfinite().any()}
+
     def named(self, which: Tensor) -> str:
         """Names of the joints that are marked, (J,), for a message."""
         return ", ".join(name for name, marked in zip(self.joint_names, which.tolist()) if marked)
@@ -102,6 +110,8 @@ class Arm:
 
 def with_effort(arm: Arm, effort: float) -> Arm:
     """The same arm, of whose velocity and torque limits only the share ``effort`` may be used.
+
+    Limits of acceleration and jerk stay: they are what a controller accepts, whatever the effort.
 
     Raises:
         RobotError: when the share is not above 0 and up to 1.

@@ -25,7 +25,7 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
-_STAMPED = ("lower", "upper", "velocity", "effort")  # the others are not part of the digest yet
+_OPTIONAL = ("acceleration", "jerk")  # part of the digest only where there are any
 _log = logging.getLogger(__name__)
 
 
@@ -67,14 +67,15 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
-    numbers = {**chain, **{_LIMITS[kind]: limits[kind] for kind in _STAMPED}}
+    numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
+    higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
     shapes = pin_model.collision_shapes(model, description, setup.pieces)
     capsules = capsules_of(shapes)
     stamped = [shape.digest for shape in shapes if shape.digest] + _stamped(setup, description)
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers, capsules, stamped),
+        digest=digest_of(numbers | higher, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -86,9 +87,8 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         told=tuple(description.told),
         parents=description.parents,
         may_touch=description.may_touch,
-        acceleration_limit=_if_any(limits["acceleration"]),
-        jerk_limit=_if_any(limits["jerk"]),
         **numbers,
+        **higher,
     )
 
 
@@ -101,11 +101,6 @@ def _stamped(setup: Setup, description: Description) -> list[str]:
 def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
     """One kind of limit of all joints, (J,)."""
     return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
-
-
-def _if_any(limits: Tensor) -> Tensor | None:
-    """Limits, where at least one joint has one."""
-    return limits if limits.isfinite().any() else None
 
 
 def _pose(description: Description, setup: Setup, names: tuple[str, ...]) -> tuple[float, ...] | None:

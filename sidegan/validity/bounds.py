@@ -2,7 +2,8 @@
 
 From a sample's velocity and acceleration and a bound on the jerk follow bounds on the joints' motion in the
 cell; from those, bounds on the motion of capsules and on the change of torques, by triangle inequalities
-alone (``sidegan.motion.compiled.formulas``).
+alone (``sidegan.motion.compiled.formulas``). How far accelerations and jerks drift, where they
+are limited, follows from the next derivative at the sample and a bound on the one after.
 """
 
 from dataclasses import dataclass
@@ -36,10 +37,15 @@ class CellMotion:
 def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
     """Upper bound of the absolute jerk [rad/s³] over the whole period, (B, J)."""
     times = trajectory.grid(cells)
-    snap = torch.einsum("bjhx,hx->bj", c.abs(), trajectory.snap_bound().to(c))
+    snap = derivative_bound(trajectory, c, 4)
     parts = c.split(max(1, _SAMPLES_AT_ONCE // cells))
     sampled = torch.cat([trajectory.derivative(part, times, 3).abs().amax(1) for part in parts])
     return sampled + snap * (trajectory.period / cells / 2)
+
+
+def derivative_bound(trajectory: Trajectory, c: Tensor, order: int) -> Tensor:
+    """Upper bound of the absolute derivative ``order``, 4 or more, over the whole period, (B, J)."""
+    return torch.einsum("bjhx,hx->bj", c.abs(), trajectory.derivative_bound(order).to(c))
 
 
 def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, half: float) -> CellMotion:

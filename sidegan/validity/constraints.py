@@ -10,7 +10,7 @@ from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.compiled.chain import BOX, PLANE, Shapes
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Arm
+from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
 from sidegan.validity.pairs import SAMPLES, pairs_of, sampled
 from sidegan.validity.pieces import PieceDistances
@@ -35,6 +35,7 @@ class Constraints:
         torque: whether torque limits count, where the robot states them.
 
     Attributes:
+        higher: limits of acceleration and jerk, (J,), where the robot states any.
         pairs: checked capsule pairs, (P, 2).
         pieces: distances of what is inside of these capsules.
         exempt: pairs of links that are not kept apart, and why.
@@ -51,6 +52,7 @@ class Constraints:
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
         self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
+        self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
         found = pairs_of(arm)
         self.pairs, self._links = found.checked, found.links
@@ -60,7 +62,9 @@ class Constraints:
         self._named = tuple(str(one) for one in found.named)
         self._never = len(found.never)
         self.guarded = self._find_guarded()
-        self.labels: dict[str, tuple[str, ...]] = {"position": arm.joint_names, "velocity": arm.joint_names}
+        self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
+            ("position", "velocity", *self.higher), arm.joint_names
+        )
         if self.torque:
             self.labels["torque"] = arm.joint_names
         if len(self.pairs):
@@ -68,24 +72,47 @@ class Constraints:
         if len(self.guarded):
             self.labels["keep_out"] = self._guarded_names(self.guarded)
 
-    def margins(self, q: Tensor, dq: Tensor, ddq: Tensor) -> dict[str, Tensor]:
-        """Signed margins by constraint, (N, K) each [rad, rad/s, N·m, m], of N states (N, J); ≥ 0 is feasible.
+    @property
+    def orders(self) -> int:
+        """How many derivatives of the position make a state: 3, or 4 where jerk is limited."""
+        return 4 if "jerk" in self.higher else 3
 
-        Differentiable; distances of what is inside of capsules have the slope of those of the capsules.
+    @property
+    def higher_rows(self) -> Tensor:
+        """Limits of acceleration and jerk as kernels take them, (2, J); (2, 0) where there are none."""
+        none = torch.full_like(self.arm.velocity_limit, torch.inf)
+        rows = [self.higher.get(name, none) for name in HIGHER]
+        return torch.stack(rows) if self.higher else none.new_zeros(len(HIGHER), 0)
+
+    def margins(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None) -> dict[str, Tensor]:
+        """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
+
+        Differentiable; ≥ 0 is feasible. Distances of what is inside of capsules have the slope of those of the
+        capsules. The jerk may be left out where it is not limited.
+
+        Raises:
+            ShapeError: when the states are not (N, J) each, or jerk is limited and not given.
         """
-        margins = self.capsule_margins(q, dq, ddq)
+        margins = self.capsule_margins(q, dq, ddq, jerk)
         if self.pieces.finer.any():
             margins["collision"] = self._look_inside(q, margins["collision"])
         return margins
 
-    def capsule_margins(self, q: Tensor, dq: Tensor, ddq: Tensor) -> dict[str, Tensor]:
+    def capsule_margins(
+        self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None
+    ) -> dict[str, Tensor]:
         """The same, but for distances those of capsules, which are never larger."""
-        arm = self.arm
-        if any(x.shape != (len(q), arm.joints) for x in (q, dq, ddq)):
-            shapes = ", ".join(str(tuple(x.shape)) for x in (q, dq, ddq))
-            raise ShapeError(f"states are {shapes}, expected three times (N, {arm.joints})")
+        arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
+        if any(x.shape != (len(q), arm.joints) for x in states):
+            shapes = ", ".join(str(tuple(x.shape)) for x in states)
+            times = "three times" if jerk is None else "four times"
+            raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
+        if len(states) < self.orders:
+            raise ShapeError(f"jerk of {arm.name} is limited: margins need it beside the acceleration")
         lower, upper, speed = (x.to(q) for x in (arm.position_lower, arm.position_upper, arm.velocity_limit))
         margins = {"position": torch.minimum(q - lower, upper - q), "velocity": speed - dq.abs()}
+        for name, limit in self.higher.items():
+            margins[name] = limit.to(q) - states[HIGHER[name]].abs()
         if self.torque:
             margins["torque"] = arm.torque_limit.to(q) - self.body.torque(q, dq, ddq).abs()
         return margins | self._distances(q, self.arm.capsules.radius)
@@ -96,6 +123,7 @@ class Constraints:
         whole = {
             "position": (arm.position_upper - arm.position_lower) / 2,
             "velocity": arm.velocity_limit,
+            **self.higher,
             "torque": arm.torque_limit,
         }
         shares = {}
@@ -145,9 +173,11 @@ class Constraints:
         torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
         pairs, links = self.excepted.get("collision", ()), self.excepted.get("keep_out", ())
         bare = self.arm.joints - len(set(self.arm.capsules.link[self.arm.capsules.link >= 0].tolist()))
+        limited = {name: int(limit.isfinite().sum()) for name, limit in self.higher.items()}
+        higher = "".join(f"{name} of {count}, " for name, count in limited.items())
         never = f"; {self._never} never touch" if self._never else ""
         parts = [
-            f"position and velocity of {self.arm.joints} joints, torque of {torque}",
+            f"position and velocity of {self.arm.joints} joints, {higher}torque of {torque}",
             f"{self._links} of {self._links + len(pairs)} pairs of links"
             + _except(self._named, "may touch")
             + never,
@@ -175,7 +205,7 @@ class Constraints:
         still = torch.zeros_like(q)
         faults = [
             f"{name} of {self.labels[name][k]}: margin {float(margin[0, k]):.4g}"
-            for name, margin in self.margins(q, still, still).items()
+            for name, margin in self.margins(q, still, still, still).items()
             for k in torch.nonzero(margin[0] < 0)[:, 0].tolist()
         ]
         if faults:

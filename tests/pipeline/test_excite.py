@@ -78,6 +78,27 @@ def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
 
 
+LIMITED = ("robot.limits.acceleration={shoulder: 2.0, elbow: 3.0}", "robot.limits.jerk={elbow: 9}")
+
+
+def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_told(tmp_path, caplog):
+    config = tiny(f"outputs={tmp_path}", *LIMITED, experiment="excite")
+    with caplog.at_level("INFO"):
+        run_stages(config, tmp_path / "run", "excite")
+    assert "acceleration of 2, jerk of 1, torque of 2" in caplog.text
+    table = pd.read_csv(tmp_path / "run" / "set.csv")
+    peaks = table[["peak acceleration", "peak jerk"]].apply(lambda x: x.str.rstrip("%").astype(float))
+    assert (peaks <= 100).all().all() and peaks.max().max() > 60
+    library = Library.load(tmp_path / "run" / "library.parquet")
+    assert (library.margins["acceleration"] >= 0).all() and (library.margins["jerk"] >= 0).all()
+    family = Trajectory(2, 3, 8.0)
+    jerk = family.derivative(library.coefficients, family.times(2000.0), 3)[..., 1].abs()
+    assert float(jerk.max()) <= 9
+    for k in range(1, 7):
+        frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
+        assert frame.ddq_shoulder.abs().max() <= 2 and frame.ddq_elbow.abs().max() <= 3
+
+
 def test_a_pool_that_is_not_there_is_told_before_any_work(tmp_path):
     config = tiny(f"outputs={tmp_path}", "excite=[nobody]", experiment="excite")
     with pytest.raises(ConfigError, match="excite names 'nobody', expected some of random, seeds"):

@@ -45,6 +45,7 @@ class Model(NamedTuple):
     upper: Array  # position limits, (J,)
     speed: Array  # velocity limits, (J,)
     torque: Array  # torque limits, (J,); infinite where nothing is limited
+    higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
     pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
     piece_reach: Array  # how far it moves what is inside of them, (P, J)
     pair_most: Array  # the largest of all pairs, (1, J)
@@ -61,7 +62,9 @@ class Motions(NamedTuple):
 
     c: Array  # coefficients, (B, J, K)
     jerk: Array  # bound of the absolute jerk, (B, J)
-    basis: Array  # derivatives 0 to 2 of the basis at the centres of cells, (T, 3, K)
+    # bounds of the absolute fourth and fifth derivative, (2, B, J); (2, 0, 0) where nothing higher is limited
+    drifts: Array
+    basis: Array  # derivatives 0 to 2 of the basis at the centres of cells, (T, 3, K), or 0 to 4, (T, 5, K)
     times: Array  # the same centres [s], (T,)
     half: float  # half width of the cells [s]
 

@@ -16,7 +16,8 @@ from sidegan.motion.compiled.formulas import dot, less
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
 
-FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, NUMBERS = range(7)  # of a trajectory
+# Numbers of a trajectory.
+FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
 _EPS = float(np.finfo(np.float64).eps)
 _STILL = 1e-9  # least share of a limit that a joint is taken to use
 _BLOCK = 512  # samples of all joints that stay near the processor while a basis function passes by
@@ -33,11 +34,12 @@ class Subject(NamedTuple):
     home: Array  # position that trajectories start from, (J,) [rad or m]
     lower: Array  # position limits, (J,)
     upper: Array  # position limits, (J,)
-    room: Array  # way from home that a joint may go at most, (J,)
     speed: Array  # velocity limits, (J,)
+    higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
+    linear: Array  # way from home that a joint may go, velocity limits and, if any, the higher ones, (L, J)
     torque: Array  # torque limits, (J,); infinite where nothing is limited
-    basis: Array  # derivatives 0 to 2 of the K basis functions at the T samples, (3, K, T)
-    fine: Array  # derivatives 0 and 1 at the samples that joints are scaled by, (2, K, S)
+    basis: Array  # derivatives 0 to 2, or 3, of the K basis functions at the T samples, (3 or 4, K, T)
+    fine: Array  # derivatives from 0 on at the samples that joints are scaled by, (L, K, S)
 
 
 class Measure(NamedTuple):
@@ -119,8 +121,8 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
     samples = subject.fine.shape[2]
     for j in range(len(x)):
         work.use[j] = _STILL
-    for order in range(2):
-        limit = subject.speed if order else subject.room
+    for order in range(len(subject.fine)):
+        limit = subject.linear[order]
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
             for j in range(len(x)):
@@ -177,6 +179,26 @@ def _check_limits(subject: Subject, work: Room, numbers: Array) -> None:
         numbers[VELOCITY] = max(numbers[VELOCITY], -speed)
         if limited:
             numbers[TORQUE] = max(numbers[TORQUE], -_within(work.torque[0, 0, j], subject.torque[j]))
+
+
+@kernel
+def _check_higher(subject: Subject, work: Room, numbers: Array) -> None:
+    """Take accelerations and jerks into account, where some are limited."""
+    higher, samples = subject.higher, subject.basis.shape[2]
+    for j in range(higher.shape[1]):
+        acceleration = _within(work.states[lanes.DDQ, 0, j], higher[0, j])
+        numbers[ACCELERATION] = max(numbers[ACCELERATION], -acceleration)
+        work.use[j] = 0.0
+    for first in range(0, samples if higher.shape[1] else 0, _BLOCK):
+        count = min(_BLOCK, samples - first)
+        for j in range(higher.shape[1]):
+            lanes.clear(work.lines[j])
+        _combine(work.c, subject.basis[3], first, count, work.lines, 0)
+        for j in range(higher.shape[1]):
+            work.use[j] = max(work.use[j], _largest(work.lines[j], count))
+    for j in range(higher.shape[1]):
+        share = work.use[j] / higher[1, j] if math.isfinite(higher[1, j]) else 0.0
+        numbers[JERK] = max(numbers[JERK], share - 1.0)
 
 
 @inline
@@ -295,6 +317,7 @@ def evaluate(subject: Subject, measure: Measure, x: Array, numbers: Array, work:
         _scale_down(subject, measure.use, x[b], work)
         _roll_out(subject, work)
         _check_limits(subject, work, numbers[b])
+        _check_higher(subject, work, numbers[b])
         _check_distances(subject, measure.distance, work, numbers[b])
         ratio = _diagonal_ratio(subject, work) if measure.diagonal else _spectral_ratio(subject, work)
         ratio = ratio if ratio < measure.hopeless else measure.hopeless

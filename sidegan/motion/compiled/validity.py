@@ -22,16 +22,16 @@ from sidegan.motion.compiled.cells import (
 )
 from sidegan.motion.compiled.chain import PLANE, Array
 from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
-from sidegan.motion.compiled.formulas import dot, less
+from sidegan.motion.compiled.formulas import dot, drift, less
 from sidegan.motion.compiled.hulls import between_pieces, outer_of, reached
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import place_capsules, row
 
-POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT = range(5)  # columns of the margins
+POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK = range(7)  # columns of the margins
 
 
 class Smallest(NamedTuple):
-    """Smallest margins so far, one row per trajectory and one column per constraint, (B, 5) each."""
+    """Smallest margins so far, one row per trajectory and one column per constraint, (B, 7) each."""
 
     margin: Array  # the margins
     element: Array  # joint, pair or guarded capsule that each belongs to, int
@@ -90,6 +90,29 @@ def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> b
         margin = model.speed[j] - abs(state[1, j])
         if not margin >= max(best[n, VELOCITY], motion[1, j]):
             undecided |= _settle(margin, motion[1, j], here, VELOCITY, j, smallest)
+    return undecided
+
+
+@inline
+def _check_higher(
+    model: Model, work: Work, motions: Motions, at: int, here: Here, smallest: Smallest
+) -> bool:
+    """The same for accelerations and jerks, where some are limited."""
+    n, best, c, basis = here.n, smallest.margin, motions.c, motions.basis
+    undecided = False
+    for j in range(model.higher.shape[1]):
+        jerk, snap = 0.0, 0.0
+        for k in range(c.shape[2]):
+            jerk += basis[at, 3, k] * c[n, j, k]
+            snap += basis[at, 4, k] * c[n, j, k]
+        margin = model.higher[0, j] - abs(work.state[2, j])
+        slack = drift(jerk, motions.drifts[0, n, j], motions.half)
+        if not margin >= max(best[n, ACCELERATION], slack):
+            undecided |= _settle(margin, slack, here, ACCELERATION, j, smallest)
+        margin = model.higher[1, j] - abs(jerk)
+        slack = drift(snap, motions.drifts[1, n, j], motions.half)
+        if not margin >= max(best[n, JERK], slack):
+            undecided |= _settle(margin, slack, here, JERK, j, smallest)
     return undecided
 
 
@@ -204,6 +227,7 @@ def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Sm
             roll_out(model.home, motions, n, rows[cell], work.state)
             bound_motion(work.state, motions, n, work.motion)
             unsure = _check_limits(model, work, here, smallest)
+            unsure |= _check_higher(model, work, motions, rows[cell], here, smallest)
             place_joints(model, work)
             if limited:
                 unsure |= _check_torques(model, work, motions, here, smallest)

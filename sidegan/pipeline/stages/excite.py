@@ -19,6 +19,7 @@ from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
+from sidegan.robot import HIGHER
 
 FOLDER, WHOLE = "trajectories", "all.csv"
 
@@ -83,11 +84,22 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
             "trajectory": range(1, len(chosen) + 1),
             "cond(YᵀY)": [f"{x:.3g}" for x in chosen.fitness.tolist()],
             "peak velocity": _percent((motion.velocity.abs() / arm.velocity_limit).amax((1, 2))),
+            **_higher_peaks(task, chosen),
             "peak torque": _percent((torque.abs() / arm.torque_limit).amax((1, 2))),
             "clearance [m]": ["—" if x != x else f"{x:.3f}" for x in nearest.tolist()],
             "energy [J]": [f"{x:.3g}" for x in torch.trapezoid(power, motion.time, dim=1).tolist()],
         }
     ).set_index("trajectory")
+
+
+def _higher_peaks(task: Task, chosen: Library) -> dict[str, list[str]]:
+    """Largest shares of the limits of acceleration and jerk, where there are any."""
+    times = task.trajectory.times(task.cfg.identification.rate)
+    peaks = {}
+    for name, limit in task.arm.higher_limits.items():
+        x = task.trajectory.derivative(chosen.coefficients, times, HIGHER[name])
+        peaks[f"peak {name}"] = _percent((x.abs() / limit).amax((1, 2)))
+    return peaks
 
 
 def _percent(share: Tensor) -> list[str]:
