@@ -29,48 +29,49 @@ def closest(constraints: Constraints, q: Tensor) -> Closest | None:
     return Closest(names, *(torch.cat(x) for x in zip(*parts)))
 
 
-@torch.enable_grad()
 def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Which, distance and points of some states.
+    """Which, distance and points of some states."""
+    still = torch.zeros_like(q)
+    with torch.no_grad():
+        margins = constraints.margins(q, still, still)
+        checked = [margins[name] for name in ("collision", "keep_out") if name in margins]
+        distance, which = torch.cat(checked, 1).min(1)
+    return which, distance, _points(constraints, q, which)
+
+
+@torch.enable_grad()
+def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
+    """Nearest points [m], (N, 2, 3), of the capsules of these pairs, or of a capsule and its region.
 
     A distance grows at unit rate along the line between the nearest points, so that its slopes in the ends of
     a capsule's axis tell the direction, and by their sizes where on the axis the nearest point is.
     """
-    capsules = constraints.arm.capsules
-    a, b = (ends.detach().requires_grad_() for ends in capsule_axes(constraints.arm, q.T.contiguous()))
-    radius = capsules.radius.to(q)
-    pairs = constraints.pairs
-    first, second = pairs.unbind(1)
-    rows = [segment_distance(a[:, first], b[:, first], a[:, second], b[:, second]) - _sums(radius, pairs)]
+    axes, points = torch.stack(capsule_axes(constraints.arm, q.T.contiguous())), q.new_zeros(len(q), 2, 3)
+    radius, count = constraints.arm.capsules.radius.to(q), len(constraints.pairs)
+    states = torch.nonzero(which < count)[:, 0]
+    first, second = constraints.pairs[which[states]].unbind(1)
+    one, other = (axes[:, :, side, states].requires_grad_() for side in (first, second))
+    apart = segment_distance(*one, *other)
+    for k, (axis, side) in enumerate(((one, first), (other, second))):
+        spot, away = _on_axis(axis, apart)
+        points[states, k] = spot - radius[side][:, None] * away
     for index, region in enumerate(constraints.regions):
-        guarded = constraints.guarded[constraints.guarded[:, 0] == index, 1]
-        rows.append(region.margin(a[:, guarded], b[:, guarded]) - radius[guarded][:, None])
-    distance, which = torch.cat(rows).min(0)
-    slopes = torch.autograd.grad(distance.sum(), (a, b))
-    sides = torch.cat([pairs, constraints.guarded[:, 1:].expand(-1, 2)])[which]  # of a guarded link: itself
-    with torch.no_grad():
-        near = torch.stack([_point(a, b, slopes, radius, sides[:, k]) for k in range(2)], 1)
-        alone = (which >= len(pairs))[:, None]
-        away = _direction(slopes, sides[:, 0])
-        near[:, 1] = torch.where(alone, near[:, 0] - distance[:, None] * away, near[:, 1])
-    return which, distance.detach(), near
+        ours = torch.nonzero(constraints.guarded[:, 0] == index)[:, 0] + count
+        states = torch.nonzero(torch.isin(which, ours))[:, 0]
+        side = constraints.guarded[which[states] - count, 1]
+        axis = axes[:, :, side, states].requires_grad_()
+        apart = region.margin(*axis)
+        spot, away = _on_axis(axis, apart)
+        points[states, 0] = spot - radius[side][:, None] * away
+        points[states, 1] = spot - apart.detach()[:, None] * away
+    return points
 
 
-def _sums(radius: Tensor, pairs: Tensor) -> Tensor:
-    return radius[pairs].sum(1)[:, None]
-
-
-def _direction(slopes: tuple[Tensor, ...], side: Tensor) -> Tensor:
-    """Unit direction in which a capsule leaves what is nearest, (N, 3)."""
-    states = torch.arange(len(side))
-    total = sum(slope[:, side, states].T for slope in slopes)
-    return torch.nn.functional.normalize(torch.as_tensor(total), dim=1)
-
-
-def _point(a: Tensor, b: Tensor, slopes: tuple[Tensor, ...], radius: Tensor, side: Tensor) -> Tensor:
-    """Nearest point on a capsule's surface [m], (N, 3)."""
-    states = torch.arange(len(side))
-    at_a, at_b = (slope[:, side, states].norm(dim=0) for slope in slopes)
-    share = at_b / (at_a + at_b).clamp_min(torch.finfo(a.dtype).tiny)
-    axis = torch.lerp(a[:, side, states], b[:, side, states], share).T
-    return axis - radius[side][:, None] * _direction(slopes, side)
+def _on_axis(axis: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
+    """The nearest point of axes, (2, 3, N), and the direction away from what is near, (N, 3) each."""
+    (slope,) = torch.autograd.grad(distance.sum(), axis, retain_graph=True)
+    at_a, at_b = slope.norm(dim=1)
+    share = at_b / (at_a + at_b).clamp_min(torch.finfo(axis.dtype).tiny)
+    away = torch.nn.functional.normalize(slope.sum(0), dim=0)
+    a, b = axis.detach()
+    return torch.lerp(a, b, share).T, away.T
