@@ -11,10 +11,11 @@ from scipy.spatial import ConvexHull
 from sidegan.report.pose import capsule_mesh
 from sidegan.robot import Arm
 from sidegan.robot.looks import Colour, Part, visual_parts
-from sidegan.validity import Plane, Region
+from sidegan.validity import Convex, Plane, Region, Sphere
 
 _TRIANGLES = 120_000  # of an arm; more are merged
 _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and the factor to the next ones
+_SPHERE = 400  # corners of a ball
 _THIN = 1e-6  # [m] below which a surface has no thickness
 _STEPS = 65_535  # of a coordinate within its surface's box
 
@@ -48,7 +49,19 @@ def region_surface(region: Region) -> Part | None:
     """The surface of a keep-out region; None of a plane, which has no end."""
     if isinstance(region, Plane):
         return None
+    if isinstance(region, Convex):
+        return hull(region.points)
+    if isinstance(region, Sphere):
+        return hull(np.array(region.centre) + region.radius * _sphere())
     return hull(np.array(list(product(*zip(region.lower, region.upper)))))
+
+
+def _sphere() -> NDArray[np.float64]:
+    """Points on the unit sphere, (N, 3), along a spiral."""
+    height = np.linspace(-1, 1, _SPHERE)
+    turn = np.pi * (1 + 5**0.5) * np.arange(_SPHERE)
+    width = np.sqrt(1 - height**2)
+    return np.stack([width * np.cos(turn), width * np.sin(turn), height], 1)
 
 
 def hull(points: NDArray[np.float64]) -> Part:
