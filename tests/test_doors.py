@@ -23,6 +23,8 @@ DOORS = {
     "omegaconf": {"pipeline"},
     "matplotlib": {"report"},
     "plotly": {"report"},
+    "trimesh": {"robot"},
+    "viser": {"report"},
     "numba": {"motion"},
     "mujoco": {"plant", "robot"},
     "xacrodoc": {"robot"},

@@ -13,8 +13,8 @@ import pinocchio as pin
 import torch
 
 from sidegan.robot.arm import Capsules, Pieces
-from sidegan.robot.covers import Cover, cover_of
 from sidegan.robot.capsule_fit import hull_volume, volume
+from sidegan.robot.covers import Cover, cover_of
 from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
 
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it

@@ -8,13 +8,13 @@ from torch import Tensor
 
 from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.motion.compiled.chain import BOX, PLANE, Shapes
+from sidegan.motion.compiled.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
 from sidegan.validity.pairs import SAMPLES, pairs_of, sampled
 from sidegan.validity.pieces import PieceDistances
-from sidegan.validity.regions import Plane, Region
+from sidegan.validity.regions import Region, tables
 
 _DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
 _SHOWN = 4  # excepted names that are told
@@ -162,11 +162,7 @@ class Constraints:
     @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        numbers = torch.tensor([region.numbers for region in self.regions], dtype=torch.float64).reshape(
-            -1, 6
-        )
-        kinds = torch.tensor([PLANE if isinstance(region, Plane) else BOX for region in self.regions])
-        return Shapes.of(self.arm.capsules, self.pairs, self.guarded, numbers, kinds.long())
+        return Shapes.of(self.arm.capsules, self.pairs, self.guarded, tables(self.regions))
 
     def described(self) -> str:
         """What is checked and what is not, as one line for people."""

@@ -14,6 +14,7 @@ from sidegan.robot import Arm
 from sidegan.robot.arm import Pieces
 from sidegan.validity.capsules import frames_of, segment_distance
 from sidegan.validity.hulls import apart
+from sidegan.validity.regions import tables
 
 if TYPE_CHECKING:
     from sidegan.motion.compiled.hulls import Hulls
@@ -55,8 +56,7 @@ class PieceDistances:
 
     def shapes(self) -> Shapes:
         """The capsules and their pairs, without regions, as compiled kernels take them."""
-        none, numbers = torch.zeros(0, 2, dtype=torch.long), torch.zeros(0, 6, dtype=torch.float64)
-        return Shapes.of(self.arm.capsules, self.pairs, none, numbers, none[:, 0])
+        return Shapes.of(self.arm.capsules, self.pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
 
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""

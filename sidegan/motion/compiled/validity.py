@@ -20,8 +20,8 @@ from sidegan.motion.compiled.cells import (
     roll_out,
     torques,
 )
-from sidegan.motion.compiled.chain import PLANE, Array
-from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
+from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, drift, less
 from sidegan.motion.compiled.hulls import between_pieces, outer_of, reached
 from sidegan.motion.compiled.jit import inline, kernel
@@ -186,20 +186,14 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
 @inline
 def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
     """The same for capsules and keep-out regions."""
-    shapes, numbers, ends = model.shapes, model.shapes.regions, work.ends
+    shapes, ends = model.shapes, work.ends
     most = _reached(model.region_most, 0, work.motion)
     undecided = False
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
         need = max(smallest.margin[here.n, KEEP_OUT], most)
-        a, b = row(ends[0], k), row(ends[1], k)
-        if shapes.kinds[r] == PLANE:
-            distance = to_plane(numbers, r, a, b)
-        else:
-            centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
-            if point_to_box(less(row(ends[2], k), centre), half) >= need + shapes.size[k]:
-                continue
-            distance = to_box(centre, half, a, b)
+        a, b, middle = row(ends[0], k), row(ends[1], k), row(ends[2], k)
+        distance = to_region(shapes, r, a, b, middle, need + shapes.size[k])
         margin = distance - shapes.radius[k]
         if not margin >= need:
             slack = _reached(model.region_reach, g, work.motion)
