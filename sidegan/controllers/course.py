@@ -87,7 +87,7 @@ class Course:
         if other.joint_names != self.joint_names or apart > _MET:
             raise ShapeError(f"courses of one arm must meet: {apart:.3g} rad between their ends")
         start = self.time[-1] + pause
-        begin = 0 if pause > 0 else 1  # the shared point of rest is kept once
+        begin = int(pause == 0)  # the shared point of rest is kept once
         time = torch.cat([self.time, start + other.time[begin:]])
         parts = (
             torch.cat([getattr(self, name), getattr(other, name)[begin:]])

@@ -5,7 +5,7 @@ import torch
 from sidegan.controllers.course import Course
 from sidegan.errors import ShapeError
 
-_JOINTS = 6  # of every arm that runs URScript
+SCRIPTED = 6  # of every arm that runs URScript
 _PERIOD = 0.008  # [s] between two points: the slowest of these controllers takes one every 8 ms
 _LOOKAHEAD, _GAIN = 0.1, 300  # of servoj [s] and without a unit, as the manual has them
 _APPROACH = "a=0.3, v=0.2"  # of the straight way in joint space to the first point [rad/s², rad/s]
@@ -24,8 +24,8 @@ def script_text(course: Course, name: str) -> str:
     Raises:
         ShapeError: when the course has other than six joints.
     """
-    if len(course.joint_names) != _JOINTS:
-        raise ShapeError(f"URScript moves {_JOINTS} joints, the course has {len(course.joint_names)}")
+    if len(course.joint_names) != SCRIPTED:
+        raise ShapeError(f"URScript moves {SCRIPTED} joints, the course has {len(course.joint_names)}")
     title = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
     points = _resampled(course)
     start = _list(points[0])

@@ -31,9 +31,8 @@ def closest(constraints: Constraints, q: Tensor) -> Closest | None:
 
 def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Which, distance and points of some states."""
-    still = torch.zeros_like(q)
     with torch.no_grad():
-        margins = constraints.margins(q, still, still)
+        margins = constraints.at_rest(q)
         checked = [margins[name] for name in ("collision", "keep_out") if name in margins]
         distance, which = torch.cat(checked, 1).min(1)
     return which, distance, _points(constraints, q, which)

@@ -98,6 +98,11 @@ class Constraints:
             margins["collision"] = self._look_inside(q, margins["collision"])
         return margins
 
+    def at_rest(self, q: Tensor) -> dict[str, Tensor]:
+        """Margins of positions (N, J) that are held."""
+        still = torch.zeros_like(q)
+        return self.margins(q, still, still, still)
+
     def capsule_margins(
         self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None
     ) -> dict[str, Tensor]:
@@ -198,10 +203,9 @@ class Constraints:
         q = torch.tensor([list(home)], dtype=torch.float64)
         if q.shape[1] != self.arm.joints or not torch.isfinite(q).all():
             raise ShapeError(f"home position {list(home)} must be {self.arm.joints} finite joint positions")
-        still = torch.zeros_like(q)
         faults = [
             f"{name} of {self.labels[name][k]}: margin {float(margin[0, k]):.4g}"
-            for name, margin in self.margins(q, still, still, still).items()
+            for name, margin in self.at_rest(q).items()
             for k in torch.nonzero(margin[0] < 0)[:, 0].tolist()
         ]
         if faults:

@@ -3,6 +3,7 @@ import re
 
 import pandas as pd
 import pytest
+import yaml
 
 from sidegan.errors import ConfigError
 from sidegan.library import Library
@@ -39,9 +40,35 @@ def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
 
 def test_all_in_a_row_are_one_motion_at_rest_in_between(folder):
     whole = pd.read_csv(folder / "trajectories" / "all.csv")
-    assert len(whole) == 6 * 160 + 1 and whole.time.iloc[-1] == pytest.approx(48)
-    rest = whole.iloc[::160]
+    assert len(whole) == 6 * 161 and whole.time.iloc[-1] == pytest.approx(6 * 8 + 5)  # a second between two
+    rest = whole.iloc[::161]
     assert abs(rest[["q_shoulder", "q_elbow", "dq_shoulder", "dq_elbow"]].to_numpy()).max() < 1e-7
+
+
+def test_the_least_demanding_comes_first_and_has_a_goal_for_ros(folder):
+    table = pd.read_csv(folder / "set.csv")
+    assert table["energy [J]"].is_monotonic_increasing
+    goal = yaml.safe_load((folder / "trajectories" / "1.yaml").read_text())
+    assert goal["trajectory"]["joint_names"] == ["shoulder", "elbow"]
+    assert {path.suffix for path in (folder / "trajectories").iterdir()} == {".csv", ".yaml"}
+
+
+def test_a_first_run_is_slower(outputs, folder, tmp_path):
+    options = ("stages=[excite]", "controllers.speed=0.5", "controllers.formats=[csv,mcap]")
+    run_stages(tiny(f"outputs={outputs}", *options, experiment="excite"), tmp_path, "excite")
+    once, slow = (pd.read_csv(one / "trajectories" / "1.csv") for one in (folder, tmp_path))
+    assert len(slow) == 2 * len(once) - 1 and slow.time.iloc[-1] == 2 * once.time.iloc[-1]
+    assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
+    assert abs(2 * slow.dq_elbow[::2].to_numpy() - once.dq_elbow.to_numpy()).max() < 1e-7
+    assert (tmp_path / "trajectories" / "all.mcap").is_file()
+
+
+def test_a_program_for_another_kind_of_arm_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="urscript, which moves 6 joints; planar2 has 2"):
+        config = tiny(f"outputs={tmp_path}", "controllers.formats=[urscript]", experiment="excite")
+        run_stages(config, tmp_path / "run", "excite")
+    with pytest.raises(ConfigError, match="one or more, each once"):
+        tiny("controllers.formats=[]", experiment="excite")
 
 
 def test_the_table_says_what_each_asks_of_the_arm(folder):
