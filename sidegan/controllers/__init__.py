@@ -1,5 +1,6 @@
 """Trajectories as the controllers of robots take them: CSV, ROS 2, URScript."""
 
+from sidegan.controllers.approach import approach
 from sidegan.controllers.course import Course, knots, run_of
 from sidegan.controllers.deliver import deliver
 from sidegan.controllers.ros2 import goal_text, write_mcap
@@ -11,6 +12,7 @@ __all__ = [
     "SCRIPTED",
     "Course",
     "Delivery",
+    "approach",
     "csv_text",
     "deliver",
     "goal_text",

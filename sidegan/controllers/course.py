@@ -1,5 +1,6 @@
 """What a controller is asked to follow: joint positions with their derivatives, over time."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,17 @@ from sidegan.motion.trajectory import Motion, Trajectory
 # Points per period of the fastest harmonic. A controller that draws quintics between points with position,
 # velocity and acceleration then stays within 3e-8 of the harmonic's amplitude: (2π/20)⁶ / 46080.
 _POINTS = 20
+
+# Quintics over [0, 1], coefficients of s⁰ … s⁵, each with one unit among its position at 0 and at 1, its velocity at
+# 0 and at 1, and its acceleration at 0 and at 1.
+_HERMITE = (
+    (1.0, 0.0, 0.0, -10.0, 15.0, -6.0),
+    (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),
+    (0.0, 1.0, 0.0, -6.0, 8.0, -3.0),
+    (0.0, 0.0, 0.0, -4.0, 7.0, -3.0),
+    (0.0, 0.0, 0.5, -1.5, 1.5, -0.5),
+    (0.0, 0.0, 0.0, 0.5, -1.0, 0.5),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +58,30 @@ class Course:
 
     def at(self, times: Tensor) -> Tensor:
         """Positions, (N, J), at times [s], (N,), on the quintics that join the points."""
+        return self._drawn(times)[0]
+
+    def sampled(self, rate: float) -> "Course":
+        """The same motion with points at a rate [Hz], on the quintics that join the points."""
+        count = max(1, round(self.duration * rate))
+        times = torch.linspace(0, self.duration, count + 1, dtype=torch.float64)
+        return Course(self.joint_names, times, *self._drawn(times))
+
+    def _drawn(self, times: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Position, velocity and acceleration at times [s], (N, J) each."""
         k = (torch.searchsorted(self.time, times, right=True) - 1).clamp(0, len(self.time) - 2)
         h = (self.time[k + 1] - self.time[k])[:, None]
         s = (times - self.time[k])[:, None] / h
-        q, v, a = (getattr(self, name) for name in ("position", "velocity", "acceleration"))
-        s3, s4, s5 = s**3, s**4, s**5
-        rise = 10 * s3 - 15 * s4 + 6 * s5
-        return (
-            q[k] * (1 - rise)
-            + q[k + 1] * rise
-            + v[k] * h * (s - 6 * s3 + 8 * s4 - 3 * s5)
-            + v[k + 1] * h * (-4 * s3 + 7 * s4 - 3 * s5)
-            + a[k] * h**2 * (s**2 - 3 * s3 + 3 * s4 - s5) / 2
-            + a[k + 1] * h**2 * (s3 - 2 * s4 + s5) / 2
-        )
+        q, v, a = self.position, self.velocity, self.acceleration
+        parts = torch.stack([q[k], q[k + 1], v[k] * h, v[k + 1] * h, a[k] * h**2, a[k + 1] * h**2])
+        powers = torch.tensor(_HERMITE, dtype=torch.float64)  # (6 parts, 6 powers of s)
+        drawn = []
+        for order in range(3):
+            basis = torch.zeros(6, *s.shape, dtype=torch.float64)
+            for power in range(order, 6):
+                factor = math.prod(range(power - order + 1, power + 1))
+                basis += (factor * powers[:, power])[:, None, None] * s ** (power - order)
+            drawn.append((basis * parts).sum(0) / h**order)
+        return drawn[0], drawn[1], drawn[2]
 
     def slowed(self, speed: float) -> "Course":
         """The same path at a share of the speed: velocities × speed, accelerations × speed².

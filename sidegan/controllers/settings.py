@@ -17,6 +17,10 @@ class Delivery:
         float, Bound(">", 0), Bound("≤", 1)
     ]  # share of the planned speed: the same paths, slower
     pause: Seconds | None  # at rest between two trajectories [s]; null: none
+    start: (
+        list[float] | None
+    )  # where the arm is now [rad or m]: the way from there to home and back is written too
+    careful: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the limits that this way uses
     gentle: bool  # the trajectory of least mechanical work first; false: in the order of choice
 
     def __post_init__(self) -> None:

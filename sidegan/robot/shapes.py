@@ -136,13 +136,17 @@ def _corners(shape: coal.CollisionGeometry) -> Points:
         case coal.Cylinder():
             angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
             rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
-            return np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in (-1, 1) * np.array(shape.halfLength)])
+            return np.concatenate(
+                [np.c_[rim, np.full(_SIDES, z)] for z in (-1, 1) * np.array(shape.halfLength)]
+            )
     return vertices_of(shape)
 
 
 def vertices_of(shape: coal.CollisionGeometry) -> Points:
     """Vertices of a mesh, (V, 3)."""
-    return np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices(), dtype=np.float64)
+    return np.array(
+        shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices(), dtype=np.float64
+    )
 
 
 class MeshGroup:

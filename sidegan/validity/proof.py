@@ -32,7 +32,10 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
     link = arm.capsules.link[pairs]
     outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
     reach = array(piece_reach(arm)[outer])
-    middle, half = (arm.position_upper + arm.position_lower) / 2, (arm.position_upper - arm.position_lower) / 2
+    middle, half = (
+        (arm.position_upper + arm.position_lower) / 2,
+        (arm.position_upper - arm.position_lower) / 2,
+    )
     work, room = np.empty((2, _DEPTH, arm.joints)), hulls.place_for(shapes, arm.joints)
     for p, joints in enumerate((link[:, 0] - link[:, 1]).abs().tolist()):
         work[0, 0], work[1, 0] = middle.numpy(), half.numpy()

@@ -1,4 +1,4 @@
-"""What controllers are given is the motion that was checked: by other decoders, between points, slowed down."""
+"""What controllers are given is the motion that was checked, between points and slowed down too."""
 
 import io
 import re
@@ -31,6 +31,12 @@ def course(seed=0, family=FAMILY, rate=None):
 def test_quintics_between_the_points_are_the_motion():
     fine = course(rate=1000)
     assert (course().at(fine.time) - fine.position).abs().max() < 1e-6  # rad
+
+
+def test_more_points_are_on_the_same_motion():
+    fine, drawn = course(rate=100), course().sampled(100)
+    for name, most in (("position", 1e-6), ("velocity", 1e-5), ("acceleration", 1e-4)):
+        assert (getattr(drawn, name) - getattr(fine, name)).abs().max() < most
 
 
 @pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])

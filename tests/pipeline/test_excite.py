@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from sidegan.errors import ConfigError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
@@ -61,6 +61,19 @@ def test_a_first_run_is_slower(outputs, folder, tmp_path):
     assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
     assert abs(2 * slow.dq_elbow[::2].to_numpy() - once.dq_elbow.to_numpy()).max() < 1e-7
     assert (tmp_path / "trajectories" / "all.mcap").is_file()
+
+
+def test_the_way_from_where_the_arm_is_to_home_and_back(outputs, tmp_path):
+    options = ("stages=[excite]", "controllers.start=[0.4,-0.6]", "controllers.formats=[csv,ros2]")
+    run_stages(tiny(f"outputs={outputs}", *options, experiment="excite"), tmp_path, "excite")
+    there, back = (pd.read_csv(tmp_path / "trajectories" / f"{name}.csv") for name in ("approach", "return"))
+    assert there[["q_shoulder", "q_elbow"]].iloc[0].tolist() == [0.4, -0.6]
+    assert abs(there[["q_shoulder", "q_elbow"]].iloc[-1]).max() < 1e-9
+    assert back[["q_shoulder", "q_elbow"]].iloc[-1].tolist() == pytest.approx([0.4, -0.6])
+    assert (tmp_path / "trajectories" / "approach.yaml").is_file()
+    with pytest.raises(InfeasibleError, match="bring the arm closer to home"):
+        far = tiny(f"outputs={outputs}", "controllers.start=[0,9]", experiment="excite")
+        run_stages(far, tmp_path / "run", "excite")
 
 
 def test_a_program_for_another_kind_of_arm_is_refused(tmp_path):

@@ -229,7 +229,14 @@ def _lever(axis: Vector, origin: Vector, a: Vector, b: Vector) -> float:
 
 @inline
 def reached(
-    chain: Chain, shapes: Shapes, world: Frames, ends: Array, p: int, moves: Array, reach: Array, beside: float
+    chain: Chain,
+    shapes: Shapes,
+    world: Frames,
+    ends: Array,
+    p: int,
+    moves: Array,
+    reach: Array,
+    beside: float,
 ) -> float:
     """How far at most joints that move so far move the second of a pair's bodies against the first [m].
 

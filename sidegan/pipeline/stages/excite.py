@@ -6,7 +6,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from sidegan.controllers import SCRIPTED, deliver
+from sidegan.controllers import SCRIPTED, approach, deliver
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
 from sidegan.errors import ArtifactError, ConfigError
@@ -38,8 +38,7 @@ def _show(task: Task, tracker: Tracker) -> None:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
     motion = task.trajectory.roll_out(chosen.coefficients, times)
     chosen.save(folder / LIBRARY)
-    names = task.arm.joint_names
-    deliver(task.trajectory, chosen.coefficients, names, cfg.controllers, folder / FOLDER)
+    deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
     information = information_of(task.body, task.trajectory, chosen.coefficients)
     criteria = criteria_of(information.stacked(torch.arange(len(chosen))))
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
@@ -121,6 +120,8 @@ def _percent(share: Tensor) -> list[str]:
 
 
 def _check(task: Task) -> None:
+    if task.cfg.controllers.start is not None:
+        approach(task.constraints, task.cfg.controllers.start, tuple(task.trajectory.home or ()), 1.0)
     if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:
         raise ConfigError(
             f"controllers.formats has urscript, which moves {SCRIPTED} joints; "

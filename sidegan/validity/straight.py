@@ -1,0 +1,67 @@
+"""Whether an arm may move straight from one configuration to another, all joints in step."""
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.validity.bounds import Slack
+from sidegan.validity.constraints import Constraints
+
+_CELLS = 16  # of the way, to begin with
+_LEVELS = 12  # of halving: 1.5e-5 of the way at the finest
+_DISTANCES = ("collision", "keep_out")
+
+
+def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:
+    """Refuse a straight way in joint space [rad or m] that is not free or leaves the joints' ranges.
+
+    Every point of the way is proven, at any speed: between configurations that are looked at, a distance
+    changes by no more than the joints' motion times the reach of the outer link.
+
+    Raises:
+        ShapeError: when the ends are not one finite number per joint.
+        InfeasibleError: when the way is not free, with what is in the way and where on it.
+    """
+    joints = constraints.arm.joints
+    if {len(start), len(end)} != {joints} or not all(map(math.isfinite, (*start, *end))):
+        raise ShapeError(f"ends of a way must be {joints} finite joint positions each")
+    ends = torch.tensor([list(start), list(end)], dtype=torch.float64)
+    change, slack = (ends[1] - ends[0]).abs(), _reaches(constraints)
+    share, half = (torch.arange(_CELLS, dtype=torch.float64) + 0.5) / _CELLS, 0.5 / _CELLS
+    # The ends are looked at themselves: no cell's middle is there.
+    _refuse(constraints, ends, torch.tensor([0.0, 1.0], dtype=torch.float64))
+    for _ in range(_LEVELS):
+        q = torch.lerp(ends[0], ends[1], share[:, None])
+        margins = _refuse(constraints, q, share)
+        unsure = torch.zeros_like(share, dtype=torch.bool)
+        for name, reach in slack.items():
+            unsure |= (margins[name] < reach @ (half * change)).any(1)
+        if not unsure.any():
+            return
+        half /= 2
+        share = torch.cat([share[unsure] - half, share[unsure] + half])
+    raise InfeasibleError(f"the straight way passes too close to be sure, {float(share[0]):.1%} along it")
+
+
+def _reaches(constraints: Constraints) -> dict[str, Tensor]:
+    """How far [m per rad or m] unit motion of each joint can change each distance, (K, J), by constraint."""
+    slack = Slack(constraints)
+    reaches = torch.maximum(slack.pair_reach, slack.piece_reach), slack.region_reach
+    return {name: reach for name, reach in zip(_DISTANCES, reaches) if name in constraints.labels}
+
+
+def _refuse(constraints: Constraints, q: Tensor, share: Tensor) -> dict[str, Tensor]:
+    """Margins of configurations (N, J) at these shares of the way, (N,); raises where one is negative."""
+    margins = constraints.at_rest(q)
+    for name, margin in margins.items():
+        bad = torch.nonzero(margin < 0)
+        if len(bad):
+            row, element = bad[share[bad[:, 0]].argmin()].tolist()
+            raise InfeasibleError(
+                f"the straight way is not free: {name} of {constraints.labels[name][element]} has margin "
+                f"{float(margin[row, element]):.3g}, {float(share[row]):.0%} along it"
+            )
+    return margins

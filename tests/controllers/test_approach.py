@@ -1,0 +1,54 @@
+"""The way to home is proven, within every limit, and rests at both ends."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.controllers.approach import approach
+from sidegan.errors import InfeasibleError
+from sidegan.validity import Constraints, Plane
+
+START = [0.6, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
+
+
+@pytest.fixture(scope="module")
+def desk(arm):
+    return Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)])
+
+
+@pytest.mark.parametrize("use", [0.1, 0.5, 1.0])
+def test_no_limit_is_used_more_than_is_allowed(arm, use):
+    limit = torch.full_like(arm.velocity_limit, 3.0)
+    slow = Constraints(replace(arm, acceleration_limit=limit, jerk_limit=10 * limit))
+    course = approach(slow, START, [0.0] * 7, use)
+    step = float(course.time[1])
+    for name, most in (("velocity", arm.velocity_limit), ("acceleration", limit)):
+        assert (getattr(course, name).abs() <= use * most * (1 + 1e-9)).all()
+    assert (course.acceleration.diff(dim=0).abs() / step <= use * 10 * limit * (1 + 1e-6)).all()
+    torque = slow.body.torque(course.position, course.velocity, course.acceleration).abs()
+    assert (torque <= torch.maximum(use * arm.torque_limit, torque[[0, -1]].amax(0) * (1 + 1e-6))).all()
+    for x in (course.velocity, course.acceleration):
+        assert x[[0, -1]].abs().max() < 1e-12
+    assert course.position[0].tolist() == START and course.position[-1].abs().max() < 1e-12
+
+
+def test_derivatives_are_those_of_the_path(desk):
+    course = approach(desk, START, [0.0] * 7, 0.5)
+    step = float(course.time[1])
+    course = course.sampled(1 / step * 10)
+    step = float(course.time[1])
+    for below, above in (("position", "velocity"), ("velocity", "acceleration")):
+        drawn = (getattr(course, below)[2:] - getattr(course, below)[:-2]) / (2 * step)
+        assert (drawn - getattr(course, above)[1:-1]).abs().max() < 0.01 * drawn.abs().max()
+
+
+def test_a_way_that_is_not_free_says_what_to_do(desk):
+    with pytest.raises(InfeasibleError, match="bring the arm closer to home"):
+        approach(desk, [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0] * 7, 0.5)
+
+
+def test_an_arm_that_cannot_hold_itself_has_no_way(planar):
+    weak = Constraints(replace(planar, torque_limit=0.01 * planar.torque_limit))
+    with pytest.raises(InfeasibleError, match="torque of shoulder"):
+        approach(weak, [0.0, 0.0], [0.9, 0.9], 0.5)
