@@ -14,8 +14,8 @@ from sidegan.motion.trajectory import Motion, Trajectory
 # velocity and acceleration then stays within 3e-8 of the harmonic's amplitude: (2π/20)⁶ / 46080.
 _POINTS = 20
 
-# Quintics over [0, 1], coefficients of s⁰ … s⁵, each with one unit among its position at 0 and at 1, its velocity at
-# 0 and at 1, and its acceleration at 0 and at 1.
+# Quintics over [0, 1], coefficients of s⁰ … s⁵, each with one unit among its position at 0 and at 1, its
+# velocity at 0 and at 1, and its acceleration at 0 and at 1.
 _HERMITE = (
     (1.0, 0.0, 0.0, -10.0, 15.0, -6.0),
     (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),

@@ -76,6 +76,21 @@ def test_the_way_from_where_the_arm_is_to_home_and_back(outputs, tmp_path):
         run_stages(far, tmp_path / "run", "excite")
 
 
+def test_a_rehearsal_tells_how_the_arm_would_follow(outputs, tmp_path):
+    options = ("stages=[excite]", "controllers.rehearse=true", "controllers.formats=[csv]")
+    run_stages(tiny(f"outputs={outputs}", *options, experiment="excite"), tmp_path / "a", "excite")
+    slow = tiny(f"outputs={outputs}", *options, "controllers.speed=0.5", experiment="excite")
+    run_stages(slow, tmp_path / "b", "excite")
+    once, slower = (pd.read_csv(tmp_path / run / "rehearsal.csv") for run in "ab")
+    assert len(once) == len(slower) == 6
+    error = [one["tracking error [rad]"].str.split().str[0].astype(float) for one in (once, slower)]
+    assert (error[0] > 0).all() and error[1].mean() < error[0].mean() < 0.1
+    assert (once["closest [m]"].astype(float) > -0.01).all()
+    with pytest.raises(InfeasibleError, match="does not follow"):
+        stiff = tiny(f"outputs={outputs}", *options, "plant.tolerance=1e-6", experiment="excite")
+        run_stages(stiff, tmp_path / "c", "excite")
+
+
 def test_a_program_for_another_kind_of_arm_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="urscript, which moves 6 joints; planar2 has 2"):
         config = tiny(f"outputs={tmp_path}", "controllers.formats=[urscript]", experiment="excite")

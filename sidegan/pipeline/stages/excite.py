@@ -15,6 +15,7 @@ from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import Pool, own_pools
+from sidegan.pipeline.stages.rehearsal import rehearsed, require_rehearsal
 from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
@@ -50,6 +51,15 @@ def _show(task: Task, tracker: Tracker) -> None:
     caption += f"; checked: {task.constraints.described()}"
     caption += _view(task, chosen, tracker)
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
+    if cfg.controllers.rehearse:
+        friction = "servos, friction and rotors of plant"
+        shown = rehearsed(task, chosen.coefficients)
+        publish(
+            shown,
+            folder / "rehearsal",
+            f"The set in MuJoCo, with {friction}{_slow(cfg.controllers.speed)}",
+            tracker,
+        )
 
 
 def _slow(speed: float) -> str:
@@ -120,6 +130,7 @@ def _percent(share: Tensor) -> list[str]:
 
 
 def _check(task: Task) -> None:
+    require_rehearsal(task)
     if task.cfg.controllers.start is not None:
         approach(task.constraints, task.cfg.controllers.start, tuple(task.trajectory.home or ()), 1.0)
     if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:

@@ -1,0 +1,52 @@
+"""The set as an arm in MuJoCo executes it, under servos and with friction, before anything moves."""
+
+from dataclasses import replace
+
+import pandas as pd
+from torch import Tensor
+
+from sidegan.motion.trajectory import Motion
+from sidegan.pipeline.task import Task
+from sidegan.plant import Executed, Plant
+from sidegan.robot import require_consistent
+
+_EVERY = 0.02  # [s] between the configurations whose distances are looked at
+
+
+def rehearsed(task: Task, coefficients: Tensor) -> pd.DataFrame:
+    """Tracking error, largest torque and closest approach of trajectories (n, J, H, 2) at the chosen speed.
+
+    Raises:
+        InfeasibleError: when a joint does not follow a trajectory.
+        RobotError: when a link is not physically consistent.
+    """
+    speed = task.cfg.controllers.speed
+    family = replace(task.trajectory, period=task.trajectory.period / speed)
+    plant = Plant(task.arm, task.cfg.plant)
+    times = family.times(plant.settings.rate)
+    rows = []
+    for c in (speed * coefficients).split(1):
+        planned = family.roll_out(c, times)
+        rows.append(_facts(task, planned, plant.follow(planned)))
+    return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))
+
+
+def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
+    """What one execution was like."""
+    error = (executed.position - planned.position[0]).abs()
+    worst, joint = error.amax(0).max(0)
+    share = (executed.torque.abs() / task.arm.torque_limit).amax(0)
+    stride = max(1, round(_EVERY * task.cfg.plant.rate))
+    margins = task.constraints.at_rest(executed.position[::stride])
+    nearest = [float(margins[name].min()) for name in ("collision", "keep_out") if name in margins]
+    return {
+        "tracking error [rad]": f"{float(worst):.2g} ({task.arm.joint_names[int(joint)]})",
+        "largest torque": f"{float(share.max()):.0%} ({task.arm.joint_names[int(share.argmax())]})",
+        "closest [m]": f"{min(nearest):.3f}" if nearest else "—",
+    }
+
+
+def require_rehearsal(task: Task) -> None:
+    """Refuse an arm that MuJoCo could not move, where a rehearsal was asked for."""
+    if task.cfg.controllers.rehearse:
+        require_consistent(task.arm)
