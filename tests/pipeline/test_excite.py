@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -9,6 +10,7 @@ from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import excite
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
@@ -74,6 +76,22 @@ def test_the_way_from_where_the_arm_is_to_home_and_back(outputs, tmp_path):
     with pytest.raises(InfeasibleError, match="bring the arm closer to home"):
         far = tiny(f"outputs={outputs}", "controllers.start=[0,9]", experiment="excite")
         run_stages(far, tmp_path / "run", "excite")
+
+
+def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(outputs, tmp_path, monkeypatch):
+    """Where holding takes more torque than there is, at the planned speed the arm may still get through."""
+    refused = []
+
+    def weak(constraints, family, c):
+        refused.append(family.period)
+        arm = replace(constraints.arm, torque_limit=0.01 * constraints.arm.torque_limit)
+        return check(Constraints(arm), family, c)
+
+    monkeypatch.setattr(excite, "check", weak)
+    options = ("stages=[excite]", "controllers.speed=0.25")
+    with pytest.raises(InfeasibleError, match=r"trajectory 1 cannot be run at 25% of the speed: torque"):
+        run_stages(tiny(f"outputs={outputs}", *options, experiment="excite"), tmp_path, "excite")
+    assert refused == [32.0] and not (tmp_path / "trajectories").exists()
 
 
 def test_a_rehearsal_tells_how_the_arm_would_follow(outputs, tmp_path):

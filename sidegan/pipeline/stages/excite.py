@@ -1,6 +1,7 @@
 """Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
 import logging
+from dataclasses import replace
 
 import pandas as pd
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 from sidegan.controllers import SCRIPTED, approach, deliver
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.graph import Artifact
@@ -21,6 +22,7 @@ from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 from sidegan.robot import HIGHER
+from sidegan.validity import check
 
 FOLDER, WHOLE, VIEW = "trajectories", "all.csv", "view.html"
 log = logging.getLogger(__name__)
@@ -38,6 +40,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     if cfg.controllers.gentle:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
     motion = task.trajectory.roll_out(chosen.coefficients, times)
+    _require_slow(task, chosen)
     chosen.save(folder / LIBRARY)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
     information = information_of(task.body, task.trajectory, chosen.coefficients)
@@ -59,6 +62,25 @@ def _show(task: Task, tracker: Tracker) -> None:
             folder / "rehearsal",
             f"The set in MuJoCo, with {friction}{_slow(cfg.controllers.speed)}",
             tracker,
+        )
+
+
+def _require_slow(task: Task, chosen: Library) -> None:
+    """Refuse a set that cannot be run slower: accelerations may help to hold an arm that is too weak.
+
+    Raises:
+        InfeasibleError: with the trajectory, and what it would violate.
+    """
+    speed = task.cfg.controllers.speed
+    if speed == 1:
+        return
+    family = replace(task.trajectory, period=task.trajectory.period / speed)
+    found = check(task.constraints, family, speed * chosen.coefficients)
+    if not found.valid.all():
+        first = int((~found.valid).nonzero()[0])
+        raise InfeasibleError(
+            f"trajectory {first + 1} cannot be run at {speed:.0%} of the speed: {found.failures(first)[0]}; "
+            "plan a slower one: robot.effort or trajectory.period"
         )
 
 
