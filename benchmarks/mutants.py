@@ -9,7 +9,9 @@ left alone: everything happens in a copy.
 import argparse
 import difflib
 import json
+import os
 import random
+import resource
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -31,7 +33,9 @@ PARTS = {
 GOAL = 0.9  # share of the mutants that are noticed
 _BINARY = ("Add", "Sub", "Mul", "Div", "Pow")  # operators; | stands in type annotations too
 _OTHERS = ("And", "Or", "True", "False", "NumberReplacer", "ZeroIteration", "AddNot", "Comparison", "Unary")
-_PATIENCE = 600  # [s] for the tests of one mutant, after which it counts as noticed: it hangs
+# [s] for the tests of one mutant, after which it counts as noticed, since it has no end: of the processor,
+# and on the clock, which runs on while others use the machine
+_PATIENCE, _LONGEST = 600, 3600
 
 
 class Mutant(NamedTuple):
@@ -112,13 +116,20 @@ def noticed(one: Mutant, root: Path) -> bool:
 
 def _fails(tests: list[str], root: Path) -> bool:
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    options: dict[str, Any] = {"cwd": root, "capture_output": True, "timeout": _LONGEST}
+    # Commands that tests start are those of the copy too.
+    environment = {**os.environ, "PYTHONPATH": str(root.resolve())}
     try:
-        code = subprocess.run(command, cwd=root, capture_output=True, timeout=_PATIENCE).returncode
+        code = subprocess.run(command, env=environment, preexec_fn=_limited, **options).returncode
     except subprocess.TimeoutExpired:
         return True
     if code > 2:  # neither passed, failed nor broken by the change
         raise ConfigError(f"{' '.join(command)} ended with {code}")
     return code != 0
+
+
+def _limited() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (_PATIENCE, _PATIENCE))
 
 
 def change(one: Mutant, root: Path) -> str:

@@ -44,6 +44,12 @@ def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project):
     assert (project / DIVIDED.file).read_text() == SOURCE
 
 
+def test_what_has_no_end_is_noticed(project, monkeypatch):
+    monkeypatch.setattr(mutants, "_PATIENCE", 3)
+    (project / "tests/motion/test_means.py").write_text("def test_mean():\n    while True:\n        pass\n")
+    assert mutants.noticed(SECOND, project)
+
+
 def test_a_stopped_run_goes_on_and_the_tree_is_left_alone(project, tmp_path, monkeypatch, capsys):
     work = tmp_path / "work"
     everything = list(mutants.mutants(project))
