@@ -37,6 +37,7 @@ _OTHERS = ("And", "Or", "True", "False", "NumberReplacer", "ZeroIteration", "Add
 # [s] for the tests of one mutant, after which it counts as noticed, since it has no end: of the processor,
 # and on the clock, which runs on while others use the machine
 _PATIENCE, _LONGEST = 600, 3600
+_STAGES = ["tests/experiments"]  # run what no other test runs
 _WHOLE = ".whole"  # ends the name of a file that is changed at the moment
 _FAILED = re.compile(r"^FAILED (.+?)(?: - .*)?$", re.MULTILINE)  # a line of pytest's summary
 
@@ -103,7 +104,8 @@ def tests_of(file: str, root: Path) -> list[list[str]]:
     folders = [Path("tests", *room[:k]) for k in range(len(room), 0, -1)]
     folder = next(one for one in folders if (root / one).is_dir())
     named = sorted(str(path.relative_to(root)) for path in (root / "tests").rglob(f"test_{name}.py"))
-    return [named, [str(folder)]] if named else [[str(folder)]]
+    whole = [[str(folder)], *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
+    return [named, *whole] if named else whole
 
 
 def noticed(one: Mutant, root: Path) -> bool:

@@ -44,6 +44,14 @@ def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project):
     assert (project / DIVIDED.file).read_text() == SOURCE
 
 
+def test_the_nearest_tests_come_first():
+    near, room = mutants.tests_of("sidegan/validity/regions.py", mutants.ROOT)
+    assert near == ["tests/validity/test_regions.py"] and room == ["tests/validity"]
+    near, room, runs = mutants.tests_of("sidegan/pipeline/stages/readings.py", mutants.ROOT)
+    assert "tests/pipeline/test_readings.py" in near
+    assert (room, runs) == (["tests/pipeline"], ["tests/experiments"])
+
+
 def test_a_test_that_fails_anyway_notices_nothing(project):
     (project / "tests/motion/test_means.py").write_text("def test_mean():\n    assert False\n")
     with pytest.raises(ConfigError, match=r"test_means.py::test_mean fails without a mutant"):
