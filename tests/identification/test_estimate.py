@@ -96,6 +96,18 @@ class TestClosedForms:
         close(found.parameters[kept], np.linalg.lstsq(y[:, kept.numpy()], tau, rcond=None)[0])
         assert not found.deviation[~kept].any() and not found.relative_deviation[~kept].any()
 
+    def test_essential_drops_nothing_while_all_is_known_about_equally_well(self, rows):
+        found = fitted("essential", rows, prior=1e12, ratio=1e6, loss=1e6)
+        assert (found.parameters != 0).all()
+        fewer = fitted("essential", rows, prior=1e12, ratio=1.0, loss=1e6)
+        assert int((fewer.parameters != 0).sum()) == 1  # however much worse it fits: the ratio alone decides
+
+    @pytest.mark.parametrize("method", ["weighted", "tls", "huber"])
+    def test_the_unit_of_torque_does_not_matter(self, rows, method):
+        found = fitted(method, rows)
+        small = fitted(method, (rows[0], 1e-4 * rows[1]))
+        close(1e4 * small.parameters, found.parameters, rtol=1e-6)
+
     def test_condition_is_that_of_scaled_columns(self, rows):
         found = fitted("weighted", rows)
         y, _ = flat(rows, found.weights.numpy())
