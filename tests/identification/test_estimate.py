@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import METHODS, Measurements, estimate
+from sidegan.identification.gather import gather
 from tests.identification import recordings
 from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
 
@@ -53,6 +54,16 @@ class TestClosedForms:
         scale = np.linalg.norm(both, axis=0)
         last = np.linalg.svd(both / scale)[2][-1]
         close(found.parameters, -last[:-1] / last[-1] * scale[-1] / scale[:-1])
+
+    @pytest.mark.parametrize("prior", [1e-6, 1e6])
+    def test_tls_knows_what_the_samples_tell_without_their_noise_and_what_the_prior_tells(self, rows, prior):
+        model = Fixed(rows[0])
+        fit = METHODS["tls"](prior=prior).fit(gather(model, model.measurements(rows[1])))
+        y, tau = flat(rows, fit.weights.numpy())
+        both = np.column_stack([y, tau])
+        scale = np.linalg.norm(both, axis=0)
+        noise = np.linalg.svd(both / scale)[1][-1] ** 2 * np.diag(scale[:-1] ** 2)
+        close(fit.inverse, np.linalg.inv(y.T @ y - noise + np.eye(6) / prior), rtol=1e-6)
 
     def test_weighted_rls_that_forgets_nothing_is_weighted(self, rows):
         found = fitted("rls", rows, weighted=True)
