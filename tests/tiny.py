@@ -33,6 +33,7 @@ TINY = (
     "selection.count=6",
     "library.batch=60",
     "identification.rate=20",
+    "controllers.rate=20",
 )
 
 

@@ -22,7 +22,7 @@ from sidegan.gan.limits import LimitLayer, rooms
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
+from sidegan.robot import HIGHER, Arm
 from sidegan.validity import Constraints, Plane
 
 _FORMAT = "conditional 1"
@@ -39,7 +39,8 @@ class Shaping:
 
     A joint whose condition allows half the speed moves half as fast: coefficients are first brought to the
     size that suits the condition, so that the network sees the same problem under all of them, then limited.
-    The reach is the mean peak of random trajectories: position from home [rad or m] and velocity, (2, J).
+    The reach is the mean peak of random trajectories: position from home [rad or m], velocity and, where they
+    are limited, acceleration and jerk, (L, J).
     """
 
     def __init__(self, arm: Arm, trajectory: Trajectory, reach: Tensor) -> None:
@@ -49,17 +50,27 @@ class Shaping:
         self._usual = self._room_use(rooms(arm, home), torch.ones(1, 1), arm.velocity_limit)
 
     @staticmethod
-    def reach_of(trajectory: Trajectory, c: Tensor) -> Tensor:
-        """Mean peaks, (2, J), of trajectories with coefficients (N, J, H, 2)."""
-        motion = trajectory.roll_out(c, trajectory.grid(_PEAKS * trajectory.harmonics))
+    def reach_of(arm: Arm, trajectory: Trajectory, c: Tensor) -> Tensor:
+        """Mean peaks, (L, J), of trajectories with coefficients (N, J, H, 2)."""
+        times = trajectory.grid(_PEAKS * trajectory.harmonics)
+        motion = trajectory.roll_out(c, times)
         moved = motion.position - c.new_tensor(trajectory.home)
-        return torch.stack([x.abs().amax(1).mean(0) for x in (moved, motion.velocity)])
+        higher = (trajectory.derivative(c, times, HIGHER[name]) for name in arm.higher_limits)
+        return torch.stack([x.abs().amax(1).mean(0) for x in (moved, motion.velocity, *higher)])
 
     def _room_use(self, room: Tensor, stretch: Tensor, speed: Tensor) -> Tensor:
         """What random trajectories would use of their tightest limit, (B, J)."""
         least = _LEAST_SHARE * (self.arm.position_upper - self.arm.position_lower)
         position = self.reach[0] * stretch / torch.maximum(room.amin(0), least)
-        return torch.maximum(position, self.reach[1] / speed)
+        use = torch.maximum(position, self.reach[1] / speed)
+        for peak, inverse in zip(self.reach[2:], self._inverse(stretch).values()):
+            use = torch.maximum(use, peak * inverse)
+        return use
+
+    def _inverse(self, stretch: Tensor) -> dict[str, Tensor]:
+        """One over the limits of acceleration and jerk, (B, J), of a motion that will be stretched."""
+        limits = self.arm.higher_limits.items()
+        return {name: 1 / (limit * stretch ** (HIGHER[name] - 1)) for name, limit in limits}
 
     def size(self, condition: Condition) -> Tensor:
         """Size of trajectories that suit a condition, in that of those of the family's own, (B, J)."""
@@ -74,6 +85,7 @@ class Shaping:
             "room": (rooms(self.arm, condition.home) / stretch).to(c),
             "speed": (condition.velocity[:, None] * self.arm.velocity_limit).to(c),
         }
+        limits |= {f"inverse_{name}": x.to(c) for name, x in self._inverse(stretch).items()}
         return functional_call(self.layer, limits, (c * self.size(condition)[:, :, None, None].to(c),))
 
 
@@ -83,7 +95,7 @@ class ConditionalGenerator:
 
     network: Generator  # noise and code of the condition → images
     scaling: Scaling  # images → coefficients
-    reach: Tensor  # mean peaks of random trajectories, (2, J) (``Shaping``)
+    reach: Tensor  # mean peaks of random trajectories, (L, J) (``Shaping``)
     space: ConditionSpace  # the arm in its workspace, the family of trajectories, the ranges of conditions
 
     @cached_property
@@ -159,9 +171,10 @@ class ConditionalGenerator:
                     f"{path} was trained for the workspace {meta['workspace']}, not for {here}"
                 )
             family, reach = Trajectory(**meta["trajectory"]), content["reach"]
+            expected = (2 + len(constraints.higher), constraints.arm.joints)
             network, scaling = stored_network(meta, content, family)
             space = ConditionSpace(constraints, family, build(Ranges, meta["ranges"]))
-            if network.noise <= space.size or reach.shape != (2, constraints.arm.joints):
+            if network.noise <= space.size or reach.shape != expected:
                 raise ArtifactError(f"{path} contradicts itself: its network does not fit its ranges")
             return cls(network.eval(), scaling, reach, space)
 
@@ -179,7 +192,7 @@ def settle(space: ConditionSpace, condition: Condition, c: Tensor) -> Tensor:
     """Coefficients [rad/s], (B, J, H, 2), of which each keeps its condition at 120 points of its period.
 
     What keeps it is left as it is. The rest is made smaller, as a whole: home is clear of everything, so
-    some factor above zero will do. Position and velocity limits that hold go on to do so.
+    some factor above zero will do. Limits on motion that hold go on to do so.
     """
     parts = torch.arange(len(c)).split(_AT_ONCE)
     return torch.cat([_settle(space, condition.take(rows), c[rows].double()) for rows in parts])

@@ -23,7 +23,8 @@ class ConditionedProblem(Problem):
     """A batch of trajectories under a batch of conditions.
 
     Coefficients are velocities: with another period the motion is that of the family's period, with
-    positions from home in proportion to the period and accelerations against it. So one basis serves all.
+    positions from home in proportion to the period, accelerations against it and jerks against its square. So
+    one basis serves all.
     The constraints are without torque limits: they differ between trajectories.
     """
 
@@ -42,6 +43,10 @@ class ConditionedProblem(Problem):
         moved = motion.position - c.new_tensor(self.trajectory.home)
         position = self.condition.home[:, None] + moved * self.stretch
         return Motion(motion.time, position, motion.velocity, motion.acceleration / self.stretch)
+
+    def jerk(self, c: Tensor) -> Tensor:
+        """Jerk [rad/s³] at the problem's time points, (B, samples, J)."""
+        return super().jerk(c) / self.stretch**2
 
     def violation(self, c: Tensor, penalty: Penalty) -> Tensor:
         """Squared relative violations of limits, distances and regions, mean over time, (B,).

@@ -167,7 +167,8 @@ def _untrained(space: ConditionSpace, settings: TrainingSettings, start: Tensor)
     network = Generator(joints, harmonics, noise, "mlp", settings.width, shortcut=True, activation="silu")
     network.start_from(scaling.image(start))
     scaling = Scaling(scaling.mean.float(), scaling.spread.float())
-    return ConditionalGenerator(network, scaling, Shaping.reach_of(space.trajectory, start), space)
+    reach = Shaping.reach_of(space.constraints.arm, space.trajectory, start)
+    return ConditionalGenerator(network, scaling, reach, space)
 
 
 def _measure(sampler: ConditionSampler, seed: int, epoch: int) -> dict[str, float]:

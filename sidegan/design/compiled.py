@@ -30,7 +30,8 @@ class CompiledEvaluation:
 def _subject(problem: Problem) -> kernel.Subject:
     constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
     arm, base = constraints.arm, body.base
-    limit = arm.torque_limit
+    limit, higher = arm.torque_limit, constraints.higher_rows
+    linear = [problem.room, arm.velocity_limit, *(higher if constraints.higher else [])]
 
     def functions(times: Tensor, orders: int) -> Tensor:
         return torch.stack([trajectory.basis(times, order).flatten(1).T for order in range(orders)])
@@ -41,11 +42,12 @@ def _subject(problem: Problem) -> kernel.Subject:
         "home": limit.new_tensor(trajectory.home),
         "lower": arm.position_lower,
         "upper": arm.position_upper,
-        "room": problem.room,
         "speed": arm.velocity_limit,
+        "higher": higher,
+        "linear": torch.stack(linear),
         "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
-        "basis": functions(trajectory.grid(problem.samples), 3),
-        "fine": functions(problem.finer_grid, 2),
+        "basis": functions(trajectory.grid(problem.samples), max(3, len(linear))),
+        "fine": functions(problem.finer_grid, len(linear)),
     }
     columns = columns_of_links(base.columns, body.joints)
     arrays = {name: array(x) for name, x in tensors.items()}

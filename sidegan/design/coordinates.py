@@ -9,6 +9,7 @@ from sidegan.design.lbfgs import Function
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
+from sidegan.robot import HIGHER
 
 _POINTS = 20  # per harmonic, for the means over time
 
@@ -20,8 +21,8 @@ class Coordinates:
     The quintic that brings a joint to rest ties its coefficients together: most changes of a single one
     move the arm far, few combinations hardly at all. At 560 s and 210 harmonics a random draw of
     coefficients is nearly all quintic. In natural coordinates |x|² is the mean square of position and
-    velocity, as shares of their limits, plus that of the coefficients over the velocity limit, which keeps
-    the combinations that hardly move the arm small.
+    velocity, and of acceleration and jerk where they are limited, as shares of their limits, plus that of the
+    coefficients over the velocity limit, which keeps the combinations that hardly move the arm small.
     """
 
     matrix: Tensor  # symmetric, (J, 2 H, 2 H); c = matrix @ x
@@ -37,6 +38,9 @@ class Coordinates:
         unit = torch.eye(2 * trajectory.harmonics, dtype=torch.float64)
         metric = position.T @ position / len(times) / room**2
         metric = metric + (velocity.T @ velocity / len(times) + unit) / speed**2
+        for name, limit in problem.constraints.higher.items():
+            x = trajectory.basis(times, HIGHER[name]).flatten(1)
+            metric = metric + x.T @ x / len(times) / limit[:, None, None] ** 2
         values, vectors = torch.linalg.eigh(metric)
         return cls(vectors @ (vectors / values.sqrt()[:, None]).transpose(1, 2))
 

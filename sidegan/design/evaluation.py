@@ -14,18 +14,21 @@ from torch import Tensor
 
 from sidegan.design.problem import Problem
 from sidegan.motion.backend import usable
+from sidegan.robot import HIGHER
 
 if TYPE_CHECKING:
     from sidegan.design.compiled import CompiledEvaluation
 
-NAMES = ("position", "velocity", "torque", "collision", "keep_out")  # that kernels know, in their order
+# That kernels know, in their order.
+NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
 
 
 @dataclass(frozen=True)
 class Evaluation:
     """Log fitness and violations of trajectories of a problem, at its samples.
 
-    A joint that would use more than a share of its position or velocity limit is scaled down to that.
+    A joint that would use more than a share of a limit that is linear in its coefficients (``limit_use``) is
+    scaled down to that.
     """
 
     problem: Problem
@@ -44,7 +47,7 @@ class Evaluation:
         """The same by torch: the reference."""
         c = self.scaled(torch.from_numpy(coefficients))
         constraints = self.problem.constraints
-        states = (part.flatten(0, 1) for part in self.problem.motion(c)[1:])
+        states = (part.flatten(0, 1) for part in self.problem.states(c))
         shares = constraints.relative(constraints.margins(*states), self.distance)
         violations = [-share.reshape(len(c), -1).amin(1) for share in shares.values()]
         return torch.stack([self.problem.fitness(c).log(), *violations], 1).numpy()
@@ -58,7 +61,8 @@ class Evaluation:
     def _compiled(self) -> "CompiledEvaluation | None":
         """The kernel, where it can be had and knows the motion and every constraint."""
         known = set(self.problem.constraints.labels) <= set(NAMES)
-        moves_so = type(self.problem).motion is Problem.motion
+        kind = type(self.problem)
+        moves_so = kind.motion is Problem.motion and kind.jerk is Problem.jerk
         if not (known and moves_so and usable(self.problem.body.base.values)):
             return None
         from sidegan.design.compiled import CompiledEvaluation

@@ -84,18 +84,23 @@ def pull_back(
     """
     with torch.enable_grad():
         c = c.detach().requires_grad_(True)
-        motion = problem.motion(c)[1:]
+        motion = problem.states(c)
     body = problem.body
     vectors, weights = directions or (c.new_zeros(len(c), 0, 10 * body.joints), c.new_zeros(len(c), 0))
     costs = penalty.costs(problem.constraints) if penalty else (None, None)
     slopes, violation = [torch.zeros_like(x) for x in motion], c.new_zeros(len(c))
     for rows in _pieces(len(c), _STATES_AT_ONCE // problem.samples):
         for times in _pieces(problem.samples, _STATES_AT_ONCE):
-            states = [x[rows, times].detach() for x in motion]
+            states = [x[rows, times].detach() for x in motion[:3]]
             cost, pieces = body.penalised_slopes(states, vectors[rows], weights[rows], *costs)
             violation[rows] += cost / problem.samples
             for slope, piece in zip(slopes, pieces):
                 slope[rows, times] = piece / problem.samples
+    if penalty is not None and problem.constraints.higher:
+        cost, pushes = penalty.higher(problem.constraints, [x.detach() for x in motion])
+        violation += cost / problem.samples
+        for order, push in pushes.items():
+            slopes[order] += push / problem.samples
     (gradient,) = torch.autograd.grad(motion, c, slopes)
     return violation, gradient
 

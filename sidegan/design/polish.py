@@ -22,8 +22,7 @@ class Polish:
     """L-BFGS from given trajectories; each is replaced only by a better valid one."""
 
     steps: int  # evaluations per trajectory
-    # share of each position, velocity and torque limit that is kept free, and twice that share of 0.25 m as
-    # clearance
+    # share of each limit that is kept free, and twice that share of 0.25 m as clearance
     reserve: float = 0.02
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram_of
 from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.robot import HIGHER
 from sidegan.validity import Constraints
 
 HOPELESS = 1e12  # stands for an infinite condition number: optimisers take finite numbers only
@@ -20,7 +21,8 @@ _AT_ONCE = 2_000  # states whose regressor stays near the processor
 class Problem:
     """Condition number and constraints of trajectories of one arm.
 
-    A kind of trajectories that moves otherwise overrides ``motion``; everything else follows from it.
+    A kind of trajectories that moves otherwise overrides ``motion`` and ``jerk``; everything else follows
+    from them.
 
     Raises:
         ShapeError: when the trajectories are not the arm's, or too few samples see the highest harmonic.
@@ -53,11 +55,19 @@ class Problem:
         return c * (reach / self.limit_use(c))[:, :, None, None]
 
     def limit_use(self, c: Tensor) -> Tensor:
-        """Largest share of its position or velocity limit that each joint uses, (B, J)."""
+        """Largest share of its tightest limit that each joint uses, (B, J).
+
+        Limits are those of position, from home, of velocity and, where there are any, of acceleration and
+        jerk: what is linear in the coefficients.
+        """
         motion = self.trajectory.roll_out(c, self.finer_grid)
         position = (motion.position - c.new_tensor(self.trajectory.home)).abs().amax(1) / self.room
         velocity = motion.velocity.abs().amax(1) / self.constraints.arm.velocity_limit
-        return torch.maximum(position, velocity).clamp_min(1e-9)
+        use = torch.maximum(position, velocity)
+        for name, limit in self.constraints.higher.items():
+            x = self.trajectory.derivative(c, self.finer_grid, HIGHER[name])
+            use = torch.maximum(use, x.abs().amax(1) / limit)
+        return use.clamp_min(1e-9)
 
     @property
     def finer_grid(self) -> Tensor:
@@ -74,6 +84,15 @@ class Problem:
     def motion(self, c: Tensor) -> Motion:
         """Joint motion at the problem's time points, (B, samples, J)."""
         return self.trajectory.roll_out(c, self.trajectory.grid(self.samples))
+
+    def jerk(self, c: Tensor) -> Tensor:
+        """Jerk [rad/s³] at the problem's time points, (B, samples, J)."""
+        return self.trajectory.derivative(c, self.trajectory.grid(self.samples), HIGHER["jerk"])
+
+    def states(self, c: Tensor) -> list[Tensor]:
+        """Position, velocity, acceleration, and jerk where it is limited, (B, samples, J) each."""
+        jerk = [self.jerk(c)] if "jerk" in self.constraints.higher else []
+        return [*self.motion(c)[1:], *jerk]
 
     @torch.no_grad()
     def gram(self, c: Tensor) -> Tensor:

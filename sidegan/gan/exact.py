@@ -56,6 +56,6 @@ class ExactFeatures(Standard):
 def penalty_of(reserve: float) -> Penalty:
     """Penalty that keeps a share of the torque limits free, and four times that share of 0.25 m.
 
-    Position and velocity limits hold by the generator's last layer.
+    The limits on motion hold by the generator's last layer.
     """
     return Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)

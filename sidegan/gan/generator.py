@@ -16,7 +16,7 @@ from sidegan.gan.limits import LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
+from sidegan.robot import HIGHER, Arm
 
 _FORMAT = 1
 
@@ -31,7 +31,7 @@ class TrajectoryGenerator:
     robot: str  # name of the arm
     digest: str  # of the arm's numbers
     variant: str  # name of the variant
-    # last layer that keeps position and velocity limits; None where there is none
+    # last layer that keeps the limits on motion; None where there is none
     limits: LimitLayer | None = None
 
     @torch.no_grad()
@@ -63,6 +63,7 @@ class TrajectoryGenerator:
         tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread}
         if self.limits is not None:
             tensors |= {"room": self.limits.room, "speed": self.limits.speed}
+            tensors |= {f"inverse_{name}": x for name, x in self.limits.inverse.items()}
         write_torch(path, {"meta": json.dumps(meta), "weights": network.state_dict(), **tensors})
 
     @classmethod
@@ -75,12 +76,18 @@ class TrajectoryGenerator:
         with opened(path, "trajectory generator", _FORMAT) as (meta, content):
             family = Trajectory(**meta["trajectory"])
             network, scaling = stored_network(meta, content, family)
-            limits = LimitLayer(family, content["room"], content["speed"]) if meta.get("limited") else None
+            limits = _stored_limits(content, family) if meta.get("limited") else None
             names = (meta["robot"], meta["digest"], meta["variant"])
             generator = cls(network.eval(), scaling, family, *names, limits)
         if arm is not None:
             refuse_other(path, meta, arm)
         return generator
+
+
+def _stored_limits(content: dict[str, Any], family: Trajectory) -> LimitLayer:
+    """The last layer of a generator's file."""
+    inverse = {name: content[f"inverse_{name}"] for name in HIGHER if f"inverse_{name}" in content}
+    return LimitLayer(family, content["room"], content["speed"], inverse)
 
 
 def random_of(seed: int | torch.Generator) -> torch.Generator:

@@ -95,9 +95,9 @@ def label(
 
 def scaled_margins(constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int) -> Tensor:
     """Smallest margin of each constraint by moment, (B, G, T) float32, in shares of its limit."""
-    arm = constraints.arm
-    motion = trajectory.roll_out(c, trajectory.grid(steps))
-    states = [x.reshape(-1, arm.joints) for x in motion[1:]]
+    times = trajectory.grid(steps)
+    motion = [trajectory.derivative(c, times, order) for order in range(constraints.orders)]
+    states = [x.flatten(0, 1) for x in motion]
     margins = constraints.relative(constraints.margins(*states), _DISTANCE)
     rows = [margins[name].amin(1) for name in constraints.labels]
     return torch.stack(rows, 1).clamp(-_CLIP, _CLIP).float().reshape(len(c), steps, -1).transpose(1, 2)

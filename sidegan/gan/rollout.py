@@ -4,18 +4,19 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
+from sidegan.robot import HIGHER, Arm
 
 _PEAKS = 4  # finer time points per step at which the limit use is taken, so that peaks are seen
 _ACCELERATION = 5.0  # [rad/s²] that counts as one
 
 
 class RollOut(nn.Module):
-    """Channels (B, 5 J + 2, T) of coefficients (B, J, H, 2), float32.
+    """Channels (B, 5 J + L, T) of coefficients (B, J, H, 2), float32.
 
     sin and cos of the positions, the used share of the position and velocity ranges, scaled
-    accelerations, and the largest used share over the joints. It has no weights: the basis of the
-    trajectories is linear and known.
+    accelerations, and the largest used share over the joints of each of the L kinds of limits that are
+    linear in the coefficients: position, velocity and, where there are any, acceleration and jerk. It has
+    no weights: the basis of the trajectories is linear and known.
     """
 
     basis: Tensor
@@ -26,26 +27,31 @@ class RollOut(nn.Module):
 
     def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
-        self.channels = 5 * arm.joints + 2
+        self.higher = tuple(arm.higher_limits)
+        self.linear = 2 + len(self.higher)
+        self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)
-        basis = torch.stack([trajectory.basis(times, order).flatten(1) for order in range(3)])
+        orders = range(4 if self.higher else 3)
+        basis = torch.stack([trajectory.basis(times, order).flatten(1) for order in orders])
         buffers = {
             "basis": basis,
             "home": torch.tensor(trajectory.home),
             "middle": (arm.position_upper + arm.position_lower) / 2,
             "room": (arm.position_upper - arm.position_lower) / 2,
             "speed": arm.velocity_limit,
+            **arm.higher_limits,
         }
         for name, value in buffers.items():
             self.register_buffer(name, value.float(), persistent=False)
 
     def forward(self, c: Tensor) -> Tensor:
-        """Channels (B, 5 J + 2, T)."""
+        """Channels (B, 5 J + L, T)."""
         motion = torch.einsum("dtk,bjk->dbjt", self.basis, c.flatten(2))
         q = motion[0] + self.home[:, None]
         used = (q - self.middle[:, None]) / self.room[:, None]
         rate = motion[1] / self.speed[:, None]
-        peaks = [_pooled(x.abs().amax(1, keepdim=True)) for x in (used, rate)]
+        shares = [motion[HIGHER[name]] / getattr(self, name)[:, None] for name in self.higher]
+        peaks = [_pooled(x.abs().amax(1, keepdim=True)) for x in (used, rate, *shares)]
         q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rate, motion[2]))
         return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
 

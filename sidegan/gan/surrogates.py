@@ -17,7 +17,6 @@ from sidegan.gan.variants import Variant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
-LINEAR_CONSTRAINTS = 2  # position and velocity, the roll-out's last channels
 _TINY = 1e-12  # features below it count as it
 _LEAST_SPREAD = 1e-3  # of log features
 _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
@@ -59,8 +58,8 @@ def _check_one(negatives: dict[str, Variant]) -> None:
 class SuccessPredictor(nn.Module):
     """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
 
-    Position and velocity limits, the first constraints, are linear in the coefficients, so their margins are
-    computed; torque, self-collision and keep-out margins are learned.
+    The limits on motion, the first constraints, are linear in the coefficients, so their margins are computed
+    from the roll-out's last channels; torque, self-collision and keep-out margins are learned.
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class SuccessPredictor(nn.Module):
     ) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
-        learned = constraints - LINEAR_CONSTRAINTS
+        learned = constraints - self.roll_out.linear
         self.layers: nn.Sequential | None = None  # an arm may have nothing to learn about
         if learned:
             self.layers = _by_moment(self.roll_out.channels, width, width, width, learned)
@@ -78,7 +77,7 @@ class SuccessPredictor(nn.Module):
     def margins(self, c: Tensor) -> Tensor:
         """Predicted margins by moment, (B, G, T), in the units of ``labels.scaled_margins``."""
         channels = self.roll_out(c)
-        linear = 1 - channels[:, -LINEAR_CONSTRAINTS:]
+        linear = 1 - channels[:, -self.roll_out.linear :]
         return linear if self.layers is None else torch.cat([linear, self.layers(channels)], 1)
 
     def forward(self, c: Tensor) -> Tensor:

@@ -202,7 +202,7 @@ def _diversity(variant: Variant, seeds: Tensor) -> list[LossTerm]:
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:
-    """Random trajectories that use all of their position and velocity limits, (N, J, H, 2) [rad/s].
+    """Random trajectories that use all of their limits on motion, (N, J, H, 2) [rad/s].
 
     What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
 
@@ -217,6 +217,6 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
     if not verdict.valid.any():
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
-            f"{_SMALL:.0%} of the position and velocity limits, {summarise_faults(verdict.faults())}"
+            f"{_SMALL:.0%} of their limits on motion, {summarise_faults(verdict.faults())}"
         )
     return c

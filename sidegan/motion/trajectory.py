@@ -98,7 +98,11 @@ class Trajectory:
         return (torch.arange(count, dtype=torch.float64) + 0.5) * (self.period / count)
 
     def basis(self, times: Tensor, order: int) -> Tensor:
-        """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2)."""
+        """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2).
+
+        Those up to the second vanish at both ends. The third, which is continuous in between, does not: the
+        jerk begins and ends with a step.
+        """
         t = times.detach().to("cpu", torch.float64).numpy()
         if len(t) * self.harmonics > _CACHED:
             basis = _basis(self.harmonics, self.period, t, order)
@@ -108,13 +112,18 @@ class Trajectory:
         return torch.tensor(basis, device=times.device, dtype=times.dtype)
 
     def snap_bound(self) -> Tensor:
-        """Largest absolute fourth derivative of each basis function over the period, (H, 2).
+        """Upper bound of the absolute fourth derivative of each basis function over the period, (H, 2)."""
+        return self.derivative_bound(4)
 
-        A wave reaches its amplitude; the quintic's fourth derivative is linear, so an end has its peak.
+    def derivative_bound(self, order: int) -> Tensor:
+        """The same of derivative ``order``, 4 or more.
+
+        A wave reaches its amplitude; the quintic's fourth derivative is linear, so an end has its peak, and
+        its fifth is constant.
         """
         w = _frequencies(self.harmonics, self.period)
-        peaks = np.abs(_power_derivatives(np.array([0.0, 1.0]), 4) @ _QUINTICS).max(0)
-        return torch.from_numpy(w[:, None] ** 3 + peaks * _quintic_scales(w, self.period, 4))
+        peaks = np.abs(_power_derivatives(np.array([0.0, 1.0]), order) @ _QUINTICS).max(0)
+        return torch.from_numpy(w[:, None] ** (order - 1) + peaks * _quintic_scales(w, self.period, order))
 
     def roll_out(self, c: Tensor, times: Tensor) -> Motion:
         """Joint motion, (B, T, J) each, of coefficients [rad/s], (B, J, H, 2), at ``times`` [s], (T,).

@@ -13,6 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Count, Natural, build
 from sidegan.conditional.settings import ConditionalSettings
+from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
@@ -95,6 +96,7 @@ class Config:
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
     excite: list[str] = _group("excite")  # pools that stage excite picks from: seeds, random, variants
+    controllers: Delivery = _group("controllers")
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")

@@ -25,7 +25,7 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
-_STAMPED = ("lower", "upper", "velocity", "effort")  # the others are not part of the digest yet
+_OPTIONAL = ("acceleration", "jerk")  # part of the digest only where there are any
 _log = logging.getLogger(__name__)
 
 
@@ -61,17 +61,21 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     description = read_description(path, setup, home)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
+    from sidegan.robot.shapes import capsules_of
 
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
-    numbers = {**chain, **{_LIMITS[kind]: limits[kind] for kind in _STAMPED}}
-    capsules = pin_model.enclosing_capsules(model, description)
+    numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
+    higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
+    shapes = pin_model.collision_shapes(model, description, setup.pieces)
+    capsules = capsules_of(shapes)
+    stamped = [shape.digest for shape in shapes if shape.digest] + _stamped(setup, description)
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers, capsules),
+        digest=digest_of(numbers | higher, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -81,20 +85,22 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         poses=description.semantics.complete(names),
         disabled_pairs=description.semantics.disabled,
         told=tuple(description.told),
-        acceleration_limit=_if_any(limits["acceleration"]),
-        jerk_limit=_if_any(limits["jerk"]),
+        parents=description.parents,
+        may_touch=description.may_touch,
         **numbers,
+        **higher,
     )
+
+
+def _stamped(setup: Setup, description: Description) -> list[str]:
+    """Pairs that a user lets touch: with them, other trajectories are valid."""
+    said = description.may_touch if setup.may_touch or setup.srdf_pairs else ()
+    return sorted({" ".join(sorted(pair)) for *pair, _ in said})
 
 
 def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
     """One kind of limit of all joints, (J,)."""
     return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
-
-
-def _if_any(limits: Tensor) -> Tensor | None:
-    """Limits, where at least one joint has one."""
-    return limits if limits.isfinite().any() else None
 
 
 def _pose(description: Description, setup: Setup, names: tuple[str, ...]) -> tuple[float, ...] | None:

@@ -27,9 +27,8 @@ class Gradient:
 
     steps: int  # evaluations per start
     attempts: int  # most rounds of starts
-    # share of each position, velocity and torque limit that seeds keep free, and twice that share of 0.25 m
-    # as clearance. The more, the easier a generator trained on them stays valid, and the worse they are
-    # conditioned
+    # share of each limit that seeds keep free, and twice that share of 0.25 m as clearance. The more, the
+    # easier a generator trained on them stays valid, and the worse they are conditioned
     reserve: float
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:

@@ -1,5 +1,6 @@
 """The search for the smallest margins by a compiled kernel: what it is given, and how threads share it."""
 
+from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -12,11 +13,12 @@ from sidegan.motion.compiled import validity as kernel
 from sidegan.motion.compiled.chain import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import HIGHER
 from sidegan.validity.bounds import Slack, link_norms
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.search import Result, Search
 
-NAMES = ("position", "velocity", "torque", "collision", "keep_out")  # the kernel's columns
+NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
 _models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
@@ -33,6 +35,7 @@ class FusedSearch(Search):
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
         self.columns = {name: NAMES.index(name) for name in constraints.labels}
+        self.orders = 5 if constraints.higher else 3
 
     def visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
         """Update the margins from cells (N, 2) of (trajectory, index); those undecided come back."""
@@ -42,11 +45,12 @@ class FusedSearch(Search):
         else:
             used, rows = torch.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2
-        times = (used.to(self.c) + 0.5) * (2 * half)
-        basis = torch.stack([self.trajectory.basis(times, order).flatten(1) for order in range(3)], 1)
-        motions = kernel_cells.Motions(
-            array(self.c.flatten(2)), array(self.jerk), array(basis), array(times), half
+        centres = (used.to(self.c) + 0.5) * (2 * half)
+        functions = [self.trajectory.basis(centres, order).flatten(1) for order in range(self.orders)]
+        c, jerk, drifts, basis, times = map(
+            array, (self.c.flatten(2), self.jerk, self.drifts, torch.stack(functions, 1), centres)
         )
+        motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
         undecided = np.empty(len(cells), dtype=bool)
         cuts = _cuts(which)
 
@@ -58,6 +62,12 @@ class FusedSearch(Search):
         each(work, len(cuts) - 1)
         self.valid = torch.from_numpy((self.smallest.margin[:, list(self.columns.values())] >= 0).all(1))
         return cells[torch.from_numpy(undecided)]
+
+    @cached_property
+    def drifts(self) -> Tensor:
+        """Bounds of the fourth and the fifth derivative, (2, B, J); (2, 0, 0) where neither matters."""
+        rows = [self.bounds.get(name, torch.zeros_like(self.jerk)) for name in HIGHER]
+        return torch.stack(rows) if self.bounds else self.jerk.new_zeros(2, 0, 0)
 
     def result(self) -> Result:
         """Whether each trajectory is valid; the smallest margins, their elements and times."""
@@ -86,14 +96,18 @@ def _model(constraints: Constraints) -> kernel_cells.Model:
         "upper": arm.position_upper,
         "speed": arm.velocity_limit,
         "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
+        "higher": constraints.higher_rows,
         "pair_reach": slack.pair_reach,
+        "piece_reach": slack.piece_reach,
         "pair_most": _most(slack.pair_reach),
         "region_reach": slack.region_reach,
         "region_most": _most(slack.region_reach),
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
-    return kernel_cells.Model(constraints.body.chain, constraints.shapes, **arrays)
+    return kernel_cells.Model(
+        constraints.body.chain, constraints.shapes, constraints.pieces.hulls(), **arrays
+    )
 
 
 def _most(reach: Tensor) -> Tensor:

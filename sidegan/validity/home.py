@@ -47,5 +47,5 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
 def _room(constraints: Constraints, q: Tensor) -> Tensor:
     """Smallest relative margin of arms at rest, (N,), at positions (N, J)."""
     still = torch.zeros_like(q)
-    shares = constraints.relative(constraints.margins(q, still, still), _ROOM)
+    shares = constraints.relative(constraints.margins(q, still, still, still), _ROOM)
     return torch.cat([*shares.values()], 1).amin(1)

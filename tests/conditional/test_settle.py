@@ -10,7 +10,7 @@ from sidegan.validity import check
 def c(constraints, family, conditions):
     """Trajectories that use their position and velocity limits, whatever is in the way."""
     start = random_trajectories(constraints, family, 0)
-    shaping = Shaping(constraints.arm, family, Shaping.reach_of(family, start))
+    shaping = Shaping(constraints.arm, family, Shaping.reach_of(constraints.arm, family, start))
     return shaping(1.5 * start[: len(conditions)], conditions)
 
 

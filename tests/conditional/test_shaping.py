@@ -14,7 +14,7 @@ from sidegan.validity import Constraints, check
 @pytest.fixture(scope="module")
 def shaping(constraints, family):
     start = random_trajectories(constraints, family, 0)
-    return Shaping(constraints.arm, family, Shaping.reach_of(family, start))
+    return Shaping(constraints.arm, family, Shaping.reach_of(constraints.arm, family, start))
 
 
 @settings(max_examples=12, deadline=None)

@@ -1,5 +1,9 @@
+import json
+import re
+
 import pandas as pd
 import pytest
+import yaml
 
 from sidegan.errors import ConfigError
 from sidegan.library import Library
@@ -36,9 +40,35 @@ def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
 
 def test_all_in_a_row_are_one_motion_at_rest_in_between(folder):
     whole = pd.read_csv(folder / "trajectories" / "all.csv")
-    assert len(whole) == 6 * 160 + 1 and whole.time.iloc[-1] == pytest.approx(48)
-    rest = whole.iloc[::160]
+    assert len(whole) == 6 * 161 and whole.time.iloc[-1] == pytest.approx(6 * 8 + 5)  # a second between two
+    rest = whole.iloc[::161]
     assert abs(rest[["q_shoulder", "q_elbow", "dq_shoulder", "dq_elbow"]].to_numpy()).max() < 1e-7
+
+
+def test_the_least_demanding_comes_first_and_has_a_goal_for_ros(folder):
+    table = pd.read_csv(folder / "set.csv")
+    assert table["energy [J]"].is_monotonic_increasing
+    goal = yaml.safe_load((folder / "trajectories" / "1.yaml").read_text())
+    assert goal["trajectory"]["joint_names"] == ["shoulder", "elbow"]
+    assert {path.suffix for path in (folder / "trajectories").iterdir()} == {".csv", ".yaml"}
+
+
+def test_a_first_run_is_slower(outputs, folder, tmp_path):
+    options = ("stages=[excite]", "controllers.speed=0.5", "controllers.formats=[csv,mcap]")
+    run_stages(tiny(f"outputs={outputs}", *options, experiment="excite"), tmp_path, "excite")
+    once, slow = (pd.read_csv(one / "trajectories" / "1.csv") for one in (folder, tmp_path))
+    assert len(slow) == 2 * len(once) - 1 and slow.time.iloc[-1] == 2 * once.time.iloc[-1]
+    assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
+    assert abs(2 * slow.dq_elbow[::2].to_numpy() - once.dq_elbow.to_numpy()).max() < 1e-7
+    assert (tmp_path / "trajectories" / "all.mcap").is_file()
+
+
+def test_a_program_for_another_kind_of_arm_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="urscript, which moves 6 joints; planar2 has 2"):
+        config = tiny(f"outputs={tmp_path}", "controllers.formats=[urscript]", experiment="excite")
+        run_stages(config, tmp_path / "run", "excite")
+    with pytest.raises(ConfigError, match="one or more, each once"):
+        tiny("controllers.formats=[]", experiment="excite")
 
 
 def test_the_table_says_what_each_asks_of_the_arm(folder):
@@ -46,6 +76,16 @@ def test_the_table_says_what_each_asks_of_the_arm(folder):
     assert list(table.trajectory) == [1, 2, 3, 4, 5, 6]
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
     assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
+
+
+def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):
+    text = (folder / "view.html").read_text()
+    titles = [
+        f"{k} · cond {x:.3g}" for k, x in enumerate(Library.load(folder / "library.parquet").fitness, 1)
+    ]
+    head = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])
+    assert head["titles"] == titles and head["joints"] == ["shoulder", "elbow"]
+    assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
 
 
 def test_a_generator_may_be_the_pool(outputs, tmp_path):
@@ -76,6 +116,27 @@ def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
         speed = frame[["dq_shoulder", "dq_elbow"]].abs().max().to_numpy()
         assert (speed <= 0.4 * arm.velocity_limit.numpy() + 1e-6).all()
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
+
+
+LIMITED = ("robot.limits.acceleration={shoulder: 2.0, elbow: 3.0}", "robot.limits.jerk={elbow: 9}")
+
+
+def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_told(tmp_path, caplog):
+    config = tiny(f"outputs={tmp_path}", *LIMITED, experiment="excite")
+    with caplog.at_level("INFO"):
+        run_stages(config, tmp_path / "run", "excite")
+    assert "acceleration of 2, jerk of 1, torque of 2" in caplog.text
+    table = pd.read_csv(tmp_path / "run" / "set.csv")
+    peaks = table[["peak acceleration", "peak jerk"]].apply(lambda x: x.str.rstrip("%").astype(float))
+    assert (peaks <= 100).all().all() and peaks.max().max() > 60
+    library = Library.load(tmp_path / "run" / "library.parquet")
+    assert (library.margins["acceleration"] >= 0).all() and (library.margins["jerk"] >= 0).all()
+    family = Trajectory(2, 3, 8.0)
+    jerk = family.derivative(library.coefficients, family.times(2000.0), 3)[..., 1].abs()
+    assert float(jerk.max()) <= 9
+    for k in range(1, 7):
+        frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
+        assert frame.ddq_shoulder.abs().max() <= 2 and frame.ddq_elbow.abs().max() <= 3
 
 
 def test_a_pool_that_is_not_there_is_told_before_any_work(tmp_path):

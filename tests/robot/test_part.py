@@ -10,7 +10,7 @@ import torch
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Limits, Setup, load_robot, pinocchio_model, write_urdf
+from sidegan.robot import Limits, Setup, load_robot, pinocchio_model, with_effort, write_urdf
 
 from . import urdf
 from .urdf import joint, link, one_joint, robot, two_joints
@@ -284,6 +284,25 @@ class TestLimits:
         assert arm.acceleration_limit.tolist() == [3.5, math.inf]
         assert arm.jerk_limit.tolist() == [50, math.inf]
         assert "joint_limits.yaml limits finger, which are not there" in arm.told
+
+    def test_higher_limits_are_in_the_digest_where_there_are_any(self, tmp_path):
+        bare, same = (self.load(tmp_path, two_joints()) for _ in range(2))
+        assert bare.digest == same.digest and bare.higher_limits == {}
+        given = [
+            Limits(acceleration={"first": 3.0}),
+            Limits(acceleration={"first": 3.5}),
+            Limits(acceleration={"second": 3.0}),
+            Limits(jerk={"first": 3.0}),
+            Limits(acceleration={"first": 3.0}, jerk={"first": 3.0}),
+        ]
+        arms = [self.load(tmp_path, two_joints(), limits=limits) for limits in given]
+        assert len({bare.digest, *(arm.digest for arm in arms)}) == 1 + len(given)
+        again = self.load(tmp_path, two_joints(), limits=given[-1])
+        assert again.digest == arms[-1].digest
+        assert list(again.higher_limits) == ["acceleration", "jerk"]
+        assert again.higher_limits["jerk"].tolist() == [3, math.inf]
+        gentle = with_effort(again, 0.5)
+        assert gentle.higher_limits == again.higher_limits and gentle.digest != again.digest
 
     @pytest.mark.parametrize(
         ("text", "message"),

@@ -1,6 +1,6 @@
 """Trajectories that are critical in one constraint alone, and how bad they are when sampled densely."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
@@ -10,7 +10,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules
 from sidegan.validity import Box, Constraints, Plane
 
-KINDS = ("position", "velocity", "torque", "collision", "desk", "box")
+KINDS = ("position", "velocity", "acceleration", "jerk", "torque", "collision", "desk", "box")
+HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
 
 
@@ -38,6 +39,9 @@ def isolated(arm: Arm, kind: str) -> Constraints:
             return Constraints(replace(bare, position_lower=lower, position_upper=upper))
         case "velocity":
             return Constraints(replace(bare, velocity_limit=arm.velocity_limit))
+        case "acceleration" | "jerk":
+            limit = torch.full_like(arm.velocity_limit, HIGHEST[kind])
+            return Constraints(replace(bare, **{f"{kind}_limit": limit}))
         case "torque":
             return Constraints(replace(bare, torque_limit=0.4 * arm.torque_limit))
         case "collision":
@@ -47,6 +51,16 @@ def isolated(arm: Arm, kind: str) -> Constraints:
         case "box":
             return Constraints(last, [BOX])
     raise ValueError(kind)
+
+
+def limited(arm: Arm, names: Sequence[str], share: float = 1.0) -> Arm:
+    """An arm with some limits of acceleration and jerk; of every third joint there is none."""
+    free = torch.arange(arm.joints) % 3 == 2
+    limits = {
+        f"{name}_limit": torch.where(free, torch.inf, share * HIGHEST[name] * arm.velocity_limit)
+        for name in names
+    }
+    return replace(arm, **limits)
 
 
 def named(kind: str) -> str:
@@ -60,8 +74,8 @@ def margins_at(
     """Smallest margin over the elements at each time, (B, T), by constraint."""
     parts: dict[str, list[Tensor]] = {name: [] for name in constraints.labels}
     for piece in c.split(max(1, 20_000 // len(times))):
-        motion = trajectory.roll_out(piece, times)
-        margins = constraints.margins(*(x.flatten(0, 1) for x in motion[1:]))
+        states = (trajectory.derivative(piece, times, order) for order in range(constraints.orders))
+        margins = constraints.margins(*(x.flatten(0, 1) for x in states))
         for name, margin in margins.items():
             parts[name].append(margin.amin(1).reshape(len(piece), len(times)))
     return {name: torch.cat(pieces) for name, pieces in parts.items()}

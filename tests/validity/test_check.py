@@ -19,9 +19,12 @@ from .critical import DESK, KINDS, isolated, margins_at, named, scaled_to, small
 COARSE = 20.0  # [Hz] centres and edges of the check's first cells
 DENSE = 2_000.0  # [Hz]
 TINY = {"position": 1e-5, "velocity": 1e-5, "torque": 1e-4, "collision": 1e-6, "desk": 1e-6, "box": 1e-6}
+TINY |= {"acceleration": 1e-5, "jerk": 1e-4}
 COMFORTABLE = {
     "position": 1e-3,
     "velocity": 5e-3,
+    "acceleration": 1e-2,
+    "jerk": 1e-1,
     "torque": 1.0,
     "collision": 1e-3,
     "desk": 1e-3,

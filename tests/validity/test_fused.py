@@ -13,11 +13,11 @@ from sidegan.motion import compiled
 from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Plane, check
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain
 
-from .critical import BOX, DESK
+from .critical import BOX, DESK, limited
 
 pytest.importorskip("numba")
 
@@ -25,7 +25,13 @@ REGIONS = {
     "none": (),
     "desk": (DESK,),
     "box": (BOX,),
-    "all": (Plane((0.3, -0.2, 0.9), -0.5), Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)), DESK),
+    "round": (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1)),
+    "all": (
+        Plane((0.3, -0.2, 0.9), -0.5),
+        Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)),
+        DESK,
+        Convex.box((0.5, 0.3, 0.2)),
+    ),
 }
 
 
@@ -55,8 +61,8 @@ def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> 
     assert valid[clear].tolist() == verdict[clear].tolist()
     for name, margin in expected[0].items():
         torch.testing.assert_close(result[0][name], margin, rtol=1e-9, atol=1e-9)
-        motion = trajectory.roll_out(c, result[2][name])
-        at = [x.diagonal().T for x in motion[1:]]  # each trajectory at its own time
+        states = (trajectory.derivative(c, result[2][name], order) for order in range(constraints.orders))
+        at = [x.diagonal().T for x in states]  # each trajectory at its own time
         own = constraints.margins(*at)[name].gather(1, result[1][name][:, None])[:, 0]
         sampled = torch.isclose(own, margin, rtol=1e-9, atol=1e-9)
         assert (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
@@ -70,11 +76,12 @@ def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> 
     regions=st.sampled_from(sorted(REGIONS)),
     period=st.sampled_from([0.7, 3.0, 8.05]),
     limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+    higher=st.sets(st.sampled_from(["acceleration", "jerk"])),
 )
 def test_both_searches_agree_on_random_arms(
-    joints: int, seed: int, regions: str, period: float, limit: float
+    joints: int, seed: int, regions: str, period: float, limit: float, higher: set[str]
 ) -> None:
-    arm, _ = random_chain(joints, seed)
+    arm = limited(random_chain(joints, seed)[0], sorted(higher), share=0.3)
     torque = torch.full((joints,), limit, dtype=torch.float64)
     torque[::2] = 150.0
     arm = replace(arm, torque_limit=torque)

@@ -10,13 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.motion.compiled import eigen, lanes, regressor
-from sidegan.motion.compiled.chain import PLANE, Array, Chain, Shapes
-from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
+from sidegan.motion.compiled.chain import Array, Chain, Shapes
+from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, less
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
 
-FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, NUMBERS = range(7)  # of a trajectory
+# Numbers of a trajectory.
+FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
 _EPS = float(np.finfo(np.float64).eps)
 _STILL = 1e-9  # least share of a limit that a joint is taken to use
 _BLOCK = 512  # samples of all joints that stay near the processor while a basis function passes by
@@ -33,11 +34,12 @@ class Subject(NamedTuple):
     home: Array  # position that trajectories start from, (J,) [rad or m]
     lower: Array  # position limits, (J,)
     upper: Array  # position limits, (J,)
-    room: Array  # way from home that a joint may go at most, (J,)
     speed: Array  # velocity limits, (J,)
+    higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
+    linear: Array  # way from home that a joint may go, velocity limits and, if any, the higher ones, (L, J)
     torque: Array  # torque limits, (J,); infinite where nothing is limited
-    basis: Array  # derivatives 0 to 2 of the K basis functions at the T samples, (3, K, T)
-    fine: Array  # derivatives 0 and 1 at the samples that joints are scaled by, (2, K, S)
+    basis: Array  # derivatives 0 to 2, or 3, of the K basis functions at the T samples, (3 or 4, K, T)
+    fine: Array  # derivatives from 0 on at the samples that joints are scaled by, (L, K, S)
 
 
 class Measure(NamedTuple):
@@ -119,8 +121,8 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
     samples = subject.fine.shape[2]
     for j in range(len(x)):
         work.use[j] = _STILL
-    for order in range(2):
-        limit = subject.speed if order else subject.room
+    for order in range(len(subject.fine)):
+        limit = subject.linear[order]
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
             for j in range(len(x)):
@@ -179,6 +181,26 @@ def _check_limits(subject: Subject, work: Room, numbers: Array) -> None:
             numbers[TORQUE] = max(numbers[TORQUE], -_within(work.torque[0, 0, j], subject.torque[j]))
 
 
+@kernel
+def _check_higher(subject: Subject, work: Room, numbers: Array) -> None:
+    """Take accelerations and jerks into account, where some are limited."""
+    higher, samples = subject.higher, subject.basis.shape[2]
+    for j in range(higher.shape[1]):
+        acceleration = _within(work.states[lanes.DDQ, 0, j], higher[0, j])
+        numbers[ACCELERATION] = max(numbers[ACCELERATION], -acceleration)
+        work.use[j] = 0.0
+    for first in range(0, samples if higher.shape[1] else 0, _BLOCK):
+        count = min(_BLOCK, samples - first)
+        for j in range(higher.shape[1]):
+            lanes.clear(work.lines[j])
+        _combine(work.c, subject.basis[3], first, count, work.lines, 0)
+        for j in range(higher.shape[1]):
+            work.use[j] = max(work.use[j], _largest(work.lines[j], count))
+    for j in range(higher.shape[1]):
+        share = work.use[j] / higher[1, j] if math.isfinite(higher[1, j]) else 0.0
+        numbers[JERK] = max(numbers[JERK], share - 1.0)
+
+
 @inline
 def _nearest_pair(shapes: Shapes, ends: Array, least: float) -> float:
     """The smallest distance [m] of a pair of capsules, or ``least`` where that is smaller."""
@@ -187,7 +209,7 @@ def _nearest_pair(shapes: Shapes, ends: Array, least: float) -> float:
         apart, far = less(row(ends[2], i), row(ends[2], k)), least + shapes.size[i] + shapes.size[k]
         if far <= 0 or dot(apart, apart) < far * far:
             distance = between_segments(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
-            least = min(least, distance - (shapes.radius[i] + shapes.radius[k]))
+            least = min(least, distance - (shapes.core[i] + shapes.core[k]))
     return least
 
 
@@ -196,15 +218,8 @@ def _nearest_region(shapes: Shapes, ends: Array, least: float) -> float:
     """The same for capsules and keep-out regions."""
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-        a, b = row(ends[0], k), row(ends[1], k)
-        if shapes.kinds[r] == PLANE:
-            distance = to_plane(shapes.regions, r, a, b)
-        else:
-            centre = row(shapes.regions, r)
-            half = shapes.regions[r, 3], shapes.regions[r, 4], shapes.regions[r, 5]
-            if point_to_box(less(row(ends[2], k), centre), half) >= least + shapes.size[k]:
-                continue
-            distance = to_box(centre, half, a, b)
+        a, b, middle = row(ends[0], k), row(ends[1], k), row(ends[2], k)
+        distance = to_region(shapes, r, a, b, middle, least + shapes.size[k])
         least = min(least, distance - shapes.radius[k])
     return least
 
@@ -295,6 +310,7 @@ def evaluate(subject: Subject, measure: Measure, x: Array, numbers: Array, work:
         _scale_down(subject, measure.use, x[b], work)
         _roll_out(subject, work)
         _check_limits(subject, work, numbers[b])
+        _check_higher(subject, work, numbers[b])
         _check_distances(subject, measure.distance, work, numbers[b])
         ratio = _diagonal_ratio(subject, work) if measure.diagonal else _spectral_ratio(subject, work)
         ratio = ratio if ratio < measure.hopeless else measure.hopeless

@@ -127,6 +127,11 @@ def cell_bounds(dq: Number, ddq: Number, jerk: Number, half: float) -> tuple[Num
     return change, velocity_change, speed + velocity_change, acceleration + half * jerk
 
 
+def drift(rate: Number, bound: Number, half: float) -> Number:
+    """Largest change in a cell of what changes at this rate at its centre, whose own rate is bounded."""
+    return half * (abs(rate) + half / 2 * bound)
+
+
 def link_bounds(slides: bool, v: Number, acc: Number, jerk: Number, travel: Number, parent: Bounds) -> Bounds:
     """Bounds of a link's motion from its parent's and its joint's largest speed, acceleration and jerk."""
     w, dw, al, dal, a, da = parent

@@ -1,17 +1,17 @@
 """Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
-from pathlib import Path
+import logging
 
 import pandas as pd
 import torch
 from torch import Tensor
 
-from sidegan.base.storage import write_bytes
+from sidegan.controllers import SCRIPTED, deliver
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
-from sidegan.errors import ConfigError
+from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library import Library
-from sidegan.motion.trajectory import Motion, concatenate
+from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import Pool, own_pools
@@ -19,8 +19,10 @@ from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
+from sidegan.robot import HIGHER
 
-FOLDER, WHOLE = "trajectories", "all.csv"
+FOLDER, WHOLE, VIEW = "trajectories", "all.csv", "view.html"
+log = logging.getLogger(__name__)
 
 
 def _show(task: Task, tracker: Tracker) -> None:
@@ -31,18 +33,43 @@ def _show(task: Task, tracker: Tracker) -> None:
         held = f"{', '.join(cfg.excite)} hold {len(pool)}"
         raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
     chosen = pool.take(pick(task, pool))
+    times = task.trajectory.times(cfg.identification.rate)
+    if cfg.controllers.gentle:
+        chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
+    motion = task.trajectory.roll_out(chosen.coefficients, times)
     chosen.save(folder / LIBRARY)
-    motion = task.trajectory.roll_out(chosen.coefficients, task.trajectory.times(cfg.identification.rate))
-    _write(task, motion, folder / FOLDER)
+    names = task.arm.joint_names
+    deliver(task.trajectory, chosen.coefficients, names, cfg.controllers, folder / FOLDER)
     information = information_of(task.body, task.trajectory, chosen.coefficients)
     criteria = criteria_of(information.stacked(torch.arange(len(chosen))))
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
     caption = (
         f"{len(chosen)} trajectories of {task.trajectory.period:g} s, condition of the set "
-        f"{criteria.condition:.3g}, at {cfg.identification.rate:g} Hz in {folder / FOLDER}"
+        f"{criteria.condition:.3g}, for controllers ({', '.join(cfg.controllers.formats)}"
+        f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
     caption += f"; checked: {task.constraints.described()}"
+    caption += _view(task, chosen, tracker)
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
+
+
+def _slow(speed: float) -> str:
+    return "" if speed == 1 else f", at {speed:.0%} of the speed"
+
+
+def _view(task: Task, chosen: Library, tracker: Tracker) -> str:
+    """Write the page on which the arm moves along the set; where it is, for the caption."""
+    from sidegan.report.viewer import view_of, write_view
+
+    path = task.store.run_folder / VIEW
+    titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(chosen.fitness.tolist(), 1)]
+    try:
+        write_view(view_of(task.constraints, task.trajectory, chosen.coefficients, titles), path)
+    except ArtifactError as error:  # the trajectories are there, which is what counts
+        log.warning("there is no %s: %s", VIEW, error)
+        return ""
+    tracker.log_artifact(path, "view")
+    return f"; to look at: {path.resolve().as_uri()}"
 
 
 def _pool(task: Task) -> Library:
@@ -54,28 +81,16 @@ def _pool(task: Task) -> Library:
     return Pool("excite", None, "excite", together).load(task)
 
 
-def _write(task: Task, motion: Motion, folder: Path) -> None:
-    """One CSV per trajectory, in the order of choice, and one of all in a row."""
-    digits = len(str(len(motion.position)))
-    for k in range(len(motion.position)):
-        one = Motion(motion.time, *(x[k : k + 1] for x in motion[1:]))
-        write_bytes(folder / f"{k + 1:0{digits}}.csv", _csv(task, one))
-    write_bytes(folder / WHOLE, _csv(task, concatenate(motion)))
-
-
-def _csv(task: Task, motion: Motion) -> bytes:
-    """Time [s], then position, velocity and acceleration of every joint [rad or m, s]."""
-    names = task.arm.joint_names
-    columns = ["time", *(f"{kind}_{name}" for kind in ("q", "dq", "ddq") for name in names)]
-    rows = torch.cat([motion.time[:, None], *(x[0] for x in motion[1:])], 1)
-    return pd.DataFrame(rows.numpy(), columns=columns).to_csv(index=False, float_format="%.9g").encode()
+def _energy(task: Task, motion: Motion) -> Tensor:
+    """Mechanical work of the joints, whether they drive or brake [J], (N,)."""
+    power = (task.body.torque(*motion[1:]) * motion.velocity).abs().sum(2)
+    return torch.trapezoid(power, motion.time, dim=1)
 
 
 def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
     """What each trajectory asks of the arm."""
     arm = task.arm
     torque = task.body.torque(*motion[1:])
-    power = (torque * motion.velocity).abs().sum(2)
     clearance = [chosen.margins[name] for name in ("collision", "keep_out") if name in chosen.margins]
     nearest = torch.stack(clearance).amin(0) if clearance else torch.full((len(chosen),), torch.nan)
     return pd.DataFrame(
@@ -83,11 +98,22 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
             "trajectory": range(1, len(chosen) + 1),
             "cond(YᵀY)": [f"{x:.3g}" for x in chosen.fitness.tolist()],
             "peak velocity": _percent((motion.velocity.abs() / arm.velocity_limit).amax((1, 2))),
+            **_higher_peaks(task, chosen),
             "peak torque": _percent((torque.abs() / arm.torque_limit).amax((1, 2))),
             "clearance [m]": ["—" if x != x else f"{x:.3f}" for x in nearest.tolist()],
-            "energy [J]": [f"{x:.3g}" for x in torch.trapezoid(power, motion.time, dim=1).tolist()],
+            "energy [J]": [f"{x:.3g}" for x in _energy(task, motion).tolist()],
         }
     ).set_index("trajectory")
+
+
+def _higher_peaks(task: Task, chosen: Library) -> dict[str, list[str]]:
+    """Largest shares of the limits of acceleration and jerk, where there are any."""
+    times = task.trajectory.times(task.cfg.identification.rate)
+    peaks = {}
+    for name, limit in task.arm.higher_limits.items():
+        x = task.trajectory.derivative(chosen.coefficients, times, HIGHER[name])
+        peaks[f"peak {name}"] = _percent((x.abs() / limit).amax((1, 2)))
+    return peaks
 
 
 def _percent(share: Tensor) -> list[str]:
@@ -95,6 +121,11 @@ def _percent(share: Tensor) -> list[str]:
 
 
 def _check(task: Task) -> None:
+    if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:
+        raise ConfigError(
+            f"controllers.formats has urscript, which moves {SCRIPTED} joints; "
+            f"{task.arm.name} has {task.arm.joints}"
+        )
     known = dict.fromkeys(pool.name for pool in own_pools(task))
     for name in task.cfg.excite:
         if name not in known:

@@ -1,0 +1,24 @@
+"""Group ``controllers`` of ``conf/``: how trajectories are handed to robots."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from sidegan.base.typed import Bound, Hertz, Seconds
+from sidegan.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """What is written for the controllers, and how the trajectories are run."""
+
+    formats: list[Literal["csv", "ros2", "mcap", "urscript"]]
+    rate: Hertz  # of the tables [Hz]
+    speed: Annotated[
+        float, Bound(">", 0), Bound("≤", 1)
+    ]  # share of the planned speed: the same paths, slower
+    pause: Seconds | None  # at rest between two trajectories [s]; null: none
+    gentle: bool  # the trajectory of least mechanical work first; false: in the order of choice
+
+    def __post_init__(self) -> None:
+        if not self.formats or len(set(self.formats)) < len(self.formats):
+            raise ConfigError("formats must name one or more, each once")

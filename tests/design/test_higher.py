@@ -1,0 +1,174 @@
+"""Optimisation under limits of acceleration and jerk: penalty and slope, evaluation, seeds, polish."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.design.coordinates import Coordinates
+from sidegan.design.evaluation import Evaluation
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
+from sidegan.design.polish import Polish
+from sidegan.design.problem import Problem
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import HIGHER
+from sidegan.seeds import Gradient
+from sidegan.seeds.paper import Paper
+from sidegan.validity import Constraints, Plane, check
+from tests.chains import constrained, random_chain
+from tests.design.test_evaluation import REGIONS, assert_same, candidates
+from tests.validity.critical import limited
+
+BOTH = ["acceleration", "jerk"]
+
+
+def tight(problem, names, share):
+    """The same problem of an arm with limits of acceleration and jerk."""
+    constraints = problem.constraints
+    arm = limited(constraints.arm, names, share)
+    return replace(problem, constraints=Constraints(arm, constraints.regions))
+
+
+def shares(problem, c, name):
+    """Largest share of a limit that each trajectory uses, (B,), at 4,000 samples."""
+    times = problem.trajectory.grid(4000)
+    x = problem.trajectory.derivative(c, times, HIGHER[name]).abs()
+    return (x / problem.constraints.higher[name]).amax((1, 2))
+
+
+@pytest.mark.parametrize("names", [BOTH, ["acceleration"], ["jerk"]])
+def test_the_gradient_agrees_with_finite_differences(planar_problem, random, names):
+    """Against the same function without limits: the rest of it is tested elsewhere."""
+    problem, penalty, step = tight(planar_problem, names, 0.02), Penalty(300.0), 1e-6
+    c = problem.start(4, random, 3.0)
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+
+    def extra(x):
+        pairs = [value_and_gradient(one, x, penalty) for one in (problem, planar_problem)]
+        return [a - b for a, b in zip(*pairs)]
+
+    (up, _), (down, _), (value, gradient) = extra(c + step * direction), extra(c - step * direction), extra(c)
+    assert (value > 0.1).all()
+    slope = (gradient * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / (2 * step), slope, rtol=1e-4, atol=1e-4)
+
+
+def test_what_stays_below_the_reserve_costs_nothing(planar_problem, random):
+    problem, penalty = tight(planar_problem, BOTH, 0.1), Penalty(300.0, limits=0.2)
+    c = problem.start(8, random, 0.79)
+    torch.testing.assert_close(
+        value_and_gradient(problem, c, penalty), value_and_gradient(planar_problem, c, penalty)
+    )
+    states = problem.states(1.3 * c)
+    cost, slopes = penalty.higher(problem.constraints, states)
+    assert (cost > 0).all() and set(slopes) == {2, 3}
+    beyond = (states[2].abs() / problem.constraints.higher["acceleration"] - 0.8).clamp_min(0)
+    beyond = torch.cat([beyond, (states[3].abs() / problem.constraints.higher["jerk"] - 0.8).clamp_min(0)], 1)
+    torch.testing.assert_close(cost, 300 * (beyond**2).sum((1, 2)))
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    joints=st.integers(1, 7),
+    seed=st.integers(0, 10_000),
+    regions=st.sampled_from(sorted(REGIONS)),
+    samples=st.sampled_from([9, 64, 150, 600]),
+    names=st.sets(st.sampled_from(BOTH), min_size=1),
+    use=st.sampled_from([0.5, 0.97, 1e9]),
+)
+def test_the_compiled_evaluation_is_that_of_torch(joints, seed, regions, samples, names, use):
+    pytest.importorskip("numba")
+    arm = limited(random_chain(joints, seed)[0], sorted(names), share=0.2)
+    home = 0.3 * (arm.position_lower + arm.position_upper)
+    trajectory = Trajectory(joints, 3, 7.0, home.tolist())
+    problem = Problem(constrained(arm, REGIONS[regions]), trajectory, samples)
+    numbers = assert_same(problem, candidates(problem, 4, seed), use)
+    labels = list(problem.constraints.labels)
+    assert set(labels[2:4]) & names and numbers.shape[1] == 1 + len(labels)
+    if use < 1:  # scaled down to a share of every limit that is linear
+        columns = [1 + labels.index(name) for name in names]
+        assert (numbers[:, columns] <= use - 1 + 0.05).all()
+
+
+class Stretched(Problem):
+    """Moves otherwise than the kernel thinks, in its jerk alone."""
+
+    def jerk(self, c):
+        return 2 * super().jerk(c)
+
+
+def test_a_problem_whose_jerk_is_another_is_not_mistaken_for_a_usual_one(planar_problem):
+    usual = tight(planar_problem, BOTH, 0.1)
+    other = Stretched(usual.constraints, usual.trajectory, usual.samples)
+    c = candidates(usual, 3)
+    found = Evaluation(other, 1e9, 1.0)(c)
+    np.testing.assert_array_equal(found, Evaluation(other, 1e9, 1.0).plain(c))
+    jerk = 1 + list(usual.constraints.labels).index("jerk")
+    assert (found[:, jerk] > Evaluation(usual, 1e9, 1.0)(c)[:, jerk]).all()
+
+
+def test_a_start_uses_the_reach_of_the_tightest_limit(planar_problem, random):
+    problem = tight(planar_problem, BOTH, 0.05)
+    coordinates = Coordinates.of(problem)
+    c = coordinates.coefficients(coordinates.start(problem, 20, random, 0.6))
+    torch.testing.assert_close(problem.limit_use(c), torch.full((20, 2), 0.6, dtype=torch.float64))
+    most = torch.stack([shares(problem, c, name) for name in BOTH]).amax(0)
+    assert (most < 0.65).all() and most.median() > 0.5
+    x = torch.randn(4, 12, generator=random, dtype=torch.float64)
+    wider = Coordinates.of(planar_problem).coefficients(x)
+    assert (coordinates.points(wider) ** 2).sum() > (x**2).sum()  # accelerations count, too
+
+
+METHODS = {"gradient": Gradient(40, 5, reserve=0.05), "paper": Paper(6, 20, 200, attempts=5)}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_seeds_keep_the_limits_and_use_them(planar_problem, name):
+    problem = tight(planar_problem, BOTH, 0.1)
+    batch = METHODS[name].optimise(problem, 3, np.random.SeedSequence(1))
+    assert len(batch) == 3
+    found = check(problem.constraints, problem.trajectory, batch.coefficients)
+    assert found.valid.all() and {"acceleration", "jerk"} <= set(found.margins)
+    most = torch.stack([shares(problem, batch.coefficients, one) for one in BOTH]).amax(0)
+    assert (most <= 1).all() and most.max() > 0.8
+    free = METHODS[name].optimise(planar_problem, 3, np.random.SeedSequence(1))
+    assert not check(problem.constraints, problem.trajectory, free.coefficients).valid.any()
+
+
+def test_what_fails_is_said(planar_problem):
+    problem = tight(planar_problem, ["acceleration"], 1e-9)
+    batch = Gradient(3, 1, reserve=0.0).optimise(problem, 2, np.random.SeedSequence(0))
+    c = Gradient(10, 1, reserve=0.2).optimise(planar_problem, 2, np.random.SeedSequence(0)).coefficients
+    faults = check(problem.constraints, problem.trajectory, c).faults()
+    assert faults["acceleration of shoulder"] + faults["acceleration of elbow"] == len(c)
+    assert len(batch) + batch.failed == batch.attempts
+
+
+def test_polish_keeps_the_limits_and_does_better(planar_problem, random):
+    problem = tight(planar_problem, BOTH, 0.1)
+    c = problem.start(16, random, 0.8)
+    found = Polish(30).improve(problem, c)
+    before, after = (check(problem.constraints, problem.trajectory, x).valid for x in (c, found))
+    assert (after | ~before).all() and before.any()
+    assert problem.fitness(found)[before].median() < 0.7 * problem.fitness(c)[before].median()
+
+
+def test_an_optimum_under_the_limits_is_better_than_one_slowed_down(planar):
+    """What the limits are for: the unlimited optimum, made slow enough, tells less."""
+    constraints = Constraints(planar, [Plane((0, 0, 1), 0.1)])
+    free = Problem(constraints, Trajectory(2, 3, 8.0), 24)
+    problem, method = tight(free, ["acceleration"], 0.05), Gradient(80, 5, reserve=0.05)
+    ours, theirs = (method.optimise(one, 12, np.random.SeedSequence(4)) for one in (problem, free))
+    stretch = shares(problem, theirs.coefficients, "acceleration").sqrt().clamp_min(1)
+    slowed = torch.stack(
+        [
+            replace(problem, trajectory=Trajectory(2, 3, 8.0 * float(s))).fitness(c[None] / s)[0]
+            for c, s in zip(theirs.coefficients, stretch)
+        ]
+    )
+    assert (stretch > 1.1).all()
+    assert ours.fitness.median() < slowed.median()
