@@ -9,7 +9,10 @@ left alone: everything happens in a copy.
 import argparse
 import difflib
 import json
+import os
 import random
+import re
+import resource
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -31,7 +34,12 @@ PARTS = {
 GOAL = 0.9  # share of the mutants that are noticed
 _BINARY = ("Add", "Sub", "Mul", "Div", "Pow")  # operators; | stands in type annotations too
 _OTHERS = ("And", "Or", "True", "False", "NumberReplacer", "ZeroIteration", "AddNot", "Comparison", "Unary")
-_PATIENCE = 600  # [s] for the tests of one mutant, after which it counts as noticed: it hangs
+# [s] for the tests of one mutant, after which it counts as noticed, since it has no end: of the processor,
+# and on the clock, which runs on while others use the machine
+_PATIENCE, _LONGEST = 600, 3600
+_STAGES = ["tests/experiments"]  # run what no other test runs
+_WHOLE = ".whole"  # ends the name of a file that is changed at the moment
+_FAILED = re.compile(r"^FAILED (.+?)(?: - .*)?$", re.MULTILINE)  # a line of pytest's summary
 
 
 class Mutant(NamedTuple):
@@ -96,29 +104,48 @@ def tests_of(file: str, root: Path) -> list[list[str]]:
     folders = [Path("tests", *room[:k]) for k in range(len(room), 0, -1)]
     folder = next(one for one in folders if (root / one).is_dir())
     named = sorted(str(path.relative_to(root)) for path in (root / "tests").rglob(f"test_{name}.py"))
-    return [named, [str(folder)]] if named else [[str(folder)]]
+    whole = [[str(folder)], *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
+    return [named, *whole] if named else whole
 
 
 def noticed(one: Mutant, root: Path) -> bool:
-    """Whether a test fails with a mutant in the copy of the project at ``root``."""
+    """Whether a test fails with a mutant in the copy of the project at ``root``.
+
+    Raises:
+        ConfigError: when the test fails without the mutant too.
+    """
     path = root / one.file
-    source = path.read_text(encoding="utf-8")
+    source, whole = path.read_text(encoding="utf-8"), path.with_name(f"{path.name}{_WHOLE}")
+    path.rename(whole)
     try:
         path.write_text(mutated(one, source), encoding="utf-8")
-        return any(_fails(some, root) for some in tests_of(one.file, root))
+        failing = (_failing(some, root) for some in tests_of(one.file, root))
+        first = next((test for test in failing if test is not None), None)
     finally:
-        path.write_text(source, encoding="utf-8")
+        whole.replace(path)
+    if first and _failing([first], root) is not None:
+        raise ConfigError(f"{first} fails without a mutant")
+    return first is not None
 
 
-def _fails(tests: list[str], root: Path) -> bool:
+def _failing(tests: list[str], root: Path) -> str | None:
+    """The first test that fails, empty where none can be named, or None when all pass."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    options: dict[str, Any] = {"cwd": root, "capture_output": True, "text": True, "timeout": _LONGEST}
+    # Commands that tests start are those of the copy too.
+    environment = {**os.environ, "PYTHONPATH": str(root.resolve())}
     try:
-        code = subprocess.run(command, cwd=root, capture_output=True, timeout=_PATIENCE).returncode
+        done = subprocess.run(command, env=environment, preexec_fn=_limited, **options)
     except subprocess.TimeoutExpired:
-        return True
-    if code > 2:  # neither passed, failed nor broken by the change
-        raise ConfigError(f"{' '.join(command)} ended with {code}")
-    return code != 0
+        return ""
+    if done.returncode > 2:  # neither passed, failed nor broken by the change
+        raise ConfigError(f"{' '.join(command)} ended with {done.returncode}")
+    named = _FAILED.search(done.stdout) if done.returncode == 1 else None
+    return None if done.returncode == 0 else named[1] if named else ""
+
+
+def _limited() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (_PATIENCE, _PATIENCE))
 
 
 def change(one: Mutant, root: Path) -> str:
@@ -131,6 +158,8 @@ def change(one: Mutant, root: Path) -> str:
 def run(count: int, seed: int, work: Path) -> pd.DataFrame:
     """Which of ``count`` random mutants are noticed, a row each; what is in ``work`` is not done again."""
     tree, record = copied(ROOT, work / "tree"), work / f"{count}-{seed}.jsonl"
+    for whole in tree.rglob(f"*{_WHOLE}"):  # of a run that was killed
+        whole.replace(whole.with_name(whole.name.removesuffix(_WHOLE)))
     drawn = random.Random(seed).sample(list(mutants(tree)), count)
     rows: list[dict[str, Any]] = []
     if record.exists():

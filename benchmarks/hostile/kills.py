@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -61,14 +62,15 @@ class Kills:
 
     def run(self, count: int) -> Outcome:
         """Run again and again, killed ``count`` times in all, and compare what each finished run leaves."""
-        before = _semaphores()
+        semaphores = _semaphores()
         took, expected = self._whole, contents(self.work / "whole")
         torn = self.work / "torn"
         while (killed := len(self._told("killed"))) < count or torn.exists():
             moment = random.Random(f"{self.seed}-{self.arm}-{killed}").uniform(0, _REACH * took)
+            before = len(_logs(torn))
             code = self._start(torn, moment if killed < count else None)
             if code is None:
-                self._tell({"killed": moment, "stage": stage_of(torn)})
+                self._tell({"killed": moment, "stage": stage_of(_logs(torn)[before:])})
                 continue
             unequal = differences(expected, contents(torn)) + [f"{self.arm}: failed"] * (code != 0)
             self._keep(unequal)
@@ -77,7 +79,7 @@ class Kills:
         finished = self._told("finished")
         wrong = [name for one in finished for name in one["unequal"]] + self._unsteady(expected)
         stages = Counter(one["stage"] for one in self._told("killed"))
-        return Outcome(killed, len(finished), wrong, len(_semaphores() - before), dict(stages))
+        return Outcome(killed, len(finished), wrong, len(_semaphores() - semaphores), dict(stages))
 
     @cached_property
     def _whole(self) -> float:
@@ -146,9 +148,13 @@ def killed(arm: str, count: int, work: Path) -> Outcome:
     return Kills(arm, folder, copied(ROOT, work / "tree")).run(count)
 
 
-def stage_of(outputs: Path) -> str:
-    """Stage in which the latest run below some outputs was killed; ``start`` before the first."""
-    logs = sorted(outputs.glob("runs/*/*/*.log"))
+def _logs(outputs: Path) -> list[Path]:
+    """Logs of the runs below some outputs, the latest last."""
+    return sorted(outputs.glob("runs/*/*/*.log"))
+
+
+def stage_of(logs: Sequence[Path]) -> str:
+    """Stage in which the run of the last of some logs was killed; ``start`` before the first."""
     found = _STAGE.findall(logs[-1].read_text(encoding="utf-8")) if logs else []
     return found[-1] if found else "start"
 

@@ -44,6 +44,27 @@ def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project):
     assert (project / DIVIDED.file).read_text() == SOURCE
 
 
+def test_the_nearest_tests_come_first():
+    near, room = mutants.tests_of("sidegan/validity/regions.py", mutants.ROOT)
+    assert near == ["tests/validity/test_regions.py"] and room == ["tests/validity"]
+    near, room, runs = mutants.tests_of("sidegan/pipeline/stages/readings.py", mutants.ROOT)
+    assert "tests/pipeline/test_readings.py" in near
+    assert (room, runs) == (["tests/pipeline"], ["tests/experiments"])
+
+
+def test_a_test_that_fails_anyway_notices_nothing(project):
+    (project / "tests/motion/test_means.py").write_text("def test_mean():\n    assert False\n")
+    with pytest.raises(ConfigError, match=r"test_means.py::test_mean fails without a mutant"):
+        mutants.noticed(SECOND, project)
+    assert (project / SECOND.file).read_text() == SOURCE
+
+
+def test_what_has_no_end_is_noticed(project, monkeypatch):
+    monkeypatch.setattr(mutants, "_PATIENCE", 3)
+    (project / "tests/motion/test_means.py").write_text("def test_mean():\n    while True:\n        pass\n")
+    assert mutants.noticed(SECOND, project)
+
+
 def test_a_stopped_run_goes_on_and_the_tree_is_left_alone(project, tmp_path, monkeypatch, capsys):
     work = tmp_path / "work"
     everything = list(mutants.mutants(project))
@@ -54,6 +75,15 @@ def test_a_stopped_run_goes_on_and_the_tree_is_left_alone(project, tmp_path, mon
     assert len(frame) == 3 < len(everything)
     assert "Mutants that the tests notice" in capsys.readouterr().out
     assert (project / DIVIDED.file).read_text() == SOURCE
+
+
+def test_a_killed_run_leaves_no_mutant_behind(project, tmp_path, monkeypatch):
+    work = tmp_path / "work"
+    path = mutants.copied(project, work / "tree") / DIVIDED.file
+    path.rename(path.with_name(f"{path.name}.whole"))
+    path.write_text("a mutant")
+    monkeypatch.setattr(mutants, "noticed", lambda one, root: (root / one.file).read_text() == SOURCE)
+    assert mutants.run(2, 0, work).noticed.all()
 
 
 def test_changed_files_are_told(project):

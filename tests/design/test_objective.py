@@ -9,6 +9,7 @@ from sidegan.design.objective import smooth_condition, value_and_gradient
 from sidegan.design.objectives import log_condition
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
+from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import random_chain
@@ -58,10 +59,33 @@ def test_the_slopes_of_the_smooth_condition_number_agree_with_finite_differences
     torch.testing.assert_close((values * slopes).sum(1), torch.zeros(5).double())  # units do not matter
 
 
+def test_three_values_below_and_two_above_are_smoothed():
+    """Equal extremes are log(number) / 6 outside of the true ones, whatever lies between."""
+    values = torch.tensor(
+        [[0.5, 0.5, 0.5, 3.0, 8.0, 8.0], [0.5, 400, 500, 600, 700, 1e6]], dtype=torch.float64
+    )
+    value, _ = smooth_condition(values)
+    assert float(value[0]) == pytest.approx(math.log(16) + (math.log(3) + math.log(2)) / 6, rel=1e-12)
+    assert float(value[1]) == pytest.approx(math.log(2e6), rel=1e-9)
+
+
 def test_what_is_not_excited_counts_as_hopeless():
     value, slopes = smooth_condition(torch.tensor([[0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5]).double())
     assert value[0] == pytest.approx(math.log(2 * HOPELESS / 2), abs=0.2) and value.isfinite().all()
     assert slopes[0, 0] == pytest.approx(-HOPELESS / 2) and slopes.isfinite().all()
+
+
+def test_a_direction_that_is_not_excited_is_as_bad_as_hopeless_and_no_worse():
+    value, _ = smooth_condition(torch.tensor([[0.0, 5.0, 5.0, 5.0, 7.0]]).double())
+    assert float(value[0]) == pytest.approx(math.log(HOPELESS), abs=(math.log(1) + math.log(2)) / 6)
+
+
+@pytest.mark.parametrize("harmonics", [1, 2, 6, 9])
+def test_a_sample_more_than_two_for_each_harmonic_is_enough(planar_problem, harmonics):
+    trajectory = replace(planar_problem.trajectory, harmonics=harmonics)
+    assert replace(planar_problem, trajectory=trajectory, samples=2 * harmonics + 1).samples
+    with pytest.raises(ShapeError, match=f"cannot see {harmonics} harmonics"):
+        replace(planar_problem, trajectory=trajectory, samples=2 * harmonics)
 
 
 def test_a_violation_costs(planar_problem, random):

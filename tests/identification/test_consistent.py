@@ -72,10 +72,11 @@ class TestFit:
         }
         assert errors["consistent"] < errors["weighted"]
 
-    def test_the_total_mass_is_kept(self, noisy):
+    @pytest.mark.parametrize("mass", [10.0, 25.0])  # less and more than the description has
+    def test_the_total_mass_is_kept(self, noisy, mass):
         model, data = noisy
-        found = fitted("consistent", model, data, total_mass=16.0)
-        assert float(links_of(model, found)[:, 0].sum()) == pytest.approx(16.0, rel=1e-5)
+        found = fitted("consistent", model, data, total_mass=mass)
+        assert float(links_of(model, found)[:, 0].sum()) == pytest.approx(mass, rel=1e-5)
 
     def test_no_terms_are_no_trouble(self, planar):
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)

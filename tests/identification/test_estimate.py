@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import METHODS, Measurements, estimate
+from sidegan.identification.gather import gather
 from tests.identification import recordings
 from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
 
@@ -54,6 +55,16 @@ class TestClosedForms:
         last = np.linalg.svd(both / scale)[2][-1]
         close(found.parameters, -last[:-1] / last[-1] * scale[-1] / scale[:-1])
 
+    @pytest.mark.parametrize("prior", [1e-6, 1e6])
+    def test_tls_knows_what_the_samples_tell_without_their_noise_and_what_the_prior_tells(self, rows, prior):
+        model = Fixed(rows[0])
+        fit = METHODS["tls"](prior=prior).fit(gather(model, model.measurements(rows[1])))
+        y, tau = flat(rows, fit.weights.numpy())
+        both = np.column_stack([y, tau])
+        scale = np.linalg.norm(both, axis=0)
+        noise = np.linalg.svd(both / scale)[1][-1] ** 2 * np.diag(scale[:-1] ** 2)
+        close(fit.inverse, np.linalg.inv(y.T @ y - noise + np.eye(6) / prior), rtol=1e-6)
+
     def test_weighted_rls_that_forgets_nothing_is_weighted(self, rows):
         found = fitted("rls", rows, weighted=True)
         close(found.parameters, fitted("weighted", rows).parameters)
@@ -95,6 +106,18 @@ class TestClosedForms:
         y, tau = flat((rows[0], torque), found.weights.numpy())
         close(found.parameters[kept], np.linalg.lstsq(y[:, kept.numpy()], tau, rcond=None)[0])
         assert not found.deviation[~kept].any() and not found.relative_deviation[~kept].any()
+
+    def test_essential_drops_nothing_while_all_is_known_about_equally_well(self, rows):
+        found = fitted("essential", rows, prior=1e12, ratio=1e6, loss=1e6)
+        assert (found.parameters != 0).all()
+        fewer = fitted("essential", rows, prior=1e12, ratio=1.0, loss=1e6)
+        assert int((fewer.parameters != 0).sum()) == 1  # however much worse it fits: the ratio alone decides
+
+    @pytest.mark.parametrize("method", ["weighted", "tls", "huber"])
+    def test_the_unit_of_torque_does_not_matter(self, rows, method):
+        found = fitted(method, rows)
+        small = fitted(method, (rows[0], 1e-4 * rows[1]))
+        close(1e4 * small.parameters, found.parameters, rtol=1e-6)
 
     def test_condition_is_that_of_scaled_columns(self, rows):
         found = fitted("weighted", rows)

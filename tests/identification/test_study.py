@@ -59,6 +59,13 @@ def test_there_is_a_row_for_everything(body, families, planar):
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
+def test_progress_counts_every_repeat_of_every_set(body, families):
+    told, settings = [], study_settings(repeats=3)
+    random = np.random.SeedSequence(0)
+    study.compare(body, *families, settings, random, lambda *x: told.append(x))
+    assert told == [(k, 6) for k in range(1, 7)]
+
+
 def test_a_repeat_draws_the_same_noise_for_every_set(body, families):
     """The same set under two names cannot be told apart, and neither by who stands beside it."""
     sets, tests = families

@@ -1,0 +1,87 @@
+"""What stages compute themselves, beside what they have rooms for."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+import torch
+
+from sidegan.pipeline.stages import elsewhere, first_set, polish, transfer
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
+from tests.tiny import tiny
+
+
+@pytest.fixture
+def task(tmp_path):
+    def made(experiment, *overrides):
+        return Task(tiny(f"outputs={tmp_path}", *overrides, experiment=experiment), Store(tmp_path))
+
+    return made
+
+
+def test_a_payload_has_the_inertia_of_a_ball_in_the_hand():
+    mass, centre = 1.7, torch.tensor([0.1, -0.2, 0.4], dtype=torch.float64)
+    inertia = mass * transfer._BALL**2 * np.eye(3)
+    wanted = pinocchio.Inertia(mass, centre.numpy(), inertia).toDynamicParameters()
+    torch.testing.assert_close(transfer._ball(mass, centre), torch.from_numpy(wanted), rtol=0, atol=1e-12)
+
+
+def test_a_transfer_and_what_it_is_compared_with_train_for_their_share_of_the_epochs(task):
+    made = task("beyond", "beyond.epochs=40", "beyond.share=0.25", "beyond.epoch=7")
+    epochs = {way: transfer.schedule(made, way).epochs for way in transfer.WAYS}
+    assert epochs == {transfer.SCRATCH: 40, transfer.BRIEF: 10, transfer.TRANSFER: 10}
+    assert {transfer.schedule(made, way).steps for way in transfer.WAYS} == {7}
+    least = made.with_settings(beyond=replace(made.cfg.beyond, share=1e-9))
+    assert transfer.schedule(least, transfer.TRANSFER).epochs == 1
+
+
+def test_time_that_is_slept_is_no_cost():
+    assert first_set._seconds(lambda: time.sleep(0.3)) < 0.1
+
+    def busy():
+        began = time.process_time()
+        while time.process_time() - began < 0.2:
+            pass
+
+    assert 0.2 <= first_set._seconds(busy) < 0.4
+
+
+def test_a_training_takes_as_long_as_its_steps_and_what_it_begins_with(task, monkeypatch):
+    made = task("beyond")
+    name = next(name for name, variant in made.cfg.gan.items() if not variant.seeded)
+    variant = replace(made.cfg.gan[name], epochs=6, steps=50)
+    made = made.with_settings(gan={name: variant})
+    monkeypatch.setattr(first_set, "_seconds", lambda work: 3.0 + 0.5 * work.args[0])
+    assert first_set._training_seconds(made, name) == pytest.approx(3.0 + 0.5 * 6 * 50)
+
+
+def test_moves_rest_where_trajectories_pass_and_keep_their_share_of_the_limits(task):
+    fast = "identification.rate=500"
+    made = task("reproduction", "elsewhere.moves=3", "elsewhere.rest=0.5", "elsewhere.velocity=0.6", fast)
+    c = made.problem.start(4, torch.Generator().manual_seed(1), 0.8)
+    motion = elsewhere.moves(made, c, 0)
+    position, velocity = motion.position[0], motion.velocity[0]
+    still = (velocity == 0).all(1)
+    stops = int((still[1:] & ~still[:-1]).sum()) + int(still[0])
+    assert stops == 4  # between three moves, before the first and after the last
+    rate = made.cfg.identification.rate
+    assert int(still.sum()) >= 4 * round(0.5 * rate) and float(motion.time[1]) == pytest.approx(1 / rate)
+    share = (velocity.abs() / made.arm.velocity_limit).amax()
+    assert 0.4 < float(share) <= 0.6 + 1e-12
+    passed = made.trajectory.roll_out(c, made.trajectory.grid(20_000)).position.reshape(-1, made.arm.joints)
+    assert float(torch.cdist(position[still], passed).amin(1).max()) < 1e-2
+    other = elsewhere.moves(made, c, 1).position[0]
+    assert other.shape != position.shape or not torch.equal(other, position)
+
+
+def test_the_cost_of_polishing_is_that_of_one_trajectory(task):
+    made = task("beyond")
+    c = made.problem.start(4, torch.Generator().manual_seed(1), 0.5)
+    row = polish._row(made, "exact", 3, c, 10.0)
+    assert (row["start"], row["steps"], row["seconds"]) == ("exact", 3, 2.5) and row["condition"] > 1
+    alone = polish._row(made, "exact", 3, c[:1], 10.0)
+    assert np.isnan(alone["seconds"]) and np.isnan(alone["condition"])
+    assert np.isfinite(polish._row(made, "exact", 3, c[:2], 10.0)["condition"])
