@@ -16,7 +16,7 @@ _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What is inside of each of C capsules: the convex hull of some corners, and a ball around each point of it.
+    """What is inside of each of C capsules: the convex hull of some corners, with a ball around each point.
 
     Where that is the capsule itself, its corners are the ends, and its ball has the capsule's radius.
     """

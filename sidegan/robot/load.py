@@ -61,7 +61,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     description = read_description(path, setup, home)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
-    from sidegan.robot.shapes import capsules_of
+    from sidegan.robot.shapes import PIECES_VERSION, capsules_of
 
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
@@ -71,6 +71,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     shapes = pin_model.collision_shapes(model, description, setup.pieces)
     capsules = capsules_of(shapes)
     stamped = [shape.digest for shape in shapes if shape.digest] + _stamped(setup, description)
+    stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION}"]
     _warn_of_missing(description)
     return Arm(
         name=description.name,

@@ -69,9 +69,10 @@ class Constraints:
             self.labels["keep_out"] = self._guarded_names(self.guarded)
 
     def margins(self, q: Tensor, dq: Tensor, ddq: Tensor) -> dict[str, Tensor]:
-        """Signed margins by constraint, (N, K) each [rad, rad/s, N·m, m], of N states (N, J); ≥ 0 is feasible.
+        """Signed margins by constraint, (N, K) each [rad, rad/s, N·m, m], of N states (N, J).
 
-        Differentiable; distances of what is inside of capsules have the slope of those of the capsules.
+        Differentiable; ≥ 0 is feasible. Distances of what is inside of capsules have the slope of the
+        capsules' own.
         """
         margins = self.capsule_margins(q, dq, ddq)
         if self.pieces.finer.any():

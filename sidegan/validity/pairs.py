@@ -98,9 +98,7 @@ def _find(arm: Arm) -> Pairs:
         checked=pairs[kept],
         links=len(left),
         neighbours=tuple(Exemption(links, "neighbours") for links in _marked(of, near)),
-        named=tuple(
-            Exemption(links, said[links], touching.share(links)) for links in _marked(of, named)
-        ),
+        named=tuple(Exemption(links, said[links], touching.share(links)) for links in _marked(of, named)),
         never=tuple(Exemption(links, "never touch") for links in _marked(of, open_) if links not in left),
     )
 
@@ -121,7 +119,8 @@ class _Touching:
         self.arm, self.pairs, self.of = arm, pairs, of
         self.q = sampled(arm)
         self.inside = PieceDistances(arm, pairs)
-        self.apart = capsule_distances(arm, self.q, pairs) > 0 if len(pairs) else torch.zeros(0, SAMPLES).bool()
+        none = torch.zeros(0, SAMPLES, dtype=torch.bool)
+        self.apart = capsule_distances(arm, self.q, pairs) > 0 if len(pairs) else none
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""

@@ -64,7 +64,8 @@ class Shapes(NamedTuple):
         """Shapes of an arm's capsules and of regions, given by their numbers (R, 6)."""
         ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-        return cls(*map(array, (capsules.link + 1, ends, radius, capsules.core, size, pairs, guarded, regions, kinds)))
+        bodies = capsules.link + 1, ends, radius, capsules.core, size
+        return cls(*map(array, (*bodies, pairs, guarded, regions, kinds)))
 
 
 def array(x: Tensor) -> Array:
