@@ -87,6 +87,7 @@ def _pieces(rows: list[tuple[Shape, int]]) -> Pieces:
         exact=torch.tensor([shape.exact for shape, _ in rows]),
         fitted=torch.tensor([bool(shape.digest) for shape, _ in rows]),
         core=torch.tensor([_core(shape, k) for shape, k in rows], dtype=torch.float64),
+        digests=tuple(shape.digest for shape, _ in rows),
     )
 
 

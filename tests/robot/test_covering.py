@@ -6,11 +6,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.robot import covers, load_robot
+from sidegan.errors import RobotError
+from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.capsule_fit import fit, from_segment, volume
 from sidegan.robot.covering import cover, subdivided
 from sidegan.robot.hull import thinned
+from sidegan.robot.kept import save_shapes
 from sidegan.validity.hulls import apart
 
 from .test_shapes import collision, corners, stl
@@ -158,3 +160,41 @@ class TestCache:
             arm.capsules.names, arm.capsules.owners, arm.capsules.pieces,
         )  # fmt: skip
         assert digest_of(numbers, arm.capsules) == digest_of(numbers, shaken)
+
+
+class TestKept:
+    """Shapes in a file stand for meshes that are gone."""
+
+    @pytest.fixture
+    def arm_file(self, tmp_path):
+        (tmp_path / "box.stl").write_text(stl(corners(0.1, 0.2, 0.7)))
+        file = tmp_path / "robot.urdf"
+        mesh = collision('<mesh filename="box.stl"/>', 'xyz="0.1 0 0"')
+        file.write_text(one_joint(collision=mesh).replace('<link name="base">', f'<link name="base">{mesh}'))
+        return file
+
+    def test_make_the_same_arm(self, arm_file, tmp_path, caplog):
+        arm = load_robot(arm_file)
+        assert save_shapes(arm, tmp_path / "shapes.npz")
+        (tmp_path / "box.stl").unlink()
+        assert load_robot(arm_file).capsules.names == ()
+        assert "mesh files are missing" in caplog.text
+        caplog.clear()
+        again = load_robot(arm_file, Setup(shapes=str(tmp_path / "shapes.npz")))
+        assert caplog.text == ""
+        assert again.digest == arm.digest
+        assert again.capsules.owners == arm.capsules.owners
+        for name in ("link", "a", "b", "radius"):
+            assert torch.equal(getattr(again.capsules, name), getattr(arm.capsules, name))
+        for name in ("corners", "start", "radius", "fitted", "core"):
+            assert torch.equal(getattr(again.capsules.pieces, name), getattr(arm.capsules.pieces, name))
+
+    def test_of_an_arm_without_meshes_are_none(self, tmp_path):
+        assert not save_shapes(load_robot("kuka_lwr4"), tmp_path / "shapes.npz")
+        assert not (tmp_path / "shapes.npz").exists()
+
+    def test_that_are_not_there_or_no_shapes_are_refused(self, arm_file, tmp_path):
+        with pytest.raises(RobotError, match=r"there is no file robot\.shapes="):
+            load_robot(arm_file, Setup(shapes=str(tmp_path / "gone.npz")))
+        with pytest.raises(RobotError, match="holds no shapes"):
+            load_robot(arm_file, Setup(shapes=str(arm_file)))

@@ -20,7 +20,7 @@ from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 
-FOLDER, WHOLE = "trajectories", "all.csv"
+FOLDER, WHOLE, SHAPES = "trajectories", "all.csv", "shapes.npz"
 
 
 def _show(task: Task, tracker: Tracker) -> None:
@@ -32,6 +32,7 @@ def _show(task: Task, tracker: Tracker) -> None:
         raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
     chosen = pool.take(pick(task, pool))
     chosen.save(folder / LIBRARY)
+    _keep_shapes(task, folder)
     motion = task.trajectory.roll_out(chosen.coefficients, task.trajectory.times(cfg.identification.rate))
     _write(task, motion, folder / FOLDER)
     information = information_of(task.body, task.trajectory, chosen.coefficients)
@@ -43,6 +44,13 @@ def _show(task: Task, tracker: Tracker) -> None:
     )
     caption += f"; checked: {task.constraints.described()}"
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
+
+
+def _keep_shapes(task: Task, folder: Path) -> None:
+    """Write what was fitted to the arm's meshes, with which the set can be checked where these are not."""
+    from sidegan.robot.kept import save_shapes  # Pinocchio takes a second to import
+
+    save_shapes(task.arm, folder / SHAPES)
 
 
 def _pool(task: Task) -> Library:
