@@ -98,7 +98,7 @@ class Task:
         log.info("checked: %s", self.constraints.described())
         if self.constraints.doubtful:
             log.warning(
-                "many pairs of links always touch and are not checked against each other: "
+                "many pairs of links are allowed to touch and are not checked against each other: "
                 "are the collision shapes too large, or not in metres?"
             )
 

@@ -18,7 +18,7 @@ _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What is inside of each of C capsules: the convex hull of some corners, and a ball around each point of it.
+    """What is inside of each of C capsules: the convex hull of some corners, with a ball around each point.
 
     Where that is the capsule itself, its corners are the ends, and its ball has the capsule's radius.
     """
@@ -29,6 +29,7 @@ class Pieces:
     exact: Tensor  # whether a piece is the capsule itself, (C,) bool
     fitted: Tensor  # whether capsule and piece were fitted to meshes, (C,) bool
     core: Tensor  # radius of the capsule on the same axis that has the piece's volume [m], (C,)
+    digests: tuple[str, ...] = ()  # of the meshes of each, and of their place; empty where there are none
 
 
 @dataclass(frozen=True, eq=False)

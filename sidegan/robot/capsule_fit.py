@@ -118,8 +118,8 @@ def fit(points: Points) -> Segment:
     best = min(guesses(outer), key=lambda one: cost(one[0].ravel()))[0].ravel()
     for step, evaluations in _ROUNDS:
         start = np.concatenate([best[None], best + step * size * np.eye(6)])
-        options = {"initial_simplex": start, "maxfev": evaluations, "xatol": 1e-5 * size, "fatol": 1e-3}
-        options["fatol"] *= cost(best)
+        fine = {"xatol": 1e-5 * size, "fatol": 1e-3 * cost(best)}
+        options = {"initial_simplex": start, "maxfev": evaluations, **fine}
         found = minimize(cost, best, method="Nelder-Mead", options=options)
         best = min(best, found.x, key=cost)
     return around(best.reshape(2, 3), outer)

@@ -77,9 +77,9 @@ def write(file: Path, made: Cover) -> None:
     ends = np.array([ends for ends, _ in made.segments])
     radii = np.array([radius for _, radius in made.segments])
     counts = np.array([len(corners) for corners in made.corners])
-    arrays = {"ends": ends, "radii": radii, "counts": counts, "corners": np.concatenate(made.corners)}
+    corners, rounding = np.concatenate(made.corners), np.array(made.rounding)
     with replacing(file) as draft, draft.open("wb") as stream:
-        np.savez(stream, **arrays, rounding=np.array(made.rounding))
+        np.savez(stream, ends=ends, radii=radii, counts=counts, corners=corners, rounding=rounding)
 
 
 def read(file: Path, digest: str) -> Cover | None:

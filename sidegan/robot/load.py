@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -15,6 +16,9 @@ from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.named import by_name, close_names
 from sidegan.robot.setup import PLAIN, Setup
+
+if TYPE_CHECKING:
+    from sidegan.robot.shapes import Shape
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -61,7 +65,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     description = read_description(path, setup, home)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
-    from sidegan.robot.shapes import capsules_of
+    from sidegan.robot.shapes import PIECES_VERSION, capsules_of
 
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
@@ -70,8 +74,10 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
     shapes = pin_model.collision_shapes(model, description, setup.pieces)
+    shapes += _kept(setup, description)
     capsules = capsules_of(shapes)
-    stamped = [shape.digest for shape in shapes if shape.digest] + _stamped(setup, description)
+    stamped = sorted(shape.digest for shape in shapes if shape.digest) + _stamped(setup, description)
+    stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION}"]
     _warn_of_missing(description)
     return Arm(
         name=description.name,
@@ -90,6 +96,19 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         **numbers,
         **higher,
     )
+
+
+def _kept(setup: Setup, description: Description) -> list["Shape"]:
+    """Shapes that were kept of the links whose meshes are not there; these count as found."""
+    if setup.shapes is None:
+        return []
+    from sidegan.robot.kept import read_shapes
+
+    kept = read_shapes(Path(setup.shapes).expanduser())
+    found = [shape for shape in kept if shape.owner in description.missing]
+    for shape in found:
+        del description.missing[shape.owner]
+    return found
 
 
 def _stamped(setup: Setup, description: Description) -> list[str]:

@@ -36,6 +36,7 @@ class Setup:
     home: str | None = None  # a named pose of the SRDF, or a keyframe of the MJCF; null: trajectory.home
     pieces: Pieces = 4  # convex pieces that the meshes of a link are cut into, at most
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
+    shapes: str | None = None  # file of fitted shapes, for links whose meshes are not there
     srdf_pairs: bool = False  # whether pairs that the SRDF disables are not kept apart either
 
 

@@ -17,6 +17,8 @@ from sidegan.robot.capsule_fit import hull_volume, volume
 from sidegan.robot.covers import Cover, cover_of
 from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
 
+PIECES_VERSION = 1  # raise it when what is inside of capsules of sizes becomes something else
+
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
 _HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
@@ -85,6 +87,7 @@ def _pieces(rows: list[tuple[Shape, int]]) -> Pieces:
         exact=torch.tensor([shape.exact for shape, _ in rows]),
         fitted=torch.tensor([bool(shape.digest) for shape, _ in rows]),
         core=torch.tensor([_core(shape, k) for shape, k in rows], dtype=torch.float64),
+        digests=tuple(shape.digest for shape, _ in rows),
     )
 
 
@@ -136,17 +139,15 @@ def _corners(shape: coal.CollisionGeometry) -> Points:
         case coal.Cylinder():
             angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
             rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
-            return np.concatenate(
-                [np.c_[rim, np.full(_SIDES, z)] for z in (-1, 1) * np.array(shape.halfLength)]
-            )
+            half = shape.halfLength
+            return np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in (-half, half)])
     return vertices_of(shape)
 
 
 def vertices_of(shape: coal.CollisionGeometry) -> Points:
     """Vertices of a mesh, (V, 3)."""
-    return np.array(
-        shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices(), dtype=np.float64
-    )
+    points = shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices()
+    return np.array(points, dtype=np.float64)
 
 
 class MeshGroup:

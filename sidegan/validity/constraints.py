@@ -87,8 +87,8 @@ class Constraints:
     def margins(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None) -> dict[str, Tensor]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
 
-        Differentiable; ≥ 0 is feasible. Distances of what is inside of capsules have the slope of those of the
-        capsules. The jerk may be left out where it is not limited.
+        Differentiable; ≥ 0 is feasible. Distances of what is inside of capsules have the slope of the
+        capsules' own. The jerk may be left out where it is not limited.
 
         Raises:
             ShapeError: when the states are not (N, J) each, or jerk is limited and not given.

@@ -81,7 +81,7 @@ def _nearest(simplex: Floats) -> tuple[Floats, Floats]:
 
 
 def _shares(corners: Floats) -> Floats:
-    """Shares of corners (M, 1 to 3, 3) in the point of their line or plane nearest to the origin; -1: none."""
+    """Shares of corners (M, 1 to 3, 3) in the point of their line or plane nearest to the origin."""
     if corners.shape[1] == 1:
         return np.ones((len(corners), 1))
     a, b = corners[:, 0], corners[:, 1] - corners[:, 0]
@@ -102,4 +102,4 @@ def _holds_origin(simplex: Floats) -> NDArray[np.bool_]:
     """Whether the origin is inside of tetrahedra (M, 4, 3); never in flat ones."""
     # barycentric coordinates by Cramer's rule, all of one sign where the origin is inside
     shares = np.stack([(-1) ** k * np.linalg.det(np.delete(simplex, k, axis=1)) for k in range(4)], 1)
-    return (shares > 0).all(1) | (shares < 0).all(1)
+    return np.asarray((shares > 0).all(1) | (shares < 0).all(1))

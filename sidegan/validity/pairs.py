@@ -119,9 +119,8 @@ class _Touching:
         self.arm, self.pairs, self.of = arm, pairs, of
         self.q = sampled(arm)
         self.inside = PieceDistances(arm, pairs)
-        self.apart = (
-            capsule_distances(arm, self.q, pairs) > 0 if len(pairs) else torch.zeros(0, SAMPLES).bool()
-        )
+        none = torch.zeros(0, SAMPLES, dtype=torch.bool)
+        self.apart = capsule_distances(arm, self.q, pairs) > 0 if len(pairs) else none
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""

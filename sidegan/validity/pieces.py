@@ -85,9 +85,8 @@ class PieceDistances:
         shapes = self.shapes()
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
-        kernel.distances(
-            Chain.of(self.arm), shapes, self.hulls(), array(q), array(asked[order]), need, out, room
-        )
+        bodies = kernel.Bodies(Chain.of(self.arm), shapes, self.hulls())
+        kernel.distances(bodies, array(q), array(asked[order]), need, out, room)
         found = torch.empty(len(asked), dtype=torch.float64)
         found[order] = torch.from_numpy(out)
         return found

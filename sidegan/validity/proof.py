@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from sidegan.motion.backend import usable
-from sidegan.motion.compiled.chain import Chain, Shapes, array
+from sidegan.motion.compiled.chain import Chain, array
 from sidegan.robot import Arm
 from sidegan.validity.bounds import piece_reach
 from sidegan.validity.pieces import PieceDistances
@@ -28,17 +28,14 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
         return found
     from sidegan.motion.compiled import boxes, hulls
 
-    shapes, chain, pieces = inside.shapes(), Chain.of(arm), inside.hulls()
+    bodies = hulls.Bodies(Chain.of(arm), inside.shapes(), inside.hulls())
     link = arm.capsules.link[pairs]
     outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
     reach = array(piece_reach(arm)[outer])
-    middle, half = (
-        (arm.position_upper + arm.position_lower) / 2,
-        (arm.position_upper - arm.position_lower) / 2,
-    )
-    work, room = np.empty((2, _DEPTH, arm.joints)), hulls.place_for(shapes, arm.joints)
+    middle, half = arm.position_upper + arm.position_lower, arm.position_upper - arm.position_lower
+    work, room = np.empty((2, _DEPTH, arm.joints)), hulls.place_for(bodies.shapes, arm.joints)
     for p, joints in enumerate((link[:, 0] - link[:, 1]).abs().tolist()):
-        work[0, 0], work[1, 0] = middle.numpy(), half.numpy()
+        work[0, 0], work[1, 0] = middle.numpy() / 2, half.numpy() / 2
         budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
-        found[p] = boxes.never_touch(chain, shapes, pieces, reach, p, _GAP, work, budget, room)
+        found[p] = boxes.never_touch(bodies, reach, p, _GAP, work, budget, room)
     return found

@@ -122,6 +122,21 @@ def test_shapes_behind_fixed_joints_move_with_the_link_that_carries_them(load):
     assert where == {"base": (-1, [0, 0, 0]), "pillar": (-1, [0, 0, 2]), "tool": (0, [0, 0, 0.5])}
 
 
+def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
+    both = collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"') + collision(
+        '<cylinder radius="0.1" length="0.6"/>'
+    )
+    pieces = load(one_joint(collision=both + collision('<sphere radius="0.2"/>'))).capsules.pieces
+    box, cylinder, sphere = pieces.corners.split(pieces.start.diff().tolist())
+    np.testing.assert_allclose(
+        np.unique(box, axis=0), np.unique(corners(0.1, 0.2, 0.7) + np.array([1, 0, 0]), axis=0)
+    )
+    assert cylinder[:, 2].abs().tolist() == pytest.approx([0.3] * len(cylinder))
+    assert 0.1 < cylinder[:, :2].norm(dim=1).max() < 0.1002  # a prism around it
+    assert pieces.exact.tolist() == [False, False, True] and pieces.radius.tolist() == [0, 0, 0.2]
+    assert sphere.tolist() == [[0, 0, 0]] * 2 and not pieces.fitted.any()
+
+
 def test_an_arm_without_shapes_has_no_capsules(load):
     arm = load(one_joint())
     assert arm.capsules.a.shape == arm.capsules.b.shape == (0, 3)
@@ -166,9 +181,16 @@ class TestMeshes:
     )
     def test_is_inside_its_capsule(self, load, mesh, filename):
         arm = load(self.text(filename.format(absolute=mesh)))
-        radius = arm.capsules.radius.item()
-        assert beyond(corners(0.1, 0.2, 0.7), ends_of(arm), radius) <= 1e-7  # meshes are read in float32
-        assert radius < 0.2
+        outside = [
+            [
+                beyond(corner[None], ends_of(arm, k), radius)
+                for k, radius in enumerate(arm.capsules.radius.tolist())
+            ]
+            for corner in corners(0.1, 0.2, 0.7)
+        ]
+        assert np.min(outside, axis=1).max() <= 1e-7  # meshes are read in float32
+        assert arm.capsules.radius.max() < 0.2
+        assert set(arm.capsules.names) == set(arm.capsules.owners) == {"arm"}
 
     def test_that_is_marked_as_convex_is_inside_its_capsule(self, load, mesh):
         text = self.text(mesh).replace("<collision>", '<collision name="hull">')
@@ -183,7 +205,7 @@ class TestMeshes:
         share.mkdir(parents=True)
         mesh.parents[1].rename(share / "arm_description")
         monkeypatch.setenv(variable, str(share if variable == "ROS_PACKAGE_PATH" else share.parent))
-        assert len(load(self.text("package://arm_description/meshes/box.stl")).capsules.names) == 1
+        assert load(self.text("package://arm_description/meshes/box.stl")).capsules.names
 
     def test_that_is_missing_leaves_a_warning_that_names_the_link(self, load, caplog):
         with caplog.at_level(logging.WARNING):

@@ -13,7 +13,7 @@ from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, write_urdf
 from sidegan.robot.meshes import find_mesh
-from sidegan.validity.capsules import capsule_axes
+from sidegan.validity.capsules import capsule_axes, place_points
 
 from .urdf import one_joint
 
@@ -67,6 +67,21 @@ def faces():
     return words
 
 
+def vertices(model, data, geom):
+    """Vertices of a mesh in the world [m], (V, 3)."""
+    first, count = (x[model.geom_dataid[geom]] for x in (model.mesh_vertadr, model.mesh_vertnum))
+    return (
+        model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    )
+
+
+def beyond(points, a, b):
+    """Distances [m] of points (N, 3) from a segment."""
+    along = b - a
+    share = np.clip((points - a) @ along / max(along @ along, 1e-12), 0, 1)
+    return np.linalg.norm(points - a - share[:, None] * along, axis=1)
+
+
 class TestMjcf:
     def test_torque_is_that_of_mujoco(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03}))
@@ -90,19 +105,26 @@ class TestMjcf:
         data, q = mujoco.MjData(model), np.array([0.3, -0.4, 0.2])
         data.qpos[:3] = q
         mujoco.mj_kinematics(model, data)
-        a, b = (x[:, :, 0].T.numpy() for x in capsule_axes(arm, torch.from_numpy(q)[:, None]))
-        meshes = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0]
-        assert len(a) == 3
-        for capsule, geom in zip((0, 1), meshes):
-            first, count = (x[model.geom_dataid[geom]] for x in (model.mesh_vertadr, model.mesh_vertnum))
-            points = model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T
-            points = points + data.geom_xpos[geom] - a[capsule]
-            along = b[capsule] - a[capsule]
-            foot = np.clip(points @ along / max(along @ along, 1e-12), 0, 1)[:, None] * along
-            reach = np.linalg.norm(points - foot, axis=1).max()
-            radius = arm.capsules.radius[capsule].item()
-            assert reach <= radius + 1e-6  # the vertices are single precision
-            assert reach > 0.9 * radius
+        positions = torch.from_numpy(q)[:, None]
+        a, b = (x[:, :, 0].T.numpy() for x in capsule_axes(arm, positions))
+        pieces = arm.capsules.pieces
+        fitted = pieces.fitted.numpy()
+        assert fitted.tolist() == sorted(fitted, reverse=True) and (~fitted).sum() == 2
+        box, bare = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0]
+        outside = [
+            beyond(vertices(model, data, box), a[k], b[k]) - arm.capsules.radius[k].item()
+            for k in np.flatnonzero(fitted)
+        ]
+        assert np.min(outside, axis=0).max() <= 1e-6  # the vertices are single precision
+        corners = pieces.corners[: int(pieces.start[fitted.sum()])]
+        placed = place_points(arm, positions, corners, [int(arm.capsules.link[0])] * len(corners))[
+            :, :, 0
+        ].T.numpy()
+        for end in (np.min, np.max):
+            np.testing.assert_allclose(end(placed, 0), end(vertices(model, data, box), 0), atol=1e-6)
+        k = int(fitted.sum())
+        reach = beyond(vertices(model, data, bare), a[k], b[k]).max()
+        assert 0.9 * arm.capsules.radius[k] < reach <= arm.capsules.radius[k] + 1e-6
 
     def test_limits_poses_and_what_is_left_out(self, mjcf):
         with pytest.raises(RobotError, match=r"'robot\.limits\.velocity=\{one: 1, two: 1, slide: 0.1\}'"):

@@ -49,8 +49,11 @@ def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
     return c * (share / use)[:, :, None, None]
 
 
-def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Tensor:
-    """Both searches end with the same verdicts, margins, elements and times; the verdicts come back."""
+def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor, exact: bool = True) -> Tensor:
+    """Both searches end with the same verdicts, margins, elements and times; the verdicts come back.
+
+    The margins are those at the times where these are exact: no lower bounds of distances.
+    """
     from sidegan.validity.fused import FusedSearch
 
     plain, fused = Search(constraints, trajectory, c), FusedSearch(constraints, trajectory, c)
@@ -65,7 +68,8 @@ def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> 
         at = [x.diagonal().T for x in states]  # each trajectory at its own time
         own = constraints.margins(*at)[name].gather(1, result[1][name][:, None])[:, 0]
         sampled = torch.isclose(own, margin, rtol=1e-9, atol=1e-9)
-        assert (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
+        if exact:
+            assert (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
     return valid
 
 

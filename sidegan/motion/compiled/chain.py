@@ -65,8 +65,8 @@ class Shapes(NamedTuple):
         """Shapes of an arm's capsules and of regions: their numbers (R, 6), kinds (R,) and planes (M, 4)."""
         ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-        own = (capsules.link + 1, ends, radius, capsules.core, size, pairs, guarded)
-        return cls(*map(array, (*own, *regions)))
+        bodies = capsules.link + 1, ends, radius, capsules.core, size
+        return cls(*map(array, (*bodies, pairs, guarded, *regions)))
 
 
 def array(x: Tensor) -> Array:

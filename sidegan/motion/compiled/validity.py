@@ -23,7 +23,7 @@ from sidegan.motion.compiled.cells import (
 from sidegan.motion.compiled.chain import Array
 from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, drift, less
-from sidegan.motion.compiled.hulls import between_pieces, outer_of, reached
+from sidegan.motion.compiled.hulls import Bodies, Placed, between_pieces, outer_of, reached
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import place_capsules, row
 
@@ -136,19 +136,19 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
 
 @kernel
 def _look_inside(model: Model, work: Work, p: int, margin: float, best: float) -> tuple[float, float]:
-    """Margin of a pair, and how much it can change in the cell: of the capsules, or of what is inside of them.
+    """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
 
     That of the capsules is bounded more closely before others are looked at. What is inside is not looked at
     more closely than is needed to see that it is at least ``best`` and settled.
     """
-    chain, shapes, hulls = model.chain, model.shapes, model.hulls
-    moves, ends = work.motion[0], work.ends
-    slack = reached(chain, shapes, work.world, ends, p, moves, model.pair_reach, 0.0)
+    bodies, moves = Bodies(model.chain, model.shapes, model.hulls), work.motion[0]
+    at = Placed(bodies, work.world, work.ends)
+    slack = reached(at, p, moves, model.pair_reach, 0.0)
     if margin >= slack:
         return margin, slack
-    beside = hulls.around[outer_of(shapes, p)]
-    most = reached(chain, shapes, work.world, ends, p, moves, model.piece_reach, beside)
-    inner = between_pieces(hulls, shapes, work.world, ends, p, max(best, most), work.search)
+    beside = model.hulls.around[outer_of(model.shapes, p)]
+    most = reached(at, p, moves, model.piece_reach, beside)
+    inner = between_pieces(at, p, max(best, most), work.search)
     if not inner > margin:
         return margin, slack
     return inner, min(most, inner - (margin - slack))  # the better of both guarantees

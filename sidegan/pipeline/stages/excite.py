@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import replace
+from pathlib import Path
 
 import pandas as pd
 import torch
@@ -24,7 +25,7 @@ from sidegan.report.export import publish
 from sidegan.robot import HIGHER
 from sidegan.validity import check
 
-FOLDER, WHOLE, VIEW = "trajectories", "all.csv", "view.html"
+FOLDER, VIEW, SHAPES = "trajectories", "view.html", "shapes.npz"
 log = logging.getLogger(__name__)
 
 
@@ -42,6 +43,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     motion = task.trajectory.roll_out(chosen.coefficients, times)
     _require_slow(task, chosen)
     chosen.save(folder / LIBRARY)
+    _keep_shapes(task, folder)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
     information = information_of(task.body, task.trajectory, chosen.coefficients)
     criteria = criteria_of(information.stacked(torch.arange(len(chosen))))
@@ -101,6 +103,13 @@ def _view(task: Task, chosen: Library, tracker: Tracker) -> str:
         return ""
     tracker.log_artifact(path, "view")
     return f"; to look at: {path.resolve().as_uri()}"
+
+
+def _keep_shapes(task: Task, folder: Path) -> None:
+    """Write what was fitted to the arm's meshes, with which the set can be checked where these are not."""
+    from sidegan.robot.kept import save_shapes  # Pinocchio takes a second to import
+
+    save_shapes(task.arm, folder / SHAPES)
 
 
 def _pool(task: Task) -> Library:

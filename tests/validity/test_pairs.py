@@ -1,0 +1,147 @@
+"""Which pairs of links are kept apart: not neighbours, not named ones, not such that provably never touch."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+
+from sidegan.errors import InfeasibleError, RobotError
+from sidegan.robot import Arm, Setup, load_robot, words
+from sidegan.validity import Constraints
+from sidegan.validity.pairs import capsule_distances, pairs_of, sampled
+from tests.robot.urdf import joint, link, robot
+
+
+def ball(radius: float, x: float = 0.0) -> str:
+    return f'<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="{radius}"/></geometry></collision>'
+
+
+def chain(radius: float, more: str = "") -> str:
+    """Four links 0.3 m apart in a row that fold upon each other, with a ball at each origin."""
+    parts = [link("base", ball(radius))]
+    for parent, child in (("base", "one"), ("one", "two"), ("two", "three")):
+        parts += [joint(f"to_{child}", parent, child, origin='xyz="0.3 0 0"'), link(child, ball(radius))]
+    return robot(*parts).replace("</robot>", f"{more}</robot>")
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def text(content: str, name: str = "arm.urdf") -> Path:
+        (tmp_path / name).write_text(content)
+        return tmp_path / name
+
+    return text
+
+
+def names(arm: Arm) -> set[frozenset[str]]:
+    return {frozenset(arm.capsules.owners[k] for k in pair) for pair in pairs_of(arm).checked.tolist()}
+
+
+def test_neighbours_are_not_kept_apart_and_are_listed(write) -> None:
+    arm = load_robot(write(chain(0.05)))
+    assert names(arm) == {frozenset(pair) for pair in (("base", "two"), ("base", "three"), ("one", "three"))}
+    listed = {one.links for one in Constraints(arm).exempt}
+    assert listed == {("base", "one"), ("one", "two"), ("three", "two")}
+    assert Constraints(arm).excepted == {}
+
+
+def test_what_stands_beside_the_arm_is_no_neighbour(write) -> None:
+    """A pillar on the base is not the link that the first joint hangs on."""
+    text = chain(0.05).replace(
+        "</robot>",
+        joint("mount", "base", "pillar", "fixed", 'xyz="0 0.5 0"') + link("pillar", ball(0.05)) + "</robot>",
+    )
+    arm = load_robot(write(text))
+    assert frozenset({"pillar", "one"}) in names(arm)
+    assert frozenset({"base", "one"}) not in names(arm)
+
+
+def test_links_with_a_bare_one_between_them_are_neighbours_if_one_joint_is(write) -> None:
+    text = chain(0.05).replace(link("one", ball(0.05)), link("one"))
+    arm = load_robot(write(text))
+    assert names(arm) == {frozenset({"base", "two"}), frozenset({"base", "three"})}  # two joints between
+
+
+def test_links_that_always_touch_are_refused_with_a_remedy_that_works(write) -> None:
+    file = write(chain(0.31))
+    setup = Setup()
+    with pytest.raises(InfeasibleError, match="touch in every one of 4,000") as refused:
+        Constraints(load_robot(file, setup))
+    (remedy,) = re.findall(r"'robot\.may_touch=(.*?)'", str(refused.value))
+    pairs = [tuple(pair) for pair in yaml.safe_load(remedy)]
+    assert ("base", "two") in pairs and ("base", "three") not in pairs
+    arm = load_robot(file, replace(setup, may_touch=pairs))
+    constraints = Constraints(arm)
+    assert names(arm) == {frozenset({"base", "three"})}
+    named = [one for one in constraints.exempt if one.why == "robot.may_touch"]
+    assert {one.links for one in named} == set(pairs)
+    assert all(one.share == 1.0 for one in named)
+    assert "may touch: base – two (robot.may_touch, touch in 100 %)" in constraints.described()
+    assert constraints.doubtful
+    assert words(arm.setup) == [f"'robot.may_touch={remedy}'"]
+    assert arm.digest != load_robot(file).digest
+
+
+def test_a_remedy_keeps_what_was_named_before(write) -> None:
+    file = write(chain(0.31))
+    with pytest.raises(InfeasibleError, match=r"may_touch=\[\[one, three\], \[base, two\]\]"):
+        Constraints(load_robot(file, Setup(may_touch=[("three", "one")])))
+
+
+def test_a_name_that_is_no_link_is_refused(write) -> None:
+    with pytest.raises(RobotError, match="no link 'tow', expected for example two"):
+        load_robot(write(chain(0.31)), Setup(may_touch=[("base", "tow")]))
+
+
+SRDF = '<robot name="small"><disable_collisions link1="two" link2="base" reason="Never"/></robot>'
+
+
+def test_pairs_of_an_srdf_are_exempt_only_where_the_user_says_so(write) -> None:
+    file, srdf = write(chain(0.22)), str(write(SRDF, "arm.srdf"))
+    kept = load_robot(file, Setup(srdf=srdf))
+    assert frozenset({"base", "two"}) in names(kept)
+    arm = load_robot(file, Setup(srdf=srdf, srdf_pairs=True))
+    assert frozenset({"base", "two"}) not in names(arm)
+    (one,) = [one for one in Constraints(arm).exempt if one.why == "SRDF: Never"]
+    assert one.share is not None and 0.05 < one.share < 0.9
+    pair = torch.tensor([[0, 2]])
+    touching = float((capsule_distances(arm, sampled(arm), pair) <= 0).double().mean())
+    assert one.share == pytest.approx(touching)
+    assert arm.digest != kept.digest == load_robot(file).digest
+
+
+def test_a_description_may_name_pairs_itself(write) -> None:
+    said = '<disable_collisions link1="one" link2="three" reason="a cover"/>'
+    arm = load_robot(write(chain(0.05, said)))
+    assert ("one", "three", "a cover") in arm.may_touch
+    assert frozenset({"one", "three"}) not in names(arm)
+
+
+def boxes(length: float) -> str:
+    """The same with boxes, 0.04 m thick, that lie along the links."""
+    box = f'<geometry><box size="{length} 0.04 0.04"/></geometry>'
+    shape = f'<collision><origin xyz="0.15 0 0"/>{box}</collision>'
+    return chain(0.05).replace(ball(0.05), shape)
+
+
+def test_what_never_touches_is_dropped_on_proof_and_only_then(write) -> None:
+    pytest.importorskip("numba")
+    arm, ones = load_robot(write(boxes(0.2))), torch.ones(3, dtype=torch.float64)
+    calm = replace(arm, position_lower=-0.3 * ones, position_upper=0.3 * ones)
+    free = replace(arm, position_lower=-3.1 * ones, position_upper=3.1 * ones)
+    every = {("base", "two"), ("base", "three"), ("one", "three")}
+    assert not names(calm) and {one.links for one in pairs_of(calm).never} == every
+    assert not pairs_of(free).never and len(names(free)) == 3
+    assert "3 never touch" in Constraints(calm).described()
+
+
+def test_pieces_decide_whether_links_always_touch(write) -> None:
+    """Capsules around flat plates overlap wherever the arm is; the plates do not."""
+    plate = '<collision><geometry><box size="0.7 0.7 0.01"/></geometry></collision>'
+    text = chain(0.05).replace(ball(0.05), plate).replace('xyz="0.3 0 0"', 'xyz="0 0 0.1"')
+    arm = load_robot(write(text.replace('<axis xyz="1 0 0"/>', '<axis xyz="0 0 1"/>')))
+    assert (capsule_distances(arm, sampled(arm), torch.tensor([[0, 2]])) < 0).all()
+    Constraints(arm)
