@@ -10,7 +10,6 @@ import argparse
 import difflib
 import json
 import random
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -19,11 +18,11 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from benchmarks.tree import ROOT, copied
 from sidegan.base.progress import bar
 from sidegan.errors import ConfigError
 from sidegan.report import export
 
-ROOT = Path(__file__).parents[1]
 PARTS = {
     "physics": ("motion", "validity", "robot", "design"),
     "statistics": ("identification", "library"),
@@ -131,12 +130,7 @@ def change(one: Mutant, root: Path) -> str:
 
 def run(count: int, seed: int, work: Path) -> pd.DataFrame:
     """Which of ``count`` random mutants are noticed, a row each; what is in ``work`` is not done again."""
-    tree, record = work / "tree", work / f"{count}-{seed}.jsonl"
-    if not tree.exists():
-        files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-        for name in files.stdout.splitlines():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, tree / name)
+    tree, record = copied(ROOT, work / "tree"), work / f"{count}-{seed}.jsonl"
     drawn = random.Random(seed).sample(list(mutants(tree)), count)
     rows: list[dict[str, Any]] = []
     if record.exists():

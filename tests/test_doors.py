@@ -23,12 +23,14 @@ DOORS = {
     "omegaconf": {"pipeline"},
     "matplotlib": {"report"},
     "plotly": {"report"},
+    "trimesh": {"robot"},
+    "viser": {"report"},
     "numba": {"motion"},
     "mujoco": {"plant", "robot"},
     "xacrodoc": {"robot"},
     "robot_descriptions": {"robot"},
     "cvxpy": {"identification"},
-    "rosbags": {"recording"},
+    "rosbags": {"recording", "controllers"},
 }
 ORDER = [
     "errors",
@@ -44,6 +46,7 @@ ORDER = [
     "plant",
     "recording",
     "identification",
+    "controllers",
     "report",
     "pipeline",
     "run",
@@ -72,7 +75,12 @@ def imported(path):
     return names
 
 
-FILES = sorted(path for path in SOURCE.rglob("*.py") if room_of(path) not in ("__init__", "untracked"))
+COPIED = "torque_model.py"  # stands on its own beside an identified arm
+FILES = sorted(
+    path
+    for path in SOURCE.rglob("*.py")
+    if room_of(path) not in ("__init__", "untracked") and path.name != COPIED
+)
 IMPORTS = [(path, name) for path in FILES for name in imported(path)]
 
 

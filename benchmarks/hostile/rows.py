@@ -18,6 +18,7 @@ _NAMED = 20  # files that are
 _KILLS, _FEW_KILLS = 100, 3
 _MUTANTS, _FEW_MUTANTS = 200, 3
 _WORK = Path("outputs/mutants")
+_TORN = Path("outputs/kills")
 
 
 @dataclass(frozen=True)
@@ -78,13 +79,15 @@ def million_library(small: bool) -> Result:
 def killed(small: bool) -> Result:
     """Files that differ after kills of whole process groups at random moments, over two arms."""
     arms = ("planar2",) if small else tuple(kills.ARMS)
+    work = _TORN / ("small" if small else "all")
     also: dict[str, float | str] = {}
     wrong: list[str] = []
     for arm in arms:
-        found = kills.killed(arm, _FEW_KILLS if small else _KILLS // len(arms))
+        found = kills.killed(arm, _FEW_KILLS if small else _KILLS // len(arms), work)
         wrong += found.unequal
         also |= {f"{arm}: kills": float(found.kills), f"{arm}: finished runs": float(found.finished)}
         also[f"{arm}: semaphores left"] = float(found.left)
+        also |= {f"{arm}: kills in {stage}": float(count) for stage, count in found.stages.items()}
     return Result(len(wrong), {**also, **dict.fromkeys(wrong[:_NAMED], "unequal")})
 
 

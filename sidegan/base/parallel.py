@@ -9,6 +9,7 @@ from typing import Any
 
 from sidegan.base.engines import ENGINES, Engine, Loky, Message, cores
 from sidegan.base.progress import bar
+from sidegan.base.threads import one_thread
 from sidegan.errors import SideganError, StorageError
 
 __all__ = ["Job", "Report", "cores", "engine", "run_jobs"]
@@ -64,23 +65,8 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
 
         if jobs and (_engine.remote or min(most, len(jobs)) > 1):
             return _run_elsewhere(description, jobs, most, show)
-        with _one_thread():
+        with one_thread():
             return [job(_reporter(i, show)) for i, job in enumerate(jobs)]
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Sums in the same order everywhere: torch, BLAS and OpenMP on one thread."""
-    import torch
-    from threadpoolctl import threadpool_limits
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _reporter(job: int, send: Callable[[Message], None], least: float = 0.0) -> Report:
@@ -127,5 +113,5 @@ def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) ->
         raise StorageError(
             f"worker on {host} does not see {folder} ({error.strerror}); put it on a shared file system"
         ) from error
-    with _one_thread():
+    with one_thread():
         return job(_reporter(index, send, _LEAST))

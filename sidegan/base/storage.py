@@ -17,18 +17,23 @@ if TYPE_CHECKING:  # pyarrow and torch are slow to import, and `--help` must not
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
     """Path of a new neighbour that takes the place of ``path`` when the block ends well.
 
     The content is on the disk before the name changes. After any failure, an interrupt included,
     the neighbour is gone and ``path`` is what it was.
+
+    Args:
+        path: where.
+        folder: whether its folder is made when it is not there.
 
     Raises:
         StorageError: when the folder cannot be made or written, or is full.
     """
     neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        if folder:
+            path.parent.mkdir(parents=True, exist_ok=True)
         yield neighbour
         _sync(neighbour)
         neighbour.replace(path)
@@ -49,9 +54,9 @@ def _sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def write_bytes(path: Path, content: bytes | memoryview) -> None:
+def write_bytes(path: Path, content: bytes | memoryview, folder: bool = True) -> None:
     """Write bytes; see ``replacing``."""
-    with replacing(path) as neighbour:
+    with replacing(path, folder) as neighbour:
         neighbour.write_bytes(content)
 
 
@@ -68,14 +73,26 @@ def write_json(path: Path, content: Any) -> None:
     write_bytes(path, f"{text}\n".encode())
 
 
-def write_torch(path: Path, content: Any) -> None:
+def write_torch(path: Path, content: Any, folder: bool = True) -> None:
     """Write tensors and plain containers of them; see ``replacing``."""
     import torch
 
     # In memory first: torch turns a full disk into a RuntimeError, a plain write does not.
     buffer = io.BytesIO()
     torch.save(content, buffer)
-    write_bytes(path, buffer.getbuffer())
+    write_bytes(path, buffer.getbuffer(), folder)
+
+
+def write_task(path: Path, content: Any) -> None:
+    """Write what one of several tasks found, into a folder of work that is there.
+
+    Where it is not, somebody has finished the work without this task: a worker that was given up for dead
+    must not leave the folder behind again.
+
+    Raises:
+        StorageError: when there is no such folder, or it cannot be written, or is full.
+    """
+    write_torch(path, content, folder=False)
 
 
 def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:

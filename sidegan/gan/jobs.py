@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch, readable, write_torch
+from sidegan.base.storage import read_torch, readable, write_task
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import MIXTURES, Labelled, label
 from sidegan.gan.pretrain import (
@@ -61,7 +61,7 @@ class Pretraining:
         else:
             samples = MIXTURES[self.kind](*sources, -(-self.settings.samples // SHARES), generator)
         steps = self.settings.margin_steps
-        write_torch(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
+        write_task(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
 
     def train_success(self, folder: Path, seed: int, progress: Report) -> dict[str, float]:
         """Held-out accuracies of the success predictor, which is left in ``folder``.
@@ -78,7 +78,7 @@ class Pretraining:
             train_classifier(predictor, data, self.epochs, generator, progress)
         else:
             train_predictor(predictor, data, self.epochs, generator, progress)
-        write_torch(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
+        write_task(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
         c = torch.cat([held_seeds, faulty])
@@ -102,7 +102,7 @@ class Pretraining:
         if isinstance(converter, ShallowConverter):
             converter.layers.fit_scale(training_seeds(self.seeds)[0])
         train_converter(converter, data.c, target, self.epochs, generator, progress)
-        write_torch(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
+        write_task(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
         r2 = explained(converter, held.c, getattr(held, features))
         return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
 

@@ -98,9 +98,7 @@ class Library:
         return table_of(self.family(), self.columns(), self.source)
 
     def save(self, path: Path) -> None:
-        """Write one Parquet file, a row per trajectory, whole or not at all; none of an empty library."""
-        if not len(self):
-            raise ShapeError(f"an empty library of {self.robot} cannot be saved")
+        """Write one Parquet file, a row per trajectory, whole or not at all; an empty library has no row."""
         write_parquet(path, self.table(), **OPTIONS)
 
     @classmethod
@@ -108,7 +106,7 @@ class Library:
         """Library of a file that ``save`` wrote, to the last bit; of one arm, or of any when None.
 
         Raises:
-            ArtifactError: when the file is missing, damaged, empty, of an unknown format, or for another arm.
+            ArtifactError: when the file is missing, damaged, of an unknown format, or for another arm.
         """
         content = content_of(path, read_parquet(path))
         family = content[0]

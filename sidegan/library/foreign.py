@@ -25,6 +25,8 @@ def load_foreign(path: Path, arm: Arm) -> Library:
         ArtifactError: when the file cannot be used, or what it says about a trajectory is not so.
     """
     library = Library.load(path, arm)
+    if not len(library):
+        raise ArtifactError(f"{path} holds no trajectories")
     least = torch.stack([*library.margins.values()]).amin(0)
     lying = (library.valid & (least < 0)).nonzero()[:, 0]
     if len(lying):

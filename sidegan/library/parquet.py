@@ -66,11 +66,9 @@ def content_of(path: Path, table: "pa.Table") -> Content:
     """Family, columns and sources of a library's table, or of some of its rows, that was read from ``path``.
 
     Raises:
-        ArtifactError: when it is empty, of an unknown format, or lacks a column.
+        ArtifactError: when it is of an unknown format, or lacks a column.
     """
     family = _family(path, table)
-    if not table.num_rows:
-        raise ArtifactError(f"{path} holds no trajectories")
     shapes = family.shapes()
     missing = [name for name in (*shapes, "source") if table.column_names.count(name) != 1]
     if missing:
@@ -102,7 +100,7 @@ def _family(path: Path, table: "pa.Table") -> Family:
 def _array(x: Tensor) -> "pa.Array":
     import pyarrow as pa
 
-    rows = x.reshape(len(x), -1).contiguous().numpy()
+    rows = x.reshape(len(x), math.prod(x.shape[1:])).contiguous().numpy()
     flat = pa.array(rows.reshape(-1))
     return flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, rows.shape[1])
 
@@ -121,7 +119,7 @@ def _tensor(path: Path, table: "pa.Table", name: str, shape: tuple[int, ...]) ->
         if not any(is_kind(column.type) for is_kind in lists):
             raise ArtifactError(f"{path}: column {name} is {column.type}, expected lists of {width} numbers")
         lengths = pc.unique(pc.list_value_length(column)).to_pylist()
-        if lengths != [width]:
+        if len(table) and lengths != [width]:
             raise ArtifactError(f"{path}: column {name} has lists of {lengths} numbers, expected {width}")
         column = column.flatten()
     if column.type != kind or column.null_count:

@@ -7,6 +7,7 @@ import torch
 from scipy.linalg import qr
 from torch import Tensor
 
+from sidegan.base.threads import one_thread
 from sidegan.errors import RobotError
 from sidegan.motion import newton_euler
 from sidegan.motion.compiled.chain import Chain
@@ -29,11 +30,13 @@ class BaseParameters:
     names: tuple[str, ...]  # the leading parameter of each combination, such as ``"Ixx2"``
 
     @classmethod
+    @one_thread()
     def of(cls, arm: Arm) -> "BaseParameters":
         """Independent columns and the map onto them, from 60 random states per joint, at most 720.
 
         The columns are the first linearly independent ones in Pinocchio's order, so that the choice is
-        deterministic. Columns that are rounding noise are dropped before any is normalised.
+        deterministic. Columns that are rounding noise are dropped before any is normalised. On one thread
+        whatever the caller has: two processes that each find them find the same numbers.
 
         Raises:
             RobotError: when no parameter has any effect on the torques.

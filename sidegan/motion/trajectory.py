@@ -137,8 +137,10 @@ class Trajectory:
     def derivative(self, c: Tensor, times: Tensor, order: int) -> Tensor:
         """Time derivative ``order`` of the joint position [rad/s^order], (B, T, J)."""
         self._check_shape(c)
-        basis = self.basis(times, order).to(c.device, c.dtype).flatten(1)
-        out = (c.flatten(2) @ basis.T).transpose(1, 2)
+        # A basis that is too large to be kept is not held whole either: gigabytes for a long trajectory.
+        blocks = times.split(max(1, _CACHED // self.harmonics))
+        bases = (self.basis(block, order).to(c.device, c.dtype).flatten(1) for block in blocks)
+        out = torch.cat([(c.flatten(2) @ basis.T).transpose(1, 2) for basis in bases], 1)
         return out + c.new_tensor(self.home) if order == 0 else out
 
 

@@ -28,7 +28,7 @@ class Build:
 
     Attributes:
         folder: takes the artifact's files; it is invisible until all of them are there.
-        work: takes files of unfinished tasks; it survives a kill.
+        work: takes files of unfinished tasks (``write_task``); it survives a kill.
         report: tells how far the work is.
         costs: what the work took (seconds and the like); it is kept beside the artifact and not in it.
     """

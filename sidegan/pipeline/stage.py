@@ -32,7 +32,7 @@ class Stage:
     show: Callable[[Task, Tracker], None] | None = None
     columnwise: bool = False
     leading: bool = False
-    check: Callable[[Task], None] = lambda task: None
+    check: Callable[[Task], object] = lambda task: None
 
     def listed(self, task: Task) -> list[Artifact]:
         """Its artifacts in every column that is made; what columns share is listed by each."""

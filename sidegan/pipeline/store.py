@@ -12,7 +12,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -23,6 +23,7 @@ from filelock import FileLock, Timeout
 from sidegan.base.parallel import Report
 from sidegan.base.progress import duration
 from sidegan.base.storage import read_json, write_json
+from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline.graph import Artifact, Build, difference
 
@@ -93,11 +94,12 @@ class Store:
         message = f"there is no {maker}/{artifact.label} for this configuration, run stage {maker} first"
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
-            message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
+            nearest = ", ".join(min(differences, key=len)[:4])
+            message += f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
-        """What making an artifact took, as far as it is kept: ``seconds`` of wall time, and more."""
+        """What making an artifact took, as far as it is kept: ``seconds``, ``cpu_seconds``, and more."""
         path = self._costs(artifact)
         return read_json(path) if path.exists() else {}
 
@@ -120,31 +122,52 @@ class Store:
             folder = self.find(artifact)
             if folder is None:
                 return self._make(artifact, report)
+            self._clear(artifact)  # of a run that was killed after its last step but one
             log.info("%s: reused from %s", artifact.maker, folder)
             return folder
 
     def _make(self, artifact: Artifact, report: Report) -> Path:
         final = self.folder(artifact)
-        work = final.with_name(f"{artifact.folder()}.work")
+        work = self._work(artifact)
         folder = final.with_name(f".{final.name}.tmp")
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)
-        began = time.monotonic()
+        began, used = time.monotonic(), time.process_time()
         try:
             with _storage_errors(final):
                 folder.mkdir(parents=True)
                 work.mkdir(exist_ok=True)
-            artifact.make(build)
+            with one_thread():  # as in a worker: which process makes it changes no bit
+                artifact.make(build)
             seconds = time.monotonic() - began
             write_stamp(folder, artifact.stamp)
-            self.keep_costs(artifact, {"seconds": round(seconds, 1), **build.costs})
+            cpu = time.process_time() - used  # of this process; a maker with workers keeps its own
+            own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu, 1)}
+            self.keep_costs(artifact, own | dict(build.costs))
             with _storage_errors(final):
                 _replace(folder, final)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        shutil.rmtree(work, ignore_errors=True)
+        self._clear(artifact)
         log.info("%s: made %s in %s", artifact.maker, final, duration(seconds))
         return final
+
+    def _clear(self, artifact: Artifact) -> None:
+        """Remove whatever lies beside an artifact that is there; its lock is ours.
+
+        The folder of work loses its name first: no task that goes on somewhere can write into it any more.
+        """
+        final = self.folder(artifact)
+        work, hidden = self._work(artifact), (f".{final.name}.tmp", f".{final.name}.old.tmp")
+        aside = work.with_name(f".{work.name}.tmp")
+        shutil.rmtree(aside, ignore_errors=True)
+        with suppress(OSError):
+            work.rename(aside)
+        for folder in (aside, *map(final.with_name, hidden)):
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _work(self, artifact: Artifact) -> Path:
+        return self.folder(artifact).with_name(f"{artifact.folder()}.work")
 
     @contextmanager
     def _lock(self, artifact: Artifact) -> Iterator[None]:

@@ -9,7 +9,6 @@ import json
 import logging
 import os
 import re
-import sqlite3
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from filelock import FileLock, Timeout
 
+from sidegan.pipeline.database import made_at_once
 from sidegan.pipeline.graph import flatten
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class Tracker:
     ) -> None:
         self.root, self.folder, self.uri = root.resolve(), folder, uri
         self.enabled = self.reached = enabled  # whether everything could be sent so far
+        self.kept = True  # whether everything else could be written
         self.run_id: str | None = None
         self._client: MlflowClient | None = None
         self._alive: FileLock | None = None  # held while the run goes on, whatever ends it
@@ -135,12 +136,23 @@ class Tracker:
                 return
             except Exception as error:  # whatever goes wrong at the other end, the work goes on
                 self.reached = False
-                reason = str(error).split("\n", 1)[0] or type(error).__name__
-                log.warning("tracking stops (%s); the rest goes to %s", reason, self.folder / UNTRACKED)
+                log.warning(
+                    "tracking stops (%s); the rest goes to %s", _reason(error), self.folder / UNTRACKED
+                )
         if self.enabled:
             record = {"time": at or time.time(), "run": self.run_id, "kind": kind, "content": content}
-            with suppress(OSError), (self.folder / UNTRACKED).open("a", encoding="utf-8") as file:
-                file.write(f"{json.dumps(record)}\n")
+            self._keep(f"{json.dumps(record)}\n")
+
+    def _keep(self, record: str) -> None:
+        """Keep a line for later; where that cannot be done either, say so once."""
+        try:
+            with (self.folder / UNTRACKED).open("a", encoding="utf-8") as file:
+                file.write(record)
+        except OSError as error:
+            if self.kept:
+                path = self.folder / UNTRACKED
+                log.warning("%s cannot be written (%s): it is not whole", path, error.strerror)
+            self.kept = False
 
     def _record(self, kind: str, content: Any, at: float | None) -> None:
         client = self._client = self._client or self._connected()
@@ -204,12 +216,14 @@ class Tracker:
             os.environ.setdefault(key, value)
         from mlflow import MlflowClient
 
-        for noisy in ("mlflow", "alembic", "urllib3"):
+        for noisy in ("alembic", "urllib3"):
             logging.getLogger(noisy).setLevel(logging.ERROR)
+        # What goes wrong is raised as well, and told in one line; MLflow would print tracebacks before.
+        logging.getLogger("mlflow").setLevel(logging.CRITICAL)
         database = self.root / "mlflow.db"
         with (
             self._one_at_a_time(),
-            nullcontext() if self.uri or database.exists() else _made_at_once(database),
+            nullcontext() if self.uri or database.exists() else made_at_once(database),
         ):
             return MlflowClient(self.uri or f"sqlite:///{database}")
 
@@ -248,31 +262,11 @@ def _upload(client: "MlflowClient", run: str, path: str, folder: str | None) -> 
         log.warning("%s is gone and cannot be sent", path)
 
 
-@contextmanager
-def _made_at_once(database: Path) -> Iterator[None]:
-    """What the block makes of an SQLite database reaches the disk at its end.
-
-    MLflow makes a new one by repeating all changes of its history, and would wait for the disk after each.
-    """
-    from sqlalchemy import event
-    from sqlalchemy.engine import Engine
-
-    opened: list[Any] = []
-
-    def hurry(connection: Any, record: Any) -> None:
-        opened.append(connection)
-        connection.execute("PRAGMA synchronous = OFF")
-
-    event.listen(Engine, "connect", hurry)
-    try:
-        yield
-    finally:
-        event.remove(Engine, "connect", hurry)
-        for connection in opened:
-            with suppress(sqlite3.Error):  # closed meanwhile
-                connection.execute("PRAGMA synchronous = FULL")
-    with database.open("rb") as file:
-        os.fsync(file.fileno())
+def _reason(error: BaseException) -> str:
+    """What went wrong in the first place, in one line; those who passed it on have more words for it."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return str(error).split("\n", 1)[0] or type(error).__name__
 
 
 def _key(name: str) -> str:

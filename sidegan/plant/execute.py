@@ -1,6 +1,6 @@
 """Executing a motion: servos, physics, and what the sensors make of it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -81,19 +81,23 @@ class Plant:
             ShapeError: when the motion does not fit the arm or the rate, or is not finite.
             InfeasibleError: when a joint does not follow.
         """
+        return self._sensed(self.follow(motion), seed)
+
+    def follow(self, motion: Motion) -> Executed:
+        """The true signals of a motion that is executed: what the sensors would see without errors.
+
+        Arguments and errors are those of ``execute``.
+        """
         self._check(motion)
         if len(motion.position) > 1:
             motion = concatenate(motion)
         reference = Motion(motion.time, *(x[0].double() for x in motion[1:]))
         position, velocity, torque = self._simulate(reference)
         self._check_tracking(reference, position, torque)
-        time = reference.time.double() - reference.time[0]
-        return self._sensed(Executed(time, position, velocity, torque), seed)
+        return Executed(reference.time.double() - reference.time[0], position, velocity, torque)
 
-    def execute_each(
-        self, trajectory: Trajectory, coefficients: Tensor, random: np.random.SeedSequence
-    ) -> Iterator[Executed]:
-        """What the sensors recorded of trajectories [rad/s], (n, J, H, 2), each with noise of its own.
+    def follow_each(self, trajectory: Trajectory, coefficients: Tensor) -> Iterator[Executed]:
+        """The true signals of trajectories [rad/s], (n, J, H, 2), one after another.
 
         Raises:
             ShapeError: when the coefficients do not fit the trajectory or the arm.
@@ -101,8 +105,11 @@ class Plant:
         """
         trajectory.check(coefficients)
         times = trajectory.times(self.settings.rate)
-        for c, child in zip(coefficients, random.spawn(len(coefficients))):
-            yield self.execute(trajectory.roll_out(c[None], times), child)
+        return (self.follow(trajectory.roll_out(c[None], times)) for c in coefficients)
+
+    def sense_each(self, true: Sequence[Executed], random: np.random.SeedSequence) -> Iterator[Executed]:
+        """What the sensors recorded of true signals, each with noise of its own."""
+        return (self._sensed(one, child) for one, child in zip(true, random.spawn(len(true))))
 
     def _simulate(self, reference: Motion) -> tuple[Tensor, Tensor, Tensor]:
         """True position, velocity and torque, (T, J) each.
@@ -121,7 +128,9 @@ class Plant:
         spec = mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mj_stateSize(self.model, spec))
         mj_getState(self.model, data, start, spec)
-        states, _ = rollout.rollout(self.model, data, start, target.numpy()[None])
+        # The solver starts from rest, whatever was simulated before.
+        warm = np.zeros(self.model.nv)
+        states, _ = rollout.rollout(self.model, data, start, target.numpy()[None], initial_warmstart=warm)
         joints = self.arm.joints  # a state is time, positions, velocities
         states = torch.from_numpy(np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints])
         position, velocity = states[:, :joints], states[:, joints:]

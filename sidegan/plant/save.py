@@ -1,5 +1,6 @@
 """What was executed, as the files in which recordings come."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,24 +9,25 @@ from sidegan.base.storage import replacing, write_parquet
 from sidegan.errors import ConfigError
 from sidegan.plant.execute import Executed
 
-_LETTERS = {"position": "q", "velocity": "qd", "torque": "tau"}
+_LETTERS = {"position": "q", "velocity": "dq", "torque": "tau"}
 
 
-def save_recording(executed: Executed, path: Path) -> None:
-    """Write a recording as CSV or Parquet: ``t`` [s], then ``q1`` … ``qd1`` … ``tau1`` … in SI units.
+def save_recording(executed: Executed, joint_names: Sequence[str], path: Path) -> None:
+    """Write a recording as CSV or Parquet: ``time`` [s], then ``q_<joint>``, ``dq_``, ``tau_`` in SI units.
 
     Args:
         executed: what to write.
+        joint_names: of the arm, (J,).
         path: ending in .csv or .parquet.
 
     Raises:
         ConfigError: when the path ends otherwise.
         StorageError: when the file cannot be written.
     """
-    columns = {"t": executed.time.numpy()}
+    columns = {"time": executed.time.numpy()}
     for signal, letter in _LETTERS.items():
         values = getattr(executed, signal).numpy()
-        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+        columns |= {f"{letter}_{name}": values[:, i] for i, name in enumerate(joint_names)}
     if path.suffix == ".parquet":
         import pyarrow as pa
 

@@ -17,6 +17,7 @@ _TO_SI = {
     **{"A": 1.0, "mA": 1e-3},
 }
 _PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
+_OR = "|"  # between patterns
 _LISTED = 8  # columns that a message names
 
 
@@ -39,8 +40,8 @@ class Columns:
     """Where a file keeps time and signals.
 
     A signal is a pattern with ``{joint}`` (the joint's name), ``{index}`` (from 1) or ``{index0}`` (from
-    0), or the name of one array (S, J). Position has to be there; of the others, what a file does not have
-    is left out, but a signal of some joints only is refused.
+    0), or the name of one array (S, J); patterns between bars are tried one after another. Position has to be
+    there; of the others, what a file does not have is left out, but a signal of some joints only is refused.
     """
 
     time: str
@@ -86,24 +87,17 @@ class Columns:
             RecordingError: when time or positions are missing, a signal is incomplete, or the file has
                 another number of joints than the arm.
         """
-        if self.time not in available:
-            raise RecordingError(
-                f"{file} has no column {self.time!r} of time stamps; it has {_listed(available)}"
-            )
+        stamps = [name for name in self.time.split(_OR) if name in available]
+        if not stamps:
+            wanted = " or ".join(map(repr, self.time.split(_OR)))
+            raise RecordingError(f"{file} has no column {wanted} of time stamps; it has {_listed(available)}")
+        _refuse_several(file, "time", stamps)
         joints = self.file_joints(file, joint_names)
-        resolved = {"time": [self.time]}
+        resolved = {"time": stamps}
         for signal in SIGNALS:
-            pattern = getattr(self, signal)
-            columns = _columns(pattern, joints)
-            missing = [c for c in columns if c not in available]
-            if columns and not missing:
-                _refuse_more_joints(file, signal, pattern, available, len(joints))
+            columns = _found(file, signal, getattr(self, signal), joints, available)
+            if columns:
                 resolved[signal] = columns
-            elif missing and (signal == "position" or len(missing) < len(columns)):
-                raise RecordingError(
-                    f"{file} has no {signal} of {len(missing)} of the arm's {len(joints)} joints: no column "
-                    f"{_listed(missing)}; it has {_listed(available)}"
-                )
         return resolved
 
 
@@ -130,10 +124,35 @@ class RecordingSettings(Preprocessing, Columns):
     rows: Annotated[int, Bound("≥", 1000), Bound("≤", 1e7)]  # that are read at once
 
 
-def _columns(pattern: str | None, joints: Sequence[str]) -> list[str]:
-    """Columns of a signal, one per joint, or the one array of all joints."""
-    if pattern is None:
+def _found(
+    file: str, signal: str, patterns: str | None, joints: Sequence[str], available: Sequence[str]
+) -> list[str]:
+    """Columns of a signal in a file, one per joint, or the one array of all joints; [] when it has none.
+
+    Raises:
+        RecordingError: when it has them for some joints or more than the arm's, in two ways, or no positions.
+    """
+    every = {pattern: _columns(pattern, joints) for pattern in patterns.split(_OR)} if patterns else {}
+    whole = [pattern for pattern, columns in every.items() if set(columns) <= set(available)]
+    _refuse_several(file, signal, whole)
+    if whole:
+        _refuse_more_joints(file, signal, whole[0], available, len(joints))
+        return every[whole[0]]
+    if not every:
         return []
+    there = {pattern: sum(c in available for c in columns) for pattern, columns in every.items()}
+    nearest = every[max(there, key=lambda pattern: there[pattern])]
+    missing = [c for c in nearest if c not in available]
+    if signal == "position" or len(missing) < len(nearest):
+        raise RecordingError(
+            f"{file} has no {signal} of {len(missing)} of the arm's {len(joints)} joints: no column "
+            f"{_listed(missing)}; it has {_listed(available)}"
+        )
+    return []
+
+
+def _columns(pattern: str, joints: Sequence[str]) -> list[str]:
+    """Columns of a signal, one per joint, or the one array of all joints."""
     if not _PLACEHOLDER.search(pattern):
         return [pattern]
     return [_filled(pattern, joint, i) for i, joint in enumerate(joints)]
@@ -150,6 +169,15 @@ def _refuse_more_joints(file: str, signal: str, pattern: str, available: Sequenc
     following = _filled(pattern, "", joints)
     if "{index" in pattern and following in available:
         raise RecordingError(f"{file} has {following}: {signal} of more than the arm's {joints} joints")
+
+
+def _refuse_several(file: str, signal: str, patterns: Sequence[str]) -> None:
+    """Raise when a file has a signal in more than one way, between which nothing decides."""
+    if len(patterns) > 1:
+        ways = " and as ".join(map(repr, patterns))
+        raise RecordingError(
+            f"{file} has {signal} as {ways}; say which is meant: recording.{signal}='{patterns[0]}'"
+        )
 
 
 def _listed(columns: Sequence[str]) -> str:

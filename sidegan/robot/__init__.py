@@ -2,15 +2,18 @@
 
 from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
+from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, load_robot
-from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, pinocchio_model
+from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, collides, pinocchio_model
 from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
+from sidegan.robot.write_mjcf import write_mjcf
 
 __all__ = [
     "HIGHER",
     "Arm",
     "Capsules",
+    "Drives",
     "Limits",
     "Setup",
     "StateRegressor",
@@ -18,6 +21,7 @@ __all__ = [
     "built_in_robots",
     "capsule_geometry",
     "chain_model",
+    "collides",
     "inconsistent_links",
     "load_robot",
     "pinocchio_model",
@@ -25,5 +29,6 @@ __all__ = [
     "require_consistent",
     "with_effort",
     "words",
+    "write_mjcf",
     "write_urdf",
 ]

@@ -1,8 +1,8 @@
 """An arm as plain tensors."""
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -17,6 +17,21 @@ _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any 
 
 
 @dataclass(frozen=True, eq=False)
+class Pieces:
+    """What is inside of each of C capsules: the convex hull of some corners, and a ball around each point of it.
+
+    Where that is the capsule itself, its corners are the ends, and its ball has the capsule's radius.
+    """
+
+    corners: Tensor  # of all pieces, in the frames of their links [m], (V, 3)
+    start: Tensor  # where those of each piece begin, and their number, (C + 1,)
+    radius: Tensor  # of the balls [m], (C,)
+    exact: Tensor  # whether a piece is the capsule itself, (C,) bool
+    fitted: Tensor  # whether capsule and piece were fitted to meshes, (C,) bool
+    core: Tensor  # radius of the capsule on the same axis that has the piece's volume [m], (C,)
+
+
+@dataclass(frozen=True, eq=False)
 class Capsules:
     """Shapes that enclose the links: all points within a radius [m] of a segment."""
 
@@ -24,7 +39,18 @@ class Capsules:
     a: Tensor  # one end of the segment [m], (C, 3)
     b: Tensor  # the other end [m], (C, 3); equal to `a` for a sphere
     radius: Tensor  # radius [m], (C,)
-    names: tuple[str, ...]  # what to call each capsule in a message
+    names: tuple[str, ...]  # what to call each capsule in a message; those of one shape share theirs
+    owners: tuple[str, ...] = ()  # the description's link that each is part of; as named where left out
+    pieces: Pieces | None = None  # what is inside of them; None where they are the shapes themselves
+
+    def __post_init__(self) -> None:
+        if len(self.owners) != len(self.names):
+            object.__setattr__(self, "owners", self.names)
+
+    @property
+    def core(self) -> Tensor:
+        """Radii [m], (C,), that optimisers keep apart: about those of what is inside of the capsules."""
+        return self.radius if self.pieces is None else self.pieces.core
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +84,9 @@ class Arm:
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
     jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)
     told: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people
+    # links and the nearest ones with a shape towards the base; None: all that one joint lies between
+    parents: frozenset[tuple[str, str]] | None = None
+    may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so
 
     def __post_init__(self) -> None:
         if not self.link_names:
@@ -97,16 +126,25 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
 
 
-def digest_of(numbers: dict[str, Tensor], capsules: Capsules) -> str:
+def digest_of(numbers: dict[str, Tensor], capsules: Capsules, more: Sequence[str] = ()) -> str:
     """Sha256 (hex) of an arm's numbers; the same on every machine, as rounding errors do not change it.
 
     The rounding is to a binary fraction: a decimal figure never lies half-way between two of those, where
-    an error in its last bit would decide.
+    an error in its last bit would decide. Capsules that were fitted to meshes do not count, but the digests
+    of the meshes: those are the same wherever they are fitted.
+
+    Args:
+        numbers: the arm's tensors by name.
+        capsules: its shapes.
+        more: what else belongs to it, such as digests of meshes.
     """
-    shapes = {f.name: getattr(capsules, f.name) for f in fields(capsules) if f.name != "names"}
+    given = slice(None) if capsules.pieces is None else ~capsules.pieces.fitted
+    shapes = {name: getattr(capsules, name)[given] for name in ("a", "b", "link", "radius")}
     state = hashlib.sha256()
     for name, values in sorted((numbers | shapes).items()):
         rounded = torch.round(values.to(torch.float64) * _FINEST) / _FINEST + 0.0  # no negative zero
         state.update(f"{name}{tuple(values.shape)}".encode())
         state.update(rounded.contiguous().numpy().astype("<f8").tobytes())
+    for words in more:
+        state.update(words.encode())
     return state.hexdigest()

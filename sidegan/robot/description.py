@@ -9,7 +9,7 @@ from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import check_inertia, prepare_shapes
 from sidegan.robot.locking import lock, unit_axis
-from sidegan.robot.semantics import Semantics, read_semantics
+from sidegan.robot.semantics import Semantics, read_semantics, touching_in, touching_of
 from sidegan.robot.setup import PLAIN, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
@@ -28,6 +28,8 @@ class Description:
     missing: dict[str, list[str]]  # mesh files that are not there, by the link that lacks them
     semantics: Semantics  # named poses of all joints, and pairs of links that may touch
     told: list[str]  # what was decided for the user
+    parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
+    may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
 
 
 def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None) -> Description:
@@ -45,6 +47,7 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
     root, where = source.root, str(path)
     name = root.get("name") or path.stem
     root.set("name", name)
+    own = touching_in(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     tree = read_tree(root, where, setup.base)
@@ -60,6 +63,7 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         lock(tree.joints[joint_name], value, tree.at(tree.joints[joint_name]))
     semantics = read_semantics(setup, tree, source.poses)
     limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home))
+    may_touch = own + touching_of(setup, tree, semantics)
     missing = {}
     for link in root.findall("link"):
         link_name = link.get("name", "")
@@ -67,8 +71,23 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         if absent:
             missing[link_name] = absent
     moved = {joint.name: joint.child for joint in chain.moving}
-    text = ET.tostring(root, encoding="unicode")
-    return Description(name, path, text, limits, moved, missing, semantics, [*source.told, *told, *more])
+    shaped = {link.get("name", "") for link in root.findall("link") if _has_shape(link)}
+    return Description(
+        name=name,
+        path=path,
+        xml=ET.tostring(root, encoding="unicode"),
+        limits=limits,
+        moved=moved,
+        missing=missing,
+        semantics=semantics,
+        told=[*source.told, *told, *more],
+        parents=tree.parents(shaped | set(missing)),
+        may_touch=may_touch,
+    )
+
+
+def _has_shape(link: ET.Element) -> bool:
+    return link.find("collision") is not None
 
 
 def _centre(

@@ -61,6 +61,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     description = read_description(path, setup, home)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
+    from sidegan.robot.shapes import capsules_of
 
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
@@ -68,11 +69,13 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
-    capsules = pin_model.enclosing_capsules(model, description)
+    shapes = pin_model.collision_shapes(model, description, setup.pieces)
+    capsules = capsules_of(shapes)
+    stamped = [shape.digest for shape in shapes if shape.digest] + _stamped(setup, description)
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers | higher, capsules),
+        digest=digest_of(numbers | higher, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -82,9 +85,17 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         poses=description.semantics.complete(names),
         disabled_pairs=description.semantics.disabled,
         told=tuple(description.told),
+        parents=description.parents,
+        may_touch=description.may_touch,
         **numbers,
         **higher,
     )
+
+
+def _stamped(setup: Setup, description: Description) -> list[str]:
+    """Pairs that a user lets touch: with them, other trajectories are valid."""
+    said = description.may_touch if setup.may_touch or setup.srdf_pairs else ()
+    return sorted({" ".join(sorted(pair)) for *pair, _ in said})
 
 
 def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:

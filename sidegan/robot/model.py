@@ -3,21 +3,19 @@
 import logging
 import os
 import tempfile
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import BinaryIO
 
-import coal
 import numpy as np
 import pinocchio as pin
 import torch
 from torch import Tensor
 
 from sidegan.errors import RobotError
-from sidegan.robot.arm import Capsules
 from sidegan.robot.description import Description
-from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
+from sidegan.robot.enclosing import Points
+from sidegan.robot.shapes import Shape, shapes_of
 
 _log = logging.getLogger(__name__)
 
@@ -62,24 +60,17 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def enclosing_capsules(model: pin.Model, description: Description) -> Capsules:
-    """Capsules around the collision shapes that a description gives the links."""
+def collision_shapes(model: pin.Model, description: Description, pieces: int) -> list[Shape]:
+    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
+
+    Args:
+        model: Pinocchio's.
+        description: the same arm's.
+        pieces: convex pieces that the meshes of a link are cut into, at most.
+    """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
-    shapes = list(geometry.geometryObjects)
-    owners = [model.frames[shape.parentFrame].name for shape in shapes]
-    count = Counter(owners)
-    ends, radii = np.zeros((len(shapes), 2, 3)), np.zeros(len(shapes))
-    for i, shape in enumerate(shapes):
-        local, radii[i] = _enclose(shape.geometry)
-        ends[i] = local @ shape.placement.rotation.T + shape.placement.translation
-    return Capsules(
-        link=torch.tensor([shape.parentJoint - 1 for shape in shapes], dtype=torch.long),
-        a=_tensor(ends[:, 0]),
-        b=_tensor(ends[:, 1]),
-        radius=_tensor(radii),
-        names=tuple(o if count[o] == 1 else shape.name for o, shape in zip(owners, shapes)),
-    )
+    return shapes_of(geometry, model, pieces)
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:
@@ -97,22 +88,6 @@ def _tip(model: pin.Model, link: str | None) -> Points:
     if named:
         return named[0]
     return max((f.placement.translation for f in carried), key=lambda point: float(np.linalg.norm(point)))
-
-
-def _enclose(shape: coal.CollisionGeometry) -> Segment:
-    """End points, (2, 3), and radius of a capsule around a shape, in the shape's own frame."""
-    match shape:
-        case coal.Capsule():
-            return np.array([[0.0, 0.0, -shape.halfLength], [0.0, 0.0, shape.halfLength]]), shape.radius
-        case coal.Sphere():
-            return np.zeros((2, 3)), shape.radius
-        case coal.Cylinder():
-            return around_cylinder(shape.radius, shape.halfLength)
-        case coal.Box():
-            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-            return around_points(corners * shape.halfSide)
-    points = shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices()  # a mesh
-    return around_points(np.array(points, dtype=np.float64))
 
 
 def _tensor(values: object) -> Tensor:

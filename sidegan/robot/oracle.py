@@ -1,5 +1,7 @@
 """An arm as Pinocchio has it: to check our own dynamics and distances against, and for single states."""
 
+from collections.abc import Iterable
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,3 +75,31 @@ def capsule_geometry(arm: Arm) -> "pin.GeometryModel":
         capsule = coal.Capsule(float(shapes.radius[i]), length)
         geometry.addGeometryObject(pin.GeometryObject(name, int(shapes.link[i]) + 1, placement, capsule))
     return geometry
+
+
+def collides(arm: Arm, q: NDArray[np.float64], exempt: Iterable[tuple[str, str]]) -> NDArray[np.bool_]:
+    """Whether links of an arm collide, (N,), at positions (N, J), by coal on the description's own shapes.
+
+    Args:
+        arm: whose description and meshes are still there.
+        q: positions [rad or m].
+        exempt: pairs of links that may touch; those that no joint moves against each other may, too.
+
+    Raises:
+        RobotError: when the file is gone, or is no longer a description of an arm.
+    """
+    import pinocchio as pin
+
+    from sidegan.robot.model import build
+
+    description = read_description(arm.urdf, arm.setup)
+    model = build(description)
+    geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
+    shapes = list(geometry.geometryObjects)
+    owners = [model.frames[shape.parentFrame].name for shape in shapes]
+    spared = {frozenset(pair) for pair in exempt}
+    for i, k in combinations(range(len(shapes)), 2):
+        if shapes[i].parentJoint != shapes[k].parentJoint and {owners[i], owners[k]} not in spared:
+            geometry.addCollisionPair(pin.CollisionPair(i, k))
+    data, found = model.createData(), geometry.createData()
+    return np.array([pin.computeCollisions(model, data, geometry, found, x, True) for x in q], dtype=bool)

@@ -74,6 +74,28 @@ def read_semantics(setup: Setup, tree: Tree, poses: Mapping[str, dict[str, float
     return Semantics(str(path), found, tuple(disabled))
 
 
+def touching_in(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
+    """Pairs of links that a description itself lets touch: `<disable_collisions>` as in an SRDF, and why."""
+    found = []
+    for pair in root.findall("disable_collisions"):
+        one, other = (xml.attribute(pair, key, where) for key in ("link1", "link2"))
+        found.append((one, other, pair.get("reason") or "the description"))
+    return tuple(found)
+
+
+def touching_of(setup: Setup, tree: Tree, semantics: Semantics) -> tuple[tuple[str, str, str], ...]:
+    """Pairs of links that a user lets touch, by name or by an SRDF, and who says so.
+
+    Raises:
+        RobotError: when there is no such link.
+    """
+    for name in [name for pair in setup.may_touch or () for name in pair]:
+        tree.require_link(name)
+    named = tuple((one, other, "robot.may_touch") for one, other in setup.may_touch or ())
+    disabled = semantics.disabled if setup.srdf_pairs else ()
+    return named + tuple((one, other, f"SRDF: {why or 'no reason'}") for one, other, why in disabled)
+
+
 def _pose(state: ET.Element, where: str) -> dict[str, float]:
     """Positions of joints with one degree of freedom [rad or m]; others are left out."""
     pose = {}

@@ -1,11 +1,14 @@
 """What a user says about an arm beside its description."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from shlex import quote
+from typing import Annotated
 
-from sidegan.base.typed import Positive
+from sidegan.base.typed import Bound, Positive
+
+Pieces = Annotated[int, Bound("≥", 1), Bound("≤", 64)]
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,9 @@ class Setup:
     limits_file: str | None = None  # path of a MoveIt joint_limits.yaml
     srdf: str | None = None  # path of a semantic description: named poses, pairs that may touch
     home: str | None = None  # a named pose of the SRDF, or a keyframe of the MJCF; null: trajectory.home
+    pieces: Pieces = 4  # convex pieces that the meshes of a link are cut into, at most
+    may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
+    srdf_pairs: bool = False  # whether pairs that the SRDF disables are not kept apart either
 
 
 PLAIN = Setup()
@@ -57,13 +63,25 @@ def choice(name: str, value: str) -> str:
 
 def words(setup: Setup) -> list[str]:
     """A whole setup as words on the command line."""
-    given = [(field.name, getattr(setup, field.name)) for field in fields(setup) if field.name != "limits"]
+    names = [field.name for field in fields(setup) if field.name != "limits"]
+    given = [(name, getattr(setup, name)) for name in names if getattr(setup, name) != getattr(PLAIN, name)]
     given += [(f"limits.{field.name}", getattr(setup.limits, field.name)) for field in fields(Limits)]
-    return [
-        override(name, value) if isinstance(value, Mapping) else choice(name, value)
-        for name, value in given
-        if value is not None
-    ]
+    return [_word(name, value) for name, value in given if value is not None]
+
+
+def allowed(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | None = None) -> str:
+    """Pairs of links that may touch as a word on the command line, with those that were given before."""
+    together = dict.fromkeys(tuple(sorted(pair)) for pair in (*(given or ()), *pairs))
+    return _word("may_touch", [*together])
+
+
+def _word(name: str, value: object) -> str:
+    """A setting of the robot as a word on the command line."""
+    if isinstance(value, Mapping):
+        return override(name, value)
+    if isinstance(value, list):
+        return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
+    return choice(name, value if isinstance(value, str) else str(value).lower())
 
 
 def _plain(value: object) -> str:

@@ -3,7 +3,7 @@
 import difflib
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -62,11 +62,19 @@ class Tree:
             link = found[-1].parent
         return found[::-1]
 
+    def parents(self, shaped: Container[str]) -> frozenset[tuple[str, str]]:
+        """Links with a shape, each with the nearest one that has a shape on the way to the root."""
+        found = set()
+        for link in filter(shaped.__contains__, self.links):
+            before = [joint.parent for joint in self.path(link) if joint.parent in shaped]
+            found |= {(link, before[-1])} if before else set()
+        return frozenset(found)
+
     def at(self, joint: Joint) -> str:
         """The joint, for messages."""
         return f"{self.where}: joint {joint.name!r}"
 
-    def require_link(self, name: str, setting: str) -> None:
+    def require_link(self, name: str, setting: str = "") -> None:
         """Raise unless there is a link of this name."""
         if name not in self.links:
             raise RobotError(f"{self.where} has no link {name!r}{meant(name, self.links, setting)}")

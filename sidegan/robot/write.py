@@ -1,4 +1,4 @@
-"""A URDF with other inertias: the source's text, byte for byte, but for the `<inertial>` elements."""
+"""A URDF with other inertias and friction: the source's text, byte for byte, but for those elements."""
 
 import re
 import xml.parsers.expat as expat
@@ -14,14 +14,19 @@ from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
+from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN
 from sidegan.robot.sources import read_source
 
 _TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+_CHILD, _GRANDCHILD = 2, 3  # depth of the robot's links and joints, and of what they are made of
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
 
 
-def write_urdf(arm: Arm, parameters: Tensor, path: Path) -> None:
+Element = tuple[str, str, str]  # a child of the robot's by tag and name, and the tag of the child's own child
+
+
+def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None = None) -> None:
     """Write the arm's URDF with these inertial parameters in place of its own, and nothing else changed.
 
     Each joint's parameters go to the link that it moves; links that are fixed to that one lose their
@@ -32,6 +37,8 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path) -> None:
         arm: the arm, read from a URDF.
         parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joints' frames, (J, 10).
         path: where to write; beside the source, if mesh files are named relative to it.
+        drives: friction for the joints' `<dynamics>`, which stays as it is when None; a URDF has no place
+            for the inertia of rotors.
 
     Raises:
         RobotError: when a link would not be physically consistent, the source is no longer the arm's,
@@ -43,9 +50,14 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path) -> None:
     require_consistent(arm, parameters)
     carriers = _carriers(arm)
     inertials = {link: _inertial(row) for link, row in zip(arm.link_names, parameters)}
-    replacements = {
-        link: inertials.get(link, b"") for link, carrier in carriers.items() if carrier is not None
+    replacements: dict[Element, bytes] = {
+        ("link", link, "inertial"): inertials.get(link, b"")
+        for link, carrier in carriers.items()
+        if carrier is not None
     }
+    if drives is not None:
+        pairs = zip(arm.joint_names, drives.viscous.tolist(), drives.coulomb.tolist())
+        replacements |= {("joint", name, "dynamics"): _dynamics(*friction) for name, *friction in pairs}
     text = read_source(arm.urdf, arm.setup.args).text
     with replacing(path) as draft:
         draft.write_bytes(_replaced(text, replacements))
@@ -99,44 +111,57 @@ def _inertial(parameters: Tensor) -> bytes:
     return "\n".join(lines).encode("ascii")
 
 
-def _replaced(text: bytes, inertials: dict[str, bytes]) -> bytes:
-    """A URDF's text with the inertias of these links replaced, inserted, or (empty) taken out."""
+def _dynamics(viscous: float, coulomb: float) -> bytes:
+    """A `<dynamics>` element; neither coefficient below 0, which no reader takes."""
+    return f'<dynamics damping="{max(viscous, 0.0)!r}" friction="{max(coulomb, 0.0)!r}"/>'.encode("ascii")
+
+
+def _replaced(text: bytes, elements: dict[Element, bytes]) -> bytes:
+    """A URDF's text with these elements replaced, inserted, or (empty) taken out."""
     parser = expat.ParserCreate()
     path: list[str] = []
-    link, opened = "", 0
-    spans: dict[str, tuple[int, int]] = {}
-    missing: list[tuple[str, int]] = []
+    owner, opened = ("", ""), 0
+    spans: dict[Element, tuple[int, int]] = {}
+    missing: list[tuple[Element, int]] = []
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal link, opened
+        nonlocal owner, opened
         path.append(tag)
-        if path == ["robot", "link"]:
-            link, opened = attributes.get("name", ""), parser.CurrentByteIndex
-        elif path == ["robot", "link", "inertial"]:
-            spans.setdefault(link, (parser.CurrentByteIndex, -1))
+        if len(path) == _CHILD:
+            owner, opened = (tag, attributes.get("name", "")), parser.CurrentByteIndex
+        elif len(path) == _GRANDCHILD and (*owner, tag) in elements:
+            spans.setdefault((*owner, tag), _opened(text, parser.CurrentByteIndex))
 
     def end(tag: str) -> None:
-        if path == ["robot", "link", "inertial"] and spans[link][1] < 0:
-            spans[link] = spans[link][0], _tag_end(text, parser.CurrentByteIndex)
-        elif path == ["robot", "link"] and inertials.get(link) and link not in spans:
-            missing.append((link, opened))
+        element = (*owner, tag)
+        if len(path) == _GRANDCHILD and element in spans and spans[element][1] < 0:
+            spans[element] = spans[element][0], _tag_end(text, parser.CurrentByteIndex)
+        elif len(path) == _CHILD:
+            own = (key for key in elements if key[:2] == owner and elements[key] and key not in spans)
+            missing.extend((key, opened) for key in own)
         path.pop()
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.Parse(text, True)
-    edits = [(*span, inertials[name]) for name, span in spans.items() if name in inertials]
-    edits += [_insertion(text, position, inertials[name]) for name, position in missing]
+    edits = [(*span, elements[key]) for key, span in spans.items()]
+    edits += [_insertion(text, position, key[0], elements[key]) for key, position in missing]
     for first, last, new in sorted(edits, reverse=True):
         text = text[:first] + new + text[last:]
     return text
 
 
-def _insertion(text: bytes, position: int, inertial: bytes) -> tuple[int, int, bytes]:
-    """Put an inertia as first child into the `<link>` that opens at a byte."""
+def _opened(text: bytes, position: int) -> tuple[int, int]:
+    """The span of an element that opens at a byte; its end is -1 where it is not closed by the same tag."""
+    end = _tag_end(text, position)
+    return position, end if text[end - 2 : end] == b"/>" else -1
+
+
+def _insertion(text: bytes, position: int, tag: str, element: bytes) -> tuple[int, int, bytes]:
+    """Put an element as first child into the one with this tag that opens at a byte."""
     end = _tag_end(text, position)
     if text[end - 2 : end] != b"/>":
-        return end, end, b"\n    " + inertial
-    return end - 2, end, b">\n    " + inertial + b"\n  </link>"
+        return end, end, b"\n    " + element
+    return end - 2, end, b">\n    " + element + b"\n  </" + tag.encode("ascii") + b">"
 
 
 def _tag_end(text: bytes, position: int) -> int:

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from sidegan.base.parallel import Job, Report, run_jobs
-from sidegan.base.storage import read_torch, write_torch
+from sidegan.base.storage import read_torch, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
 from sidegan.seeds.result import SeedBatch
@@ -42,6 +42,7 @@ def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random
         InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
     """
     problem.constraints.refuse_home(problem.trajectory.home or ())
+    tasks.work.mkdir(parents=True, exist_ok=True)
     batches: list[SeedBatch] = []
     for _ in range(1 + _SPARE_ROUNDS):
         missing, number = tasks.count - sum(map(len, batches)), len(batches)
@@ -66,7 +67,7 @@ def _task(
         batch = SeedBatch(**read_torch(path))
     except (ArtifactError, TypeError):
         batch = method.optimise(problem, count, seed)
-        write_torch(path, vars(batch))
+        write_task(path, vars(batch))
     report(1, 1)
     return batch
 

@@ -3,14 +3,17 @@
 from sidegan.validity.check import Failure, Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.home import default_home
+from sidegan.validity.obstacles import Convex, Sphere
 from sidegan.validity.regions import Box, Plane, Region
 
 __all__ = [
     "Box",
     "Constraints",
+    "Convex",
     "Failure",
     "Plane",
     "Region",
+    "Sphere",
     "Validity",
     "check",
     "default_home",

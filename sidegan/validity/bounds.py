@@ -7,6 +7,7 @@ are limited, follows from the next derivative at the sample and a bound on the o
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -14,7 +15,10 @@ from torch import Tensor
 from sidegan.motion.compiled.formulas import carried_bounds, cell_bounds, link_bounds, wrench_bounds
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity.constraints import Constraints
+from sidegan.validity.capsules import frames_of
+
+if TYPE_CHECKING:
+    from sidegan.validity.constraints import Constraints
 
 _SAMPLES_AT_ONCE = 200_000  # of the jerk: 11 MB for seven joints
 
@@ -52,7 +56,7 @@ def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, half: float) -> CellMotio
 class Slack:
     """Largest change of every margin of ``constraints`` within a cell."""
 
-    def __init__(self, constraints: Constraints) -> None:
+    def __init__(self, constraints: "Constraints") -> None:
         self.arm = constraints.arm
         self.torque = constraints.torque
         link = self.arm.capsules.link
@@ -63,6 +67,9 @@ class Slack:
         joints = torch.arange(self.arm.joints)
         between = joints[None] > torch.minimum(first, second)[:, None]
         self.pair_reach = reach[outer] * between
+        self.inner, self.outer = torch.minimum(first, second), outer
+        self.around = constraints.pieces.around
+        self.piece_reach = piece_reach(self.arm)[outer] * between
         self.region_reach = reach[constraints.guarded[:, 1]]
 
     def of(self, motion: CellMotion, half: float) -> dict[str, Tensor]:
@@ -73,6 +80,40 @@ class Slack:
         slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
         slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
         return slack
+
+    def here(self, q: Tensor, asked: Tensor, motion: CellMotion) -> tuple[Tensor, Tensor]:
+        """Closer bounds of the change of some distances, (M,): of capsules, and of what is inside of them.
+
+        In the frame of a joint, a point's distance from its axis changes only as far as the joints further
+        out move it there: the levers at the sample, and this motion, bound all levers in the cell.
+
+        Args:
+            q: positions at the samples, (N, J).
+            asked: sample and pair of each question, (M, 2).
+            motion: in the samples' cells.
+        """
+        n, p = asked.unbind(1)
+        capsules, arm = self.arm.capsules, self.arm
+        inner, outer = self.inner[p], self.outer[p]
+        turns, places = frames_of(arm, q.T.contiguous())
+        frame = capsules.link[outer] + 1
+        ends = [
+            places[frame, n] + torch.einsum("mij,mj->mi", turns[frame, n], x[outer])
+            for x in (capsules.a, capsules.b)
+        ]
+        beside, changes = self.around[outer], motion.position_change[n]
+        outside, inside = torch.zeros_like(beside), torch.zeros_like(beside)
+        for j in reversed(range(arm.joints)):
+            between = (j > inner) & (j <= capsules.link[outer])
+            axis, origin = turns[j + 1, n] @ arm.axis[j], places[j + 1, n]
+            lever = torch.stack([torch.linalg.cross(axis, x - origin).norm(dim=1) for x in ends]).amax(0)
+            if arm.prismatic[j]:
+                lever = torch.full_like(lever, torch.inf)
+            one = torch.minimum(self.pair_reach[p, j], lever + outside)
+            two = torch.minimum(self.piece_reach[p, j], lever + beside + inside)
+            outside = outside + torch.where(between, changes[:, j] * one, 0.0)
+            inside = inside + torch.where(between, changes[:, j] * two, 0.0)
+        return outside, inside
 
 
 def _travel(arm: Arm) -> Tensor:
@@ -87,24 +128,38 @@ def capsule_reach(arm: Arm) -> Tensor:
     The distance of a point to a joint's axis is at most that of the next joint's origin (which turning
     about the axis does not change) plus the lengths from there outwards.
     """
-    travel = _travel(arm)
     capsules = arm.capsules
-    ends = torch.maximum(capsules.a.norm(dim=1), capsules.b.norm(dim=1))
-    reach = torch.zeros(len(ends), arm.joints, dtype=torch.float64)
-    for k, link in enumerate(capsules.link.tolist()):
+    points = torch.stack([capsules.a, capsules.b], 1)
+    return _reach(arm, capsules.link.tolist(), [*points])
+
+
+def piece_reach(arm: Arm) -> Tensor:
+    """The same of a point of the hull inside of each capsule, (C, J)."""
+    pieces = arm.capsules.pieces
+    if pieces is None:
+        return capsule_reach(arm)
+    return _reach(arm, arm.capsules.link.tolist(), [*pieces.corners.split(pieces.start.diff().tolist())])
+
+
+def _reach(arm: Arm, links: list[int], bodies: list[Tensor]) -> Tensor:
+    """Largest speed [m per rad or m] that a joint gives the corners (V, 3) of bodies on links, (C, J)."""
+    travel = _travel(arm)
+    reach = torch.zeros(len(links), arm.joints, dtype=torch.float64)
+    for k, (link, corners) in enumerate(zip(links, bodies)):
         for j in range(link + 1):
             if arm.prismatic[j]:
                 reach[k, j] = 1.0
             elif j == link:
-                reach[k, j] = torch.maximum(*(_from_axis(arm, j, x) for x in (capsules.a[k], capsules.b[k])))
+                reach[k, j] = _from_axis(arm, j, corners).max()
             else:
                 step = travel[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
-                reach[k, j] = step + travel[j + 2 : link + 1].sum() + ends[k]
+                reach[k, j] = step + travel[j + 2 : link + 1].sum() + corners.norm(dim=1).max()
     return reach
 
 
-def _from_axis(arm: Arm, joint: int, point: Tensor) -> Tensor:
-    return torch.linalg.cross(arm.axis[joint], point).norm()
+def _from_axis(arm: Arm, joint: int, points: Tensor) -> Tensor:
+    """Distance [m] of points (…, 3) from a joint's axis, (…)."""
+    return torch.linalg.cross(arm.axis[joint].expand_as(points), points).norm(dim=-1)
 
 
 def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:

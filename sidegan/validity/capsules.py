@@ -25,6 +25,20 @@ def place_points(arm: Arm, q: Tensor, points: Tensor, links: list[int]) -> Tenso
     """World positions [m], (3, K, N), of points (K, 3) fixed to links (-1: the base)."""
     if not links:
         return q.new_zeros(3, 0, q.shape[1])
+    frames = _frames(arm, q)
+    placed = [add(frames[link + 1][1], to_parent(frames[link + 1][0], x)) for link, x in zip(links, points)]
+    return torch.stack([torch.stack(x) for x in placed], 1)
+
+
+def frames_of(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
+    """Rotations (J + 1, N, 3, 3) and origins [m], (J + 1, N, 3), of the base and the joints, at (J, N)."""
+    turns, origins = zip(*_frames(arm, q))
+    stacked = torch.stack([torch.stack([torch.stack(row) for row in turn]) for turn in turns])
+    return stacked.permute(0, 3, 1, 2), torch.stack([torch.stack(x) for x in origins]).permute(0, 2, 1)
+
+
+def _frames(arm: Arm, q: Tensor) -> list[tuple[Matrix, Vector]]:
+    """Frames of the base and the joints in the world, at joint positions (J, N)."""
     chain, zero = Chain.of(arm), torch.zeros_like(q[0])
     one = zero + 1
     turn: Matrix = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
@@ -34,8 +48,7 @@ def place_points(arm: Arm, q: Tensor, points: Tensor, links: list[int]) -> Tenso
         local, shift = placement(chain, i, q[i])
         origin, turn = add(origin, to_parent(turn, shift)), product(turn, local)
         frames.append((turn, origin))
-    placed = [add(frames[link + 1][1], to_parent(frames[link + 1][0], x)) for link, x in zip(links, points)]
-    return torch.stack([torch.stack(x) for x in placed], 1)
+    return frames
 
 
 def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:

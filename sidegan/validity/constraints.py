@@ -8,25 +8,26 @@ from torch import Tensor
 
 from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.motion.compiled.chain import BOX, PLANE, Shapes
+from sidegan.motion.compiled.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.regions import Plane, Region
+from sidegan.validity.pairs import SAMPLES, pairs_of, sampled
+from sidegan.validity.pieces import PieceDistances
+from sidegan.validity.regions import Region, tables
 
-_SAMPLES = 4_000  # random configurations that decide which pairs touch always
-_DOUBTFUL = 0.25  # share of always touching pairs from which on shapes are suspicious
+_DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
 _SHOWN = 4  # excepted names that are told
-_FEW = 3  # pairs that may all touch always: a short arm has no others
+_FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them
 
 
 class Constraints:
     """Limits, self-collision and keep-out regions of an arm.
 
-    Adjacent capsules are not checked against each other; pairs that touch in every one of 4,000
-    random configurations, and capsules that violate a region in every one (links that cannot leave
-    it), are excepted too: ``described`` says which. Where nothing is left of what was to be checked, the
-    shapes or the region are wrong.
+    Neighbours in the chain are not checked against each other, nor are links that somebody named, nor such
+    that provably cannot touch: ``pairs_of`` has the rule, and ``exempt`` lists them all. Capsules that
+    violate a region in every one of 4,000 random configurations (links that cannot leave it) are excepted
+    too: ``described`` says which.
 
     Args:
         arm: the arm.
@@ -36,12 +37,14 @@ class Constraints:
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
         pairs: checked capsule pairs, (P, 2).
+        pieces: distances of what is inside of these capsules.
+        exempt: pairs of links that are not kept apart, and why.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
-        excepted: what is not checked, since it cannot be otherwise, by constraint.
+        excepted: what could be checked and is not, by constraint.
 
     Raises:
-        InfeasibleError: when all pairs of links touch always, or no link ever leaves a region.
+        InfeasibleError: when links touch always that nobody named, or no link ever leaves a region.
     """
 
     def __init__(self, arm: Arm, regions: Sequence[Region] = (), torque: bool = True) -> None:
@@ -51,7 +54,14 @@ class Constraints:
         self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
-        self.pairs, self.guarded = self._find_pairs()
+        found = pairs_of(arm)
+        self.pairs, self._links = found.checked, found.links
+        self.exempt = (*found.neighbours, *found.named, *found.never)
+        if found.named:
+            self.excepted["collision"] = tuple(" – ".join(one.links) for one in found.named)
+        self._named = tuple(str(one) for one in found.named)
+        self._never = len(found.never)
+        self.guarded = self._find_guarded()
         self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
             ("position", "velocity", *self.higher), arm.joint_names
         )
@@ -77,11 +87,21 @@ class Constraints:
     def margins(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None) -> dict[str, Tensor]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
 
-        Differentiable; ≥ 0 is feasible. The jerk may be left out where it is not limited.
+        Differentiable; ≥ 0 is feasible. Distances of what is inside of capsules have the slope of those of the
+        capsules. The jerk may be left out where it is not limited.
 
         Raises:
             ShapeError: when the states are not (N, J) each, or jerk is limited and not given.
         """
+        margins = self.capsule_margins(q, dq, ddq, jerk)
+        if self.pieces.finer.any():
+            margins["collision"] = self._look_inside(q, margins["collision"])
+        return margins
+
+    def capsule_margins(
+        self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None
+    ) -> dict[str, Tensor]:
+        """The same, but for distances those of capsules, which are never larger."""
         arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
         if any(x.shape != (len(q), arm.joints) for x in states):
             shapes = ", ".join(str(tuple(x.shape)) for x in states)
@@ -95,7 +115,7 @@ class Constraints:
             margins[name] = limit.to(q) - states[HIGHER[name]].abs()
         if self.torque:
             margins["torque"] = arm.torque_limit.to(q) - self.body.torque(q, dq, ddq).abs()
-        return margins | self.clearances(q)
+        return margins | self._distances(q, self.arm.capsules.radius)
 
     def relative(self, margins: dict[str, Tensor], distance: float) -> dict[str, Tensor]:
         """Margins as shares of half the range, the limit, or ``distance`` [m]; 1 where nothing limits."""
@@ -113,12 +133,19 @@ class Constraints:
         return shares
 
     def clearances(self, q: Tensor) -> dict[str, Tensor]:
-        """Signed distances [m] of capsule pairs (N, P) and to regions (N, K), of N positions (N, J)."""
+        """Signed distances [m] of pairs (N, P) and to regions (N, K), of N positions (N, J), for optimisers.
+
+        Differentiable. Those of pairs are about the distances of what is inside of the capsules: what they
+        lead to is to be checked.
+        """
+        return self._distances(q, self.arm.capsules.core)
+
+    def _distances(self, q: Tensor, radius: Tensor) -> dict[str, Tensor]:
         clearances: dict[str, Tensor] = {}
         if len(self.pairs) or len(self.guarded):
             a, b = capsule_axes(self.arm, q.T.contiguous())
             if len(self.pairs):
-                clearances["collision"] = self._pair_distances(a, b, self.pairs).T
+                clearances["collision"] = self._pair_distances(a, b, radius).T
             if len(self.guarded):
                 clearances["keep_out"] = self._region_distances(a, b, self.guarded).T
         return clearances
@@ -128,13 +155,14 @@ class Constraints:
         return torch.cat([*self.clearances(q).values()], 1)
 
     @cached_property
+    def pieces(self) -> PieceDistances:
+        """Distances of what is inside of the checked pairs' capsules."""
+        return PieceDistances(self.arm, self.pairs)
+
+    @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        numbers = torch.tensor([region.numbers for region in self.regions], dtype=torch.float64).reshape(
-            -1, 6
-        )
-        kinds = torch.tensor([PLANE if isinstance(region, Plane) else BOX for region in self.regions])
-        return Shapes.of(self.arm.capsules, self.pairs, self.guarded, numbers, kinds.long())
+        return Shapes.of(self.arm.capsules, self.pairs, self.guarded, tables(self.regions))
 
     def described(self) -> str:
         """What is checked and what is not, as one line for people."""
@@ -143,10 +171,12 @@ class Constraints:
         bare = self.arm.joints - len(set(self.arm.capsules.link[self.arm.capsules.link >= 0].tolist()))
         limited = {name: int(limit.isfinite().sum()) for name, limit in self.higher.items()}
         higher = "".join(f"{name} of {count}, " for name, count in limited.items())
+        never = f"; {self._never} never touch" if self._never else ""
         parts = [
             f"position and velocity of {self.arm.joints} joints, {higher}torque of {torque}",
-            f"{len(self.pairs)} of {len(self.pairs) + len(pairs)} pairs of links"
-            + _except(pairs, "always touch"),
+            f"{self._links} of {self._links + len(pairs)} pairs of links"
+            + _except(self._named, "may touch")
+            + never,
             f"{len(self.guarded)} of {len(self.guarded) + len(links)} links in {len(self.regions)} regions"
             + _except(links, "never out"),
         ]
@@ -154,9 +184,9 @@ class Constraints:
 
     @property
     def doubtful(self) -> bool:
-        """Whether so many pairs always touch that the shapes are too large to mean anything."""
+        """Whether so many pairs are allowed to touch that the shapes are too large to mean anything."""
         touching = len(self.excepted.get("collision", ()))
-        return touching > _DOUBTFUL * (touching + len(self.pairs))
+        return touching > _DOUBTFUL * (touching + self._links)
 
     def refuse_home(self, home: Sequence[float]) -> None:
         """Refuse a home position where the arm cannot rest.
@@ -177,9 +207,17 @@ class Constraints:
         if faults:
             raise InfeasibleError(f"home position {list(home)} is not feasible: {'; '.join(faults)}")
 
-    def _pair_distances(self, a: Tensor, b: Tensor, pairs: Tensor) -> Tensor:
-        first, second = pairs.to(a.device).unbind(1)
-        radius = self.arm.capsules.radius.to(a)
+    def _look_inside(self, q: Tensor, margin: Tensor) -> Tensor:
+        """Distances [m], (N, P), of what is inside of capsules where these are near each other or touch."""
+        asked = torch.nonzero((margin < _FAR) & self.pieces.finer.to(margin.device))
+        inner = self.pieces.lower(q.detach(), asked)
+        n, p = asked.unbind(1)
+        more = (inner - margin.detach()[n, p]).clamp_min(0).nan_to_num(0.0)
+        return margin + torch.zeros_like(margin).index_put((n, p), more)
+
+    def _pair_distances(self, a: Tensor, b: Tensor, radius: Tensor) -> Tensor:
+        first, second = self.pairs.to(a.device).unbind(1)
+        radius = radius.to(a)
         apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
         return apart - (radius[first] + radius[second])[:, None]
 
@@ -191,43 +229,22 @@ class Constraints:
             rows.append(region.margin(a[:, capsules], b[:, capsules]) - radius[capsules][:, None])
         return torch.cat(rows)
 
-    def _find_pairs(self) -> tuple[Tensor, Tensor]:
-        arm = self.arm
-        link, count = arm.capsules.link, len(arm.capsules.link)
-        random = torch.Generator().manual_seed(0)
-        draw = torch.rand(arm.joints, _SAMPLES, generator=random, dtype=torch.float64)
-        q = torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw)
-        a, b = capsule_axes(arm, q)
-        pairs = torch.combinations(torch.arange(count))
-        pairs = pairs[(link[pairs[:, 0]] - link[pairs[:, 1]]).abs() > 1]
-        if len(pairs):
-            apart = (self._pair_distances(a, b, pairs) > 0).any(1)
-            self._except_pairs(pairs, apart)
-            pairs = pairs[apart]
-        moving = torch.nonzero(link >= 0)[:, 0]
+    def _find_guarded(self) -> Tensor:
+        moving = torch.nonzero(self.arm.capsules.link >= 0)[:, 0]
         guarded = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
         if len(guarded):
+            a, b = random_axes(self.arm)
             leaves = (self._region_distances(a, b, guarded) > 0).any(1)
             self._except_guarded(guarded, leaves)
             guarded = guarded[leaves]
-        return pairs, guarded
-
-    def _except_pairs(self, pairs: Tensor, apart: Tensor) -> None:
-        """Keep which pairs always touch; refuse shapes with which all of them do."""
-        if not apart.any() and len(pairs) > _FEW:
-            raise InfeasibleError(
-                f"all {len(pairs)} pairs of links that are not adjacent touch in every one of {_SAMPLES:,} "
-                "random configurations, so that none can be checked: are the shapes in metres?"
-            )
-        if not apart.all():
-            self.excepted["collision"] = self._pair_names(pairs[~apart])
+        return guarded
 
     def _except_guarded(self, guarded: Tensor, leaves: Tensor) -> None:
         """Keep which links never leave a region; refuse a region that none does."""
         for index in range(len(self.regions)):
             if not leaves[guarded[:, 0] == index].any():
                 raise InfeasibleError(
-                    f"region {index} cannot be kept: no link is outside of it in any of {_SAMPLES:,} random "
+                    f"region {index} cannot be kept: no link is outside of it in any of {SAMPLES:,} random "
                     "configurations"
                 )
         if not leaves.all():
@@ -239,6 +256,11 @@ class Constraints:
 
     def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
         return tuple(f"{self.arm.capsules.names[k]} in region {r}" for r, k in guarded.tolist())
+
+
+def random_axes(arm: Arm) -> tuple[Tensor, Tensor]:
+    """World end points [m] of the capsules' axes, two of (3, C, N), in the configurations that decide."""
+    return capsule_axes(arm, sampled(arm).T.contiguous())
 
 
 def _except(names: tuple[str, ...], why: str) -> str:

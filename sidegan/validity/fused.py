@@ -98,13 +98,16 @@ def _model(constraints: Constraints) -> kernel_cells.Model:
         "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
         "higher": constraints.higher_rows,
         "pair_reach": slack.pair_reach,
+        "piece_reach": slack.piece_reach,
         "pair_most": _most(slack.pair_reach),
         "region_reach": slack.region_reach,
         "region_most": _most(slack.region_reach),
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
-    return kernel_cells.Model(constraints.body.chain, constraints.shapes, **arrays)
+    return kernel_cells.Model(
+        constraints.body.chain, constraints.shapes, constraints.pieces.hulls(), **arrays
+    )
 
 
 def _most(reach: Tensor) -> Tensor:

@@ -1,5 +1,6 @@
-"""Keep-out regions of the workspace: half spaces and boxes, in world coordinates."""
+"""Keep-out regions of the workspace, in world coordinates: half spaces and boxes, and all that there are."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,8 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError
+from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE
+from sidegan.validity.obstacles import Convex, Sphere
 
 _HALVINGS = 36  # of a capsule's axis: leaves 1e-11 of its length
 _TOUCHING = 1e-12  # [m] keeps the gradient of a distance finite where it vanishes
@@ -104,4 +107,22 @@ def _slope(x: Tensor, half: Tensor, along: Tensor) -> Tensor:
     return (direction * along).sum(0) / direction.norm(dim=0)
 
 
-Region = Plane | Box
+Region = Plane | Box | Sphere | Convex
+_KINDS: dict[type[Region], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex: CONVEX}
+
+
+def tables(regions: Sequence[Region]) -> tuple[Tensor, Tensor, Tensor]:
+    """Regions as compiled kernels take them: numbers (R, 6), kinds (R,), and planes (M, 4) of convex bodies.
+
+    The last two numbers of a convex body say where its planes begin and end.
+    """
+    numbers = torch.zeros(len(regions), 6, dtype=torch.float64)
+    planes = [torch.zeros(0, 4, dtype=torch.float64)]
+    for row, region in zip(numbers, regions):
+        row.copy_(torch.tensor(region.numbers, dtype=torch.float64))
+        if isinstance(region, Convex):
+            start = sum(map(len, planes))
+            planes.append(torch.from_numpy(np.c_[region.normals, region.offsets]))
+            row[4:] = torch.tensor([start, start + len(region.normals)])
+    kinds = torch.tensor([_KINDS[type(region)] for region in regions], dtype=torch.long)
+    return numbers, kinds, torch.cat(planes)

@@ -8,7 +8,7 @@ from torch import Tensor
 from sidegan.motion.compiled.formulas import drift
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound
+from sidegan.validity.bounds import CellMotion, Slack, cell_motion, derivative_bound, jerk_bound
 from sidegan.validity.constraints import Constraints
 
 Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
@@ -68,10 +68,13 @@ class Search:
         used, rows = torch.unique(index, return_inverse=True)
         times = (used.to(self.c) + 0.5) * (2 * half)
         states = [self._state(which, rows, times, order) for order in range(self.orders)]
-        margins = self.constraints.margins(*states[: self.constraints.orders])
-        slack = self.slack.of(cell_motion(states[1], states[2], self.jerk[which], half), half)
+        margins = self.constraints.capsule_margins(*states[: self.constraints.orders])
+        motion = cell_motion(states[1], states[2], self.jerk[which], half)
+        slack = self.slack.of(motion, half)
         for name, bound in self.bounds.items():
             slack[name] = drift(states[HIGHER[name] + 1], bound[which], half)
+        if self.constraints.pieces.finer.any():
+            self._look_inside(states[0], margins, slack, motion)
         open_ = torch.zeros_like(which, dtype=torch.bool)
         for name, margin in margins.items():
             unsure = ~(margin >= slack[name])
@@ -80,6 +83,25 @@ class Search:
                 margin = torch.where(unsure & (margin >= 0), margin - slack[name], margin)
             self._record(name, margin, which, times[rows])
         return cells[open_]
+
+    def _look_inside(
+        self, q: Tensor, margins: dict[str, Tensor], slack: dict[str, Tensor], motion: CellMotion
+    ) -> None:
+        """Let what is inside of capsules decide where they do not, if it guarantees more."""
+        margin, most = margins["collision"], slack["collision"]
+        pieces = self.constraints.pieces
+        asked = torch.nonzero(~(margin >= most) & pieces.finer)
+        outside, inside = self.slack.here(q, asked, motion)
+        slack["collision"] = most = most.index_put(tuple(asked.T), outside)
+        still = margin[tuple(asked.T)] < outside
+        asked, inside = asked[still], inside[still]
+        where = tuple(asked.T)
+        inner = pieces.lower(q, asked)
+        guaranteed = torch.maximum(inner - inside, margin[where] - most[where])
+        better = inner > margin[where]
+        where = tuple(asked[better].T)
+        margins["collision"] = margin.index_put(where, inner[better])
+        slack["collision"] = most.index_put(where, (inner - guaranteed)[better])
 
     def _state(self, which: Tensor, rows: Tensor, times: Tensor, order: int) -> Tensor:
         if len(which) == len(self.c) * len(times):  # every trajectory on one grid: a single matrix product

@@ -12,11 +12,17 @@ from sidegan.design.evaluation import Evaluation
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.compiled import VARIABLE, compiled
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import constrained, random_chain
 
 DESK = Plane((0.0, 0.0, 1.0), 0.1)
-REGIONS = {"none": (), "desk": (DESK,), "both": (DESK, Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)))}
+ROUND = (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1))
+REGIONS = {
+    "none": (),
+    "desk": (DESK,),
+    "both": (DESK, Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4))),
+    "round": ROUND,
+}
 USE, DISTANCE = 0.97, 1.0
 
 

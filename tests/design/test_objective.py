@@ -10,7 +10,7 @@ from sidegan.design.objectives import log_condition
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import random_chain
 
 
@@ -88,7 +88,10 @@ def assert_plain_code_agrees(problem, c, penalty, monkeypatch):
     torch.testing.assert_close(compiled[1], plain[1], rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("regions", [[Plane((0, 0, 1), 0.1)], [Plane((0, 0.6, 0.8), -0.2)], []])
+OBSTACLES = [Sphere((0.4, 0.2, 0.5), 0.2), Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1)]
+
+
+@pytest.mark.parametrize("regions", [[Plane((0, 0, 1), 0.1)], [Plane((0, 0.6, 0.8), -0.2)], OBSTACLES, []])
 def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch, regions):
     pytest.importorskip("numba")
     problem = Problem(Constraints(arm, regions), Trajectory(7), 40)

@@ -104,6 +104,24 @@ class TestFit:
             step = 1e-3 * torch.from_numpy(random.normal(size=standard.shape)) * standard.abs()
             assert cost(standard + step) >= best - 1e-4 * abs(best)
 
+    def test_misfit_and_pull_balance_at_the_best_point(self, planar):
+        """Where no bound is active the two gradients cancel, each with the weight that the objective has."""
+        model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
+        plain, strength = estimate("weighted", model, recorded(model, 200, noise=1.0)), 2.0
+        fit = Consistent(pull="logdet", strength=strength, margin=1e-4, total_mass=None)
+        standard = fit.standard(model, plain.information, plain.moment).requires_grad_(True)
+        assert (least(model, standard.detach().reshape(-1, 10)) > 2e-4).all(), "a bound is active"
+        x, first = model.mapping @ standard, pseudo_inertia(planar.inertial_parameters)
+        now = pseudo_inertia(standard.reshape(-1, 10))
+        misfit = 0.5 * x @ plain.information @ x - plain.moment @ x
+        traces = torch.linalg.solve(first, now).diagonal(dim1=1, dim2=2).sum()
+        pull = strength * (traces - torch.logdet(now).sum())
+        scale = standard.detach().abs()
+        slopes = [
+            torch.autograd.grad(part, standard, retain_graph=True)[0] * scale for part in (misfit, pull)
+        ]
+        assert (slopes[0] + slopes[1]).norm() < 0.02 * slopes[0].norm()
+
 
 class TestAccepted:
     def test_by_mujoco_and_pinocchio(self, noisy):

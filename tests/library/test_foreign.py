@@ -51,3 +51,8 @@ def test_a_lie_without_a_change_of_margins_is_found(honest, planar, tmp_path):
 def test_one_without_a_valid_trajectory_has_nothing_to_check(honest, planar, tmp_path):
     none = honest.take((~honest.valid).nonzero()[:, 0])
     assert len(load_foreign(saved(none, tmp_path), planar)) == len(none)
+
+
+def test_an_empty_library_from_elsewhere_is_refused(honest, planar, tmp_path):
+    with pytest.raises(ArtifactError, match="no trajectories"):
+        load_foreign(saved(honest.take([]), tmp_path), planar)

@@ -11,11 +11,13 @@ from torch import Tensor
 
 from sidegan.errors import RobotError, ShapeError
 from sidegan.motion import newton_euler, plain
+from sidegan.motion.base_parameters import BaseParameters
 from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, pinocchio_model
 from tests.chains import random_chain, random_states
+from tests.threads import several_threads
 
 CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(3)]
 
@@ -119,6 +121,16 @@ def test_planar_arm_has_the_textbooks_base_parameters(planar: Arm) -> None:
     torch.testing.assert_close(base.values, torch.tensor(values, dtype=torch.float64), atol=1e-10, rtol=0)
 
 
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_what_moves_the_torque_ever_so_little_is_a_base_parameter(planar: Arm, apart: float) -> None:
+    """Two parallel, upright axes, hardly apart: the second link's centre is felt through that alone."""
+    upright = replace(planar, gravity=9.81 * planar.axis[0], translation=planar.translation * 0)
+    assert RigidBody(upright).base.names == ("Iyy1", "Iyy2")
+    shift = planar.translation * torch.tensor([[0.0], [1.0]], dtype=torch.float64)
+    near = replace(upright, translation=apart * shift)
+    assert RigidBody(near).base.names == ("Iyy1", "mx2", "mz2", "Iyy2")
+
+
 @pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
 def test_base_parameters_explain_the_full_regressor(joints: int, seed: int, arm: Arm) -> None:
     arm = random_chain(joints, seed)[0] if joints else arm
@@ -155,6 +167,14 @@ def test_base_parameters_are_the_same_every_time(arm: Arm) -> None:
     one, two = RigidBody(arm).base, RigidBody(arm).base
     assert one.names == two.names
     torch.testing.assert_close(one.mapping, two.mapping, atol=0, rtol=0)  # the same computation
+
+
+def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm: Arm) -> None:
+    one = BaseParameters.of(arm)
+    with several_threads():
+        other = BaseParameters.of(arm)
+    for name in ("columns", "mapping", "values", "subspace"):
+        assert torch.equal(getattr(one, name), getattr(other, name)), name  # the same computation
 
 
 def test_an_arm_without_any_effect_is_refused(planar: Arm) -> None:

@@ -1,3 +1,6 @@
+import json
+import re
+
 import pandas as pd
 import pytest
 
@@ -46,6 +49,16 @@ def test_the_table_says_what_each_asks_of_the_arm(folder):
     assert list(table.trajectory) == [1, 2, 3, 4, 5, 6]
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
     assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
+
+
+def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):
+    text = (folder / "view.html").read_text()
+    titles = [
+        f"{k} · cond {x:.3g}" for k, x in enumerate(Library.load(folder / "library.parquet").fitness, 1)
+    ]
+    head = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])
+    assert head["titles"] == titles and head["joints"] == ["shoulder", "elbow"]
+    assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
 
 
 def test_a_generator_may_be_the_pool(outputs, tmp_path):

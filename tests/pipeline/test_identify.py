@@ -1,10 +1,13 @@
 """The way from recordings to a model, through the command's own stage."""
 
+import importlib.util
 import json
 import sys
 
+import mujoco
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
 import torch
 
@@ -26,9 +29,11 @@ from tests.tiny import composed, tiny
 FILES = {
     "check.json",
     "links.csv",
+    "model.py",
     "parameters.csv",
     "parameters.json",
     "planar2.urdf",
+    "planar2.xml",
     "report.html",
     "verdict.json",
 }
@@ -108,6 +113,62 @@ def test_the_urdf_is_that_of_the_consistent_links(once, planar):
     torch.testing.assert_close(
         RigidBody(arm).torque(*states), RigidBody(planar).torque(*states, links), atol=1e-9, rtol=0
     )
+
+
+@pytest.fixture(scope="module")
+def consistent(once, planar):
+    """Torques of the consistent model [N·m], at states that move, and those states, (50, 2) each."""
+    model = json.loads((once[1] / "parameters.json").read_text())
+    numbers = model["consistent"]
+    links = torch.tensor(numbers["inertial_parameters"], dtype=torch.float64)
+    terms = {name: torch.tensor(x, dtype=torch.float64) for name, x in numbers["terms"].items()}
+    generator = torch.Generator().manual_seed(0)
+    q, dq, ddq = (torch.randn(50, 2, generator=generator, dtype=torch.float64) for _ in range(3))
+    q = q.clamp(-2, 2)  # within the limits, which MuJoCo enforces
+    dq = dq + 0.3 * dq.sign()  # where a smooth sign is one
+    torque = RigidBody(planar).torque(q, dq, ddq, links) + terms["offset"]
+    torque += terms["viscous"] * dq + terms["coulomb"] * torch.tanh(dq / model["sign_width"])
+    return torque, (q, dq, ddq), terms
+
+
+def test_the_python_class_gives_the_consistent_models_torques(once, consistent):
+    _, folder = once
+    spec = importlib.util.spec_from_file_location("planar2_model", folder / "model.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    model, (torque, states, _) = module.TorqueModel(), consistent
+    assert model.joints == ["shoulder", "elbow"]
+    for row, *state in zip(torque.numpy(), *(x.numpy() for x in states)):
+        np.testing.assert_allclose(model.torque(*state), row, rtol=0, atol=1e-9)
+    q, dq, ddq = (x[0].numpy() for x in states)
+    inertia = model.torque(q, dq, ddq) - model.gravity(q) - model.friction(dq)
+    coriolis = model.torque(q, dq, 0 * ddq) - model.gravity(q) - model.friction(dq)
+    np.testing.assert_allclose(model.mass_matrix(q) @ ddq, inertia - coriolis, rtol=0, atol=1e-9)
+
+
+def test_mujocos_inverse_dynamics_of_the_mjcf_are_the_consistent_models(once, consistent):
+    _, folder = once
+    torque, states, terms = consistent
+    model = mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))
+    data = mujoco.MjData(model)
+    for row, *state in zip((torque - terms["offset"]).numpy(), *(x.numpy() for x in states)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = state
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(data.qfrc_inverse, row, rtol=0, atol=1e-6)  # N·m; MuJoCo knows no offset
+
+
+def test_pinocchio_reads_friction_from_the_urdf(once, consistent):
+    _, folder = once
+    *_, terms = consistent
+    model = pin.buildModelFromUrdf(str(folder / "planar2.urdf"))
+    np.testing.assert_allclose(model.damping, terms["viscous"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(model.upperDryFrictionLimit, terms["coulomb"], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("stage", ["identify", "check"])
+def test_an_arm_that_nobody_named_is_asked_for(files, tmp_path, stage):
+    with pytest.raises(ConfigError, match=r"which arm was recorded\? robot.name="):
+        identified(tmp_path, f"recordings=[{files[0]}]", f"stages=[{stage}]")
 
 
 def test_a_check_fits_nothing(files, tmp_path, capsys):
@@ -250,7 +311,9 @@ def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path, train, test):
 def test_the_lwr_recording_is_told_apart_from_a_good_one(tmp_path):
     path = real("kuka_lwr4/recorded_hw1_50hz.csv")
     for choice in ("csv", "lwr4"):
-        verdict, folder = identified(tmp_path, f"recording={choice}", f"recordings=[{path}]", run=choice)
+        verdict, folder = identified(
+            tmp_path, "robot=kuka_lwr4", f"recording={choice}", f"recordings=[{path}]", run=choice
+        )
         assert max(verdict["validation"]["nmse"][:4]) <= 0.02
         assert max(verdict["validation"]["unweighted"]["nmse"][:4]) <= 0.02
         reasons = "\n".join(verdict["reasons"])

@@ -5,14 +5,19 @@ import os
 import shutil
 import signal
 from dataclasses import replace
+from functools import partial
 
 import pytest
+import torch
+from threadpoolctl import threadpool_info
 
+from sidegan.base.storage import write_task
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import graph
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.store import Store
+from tests.threads import several_threads
 
 
 @pytest.fixture(autouse=True)
@@ -72,6 +77,17 @@ def test_a_changed_input_makes_another_artifact(store):
     assert store.folder(one) != store.folder(other)
 
 
+def test_an_artifact_is_made_on_one_thread_as_a_worker_makes_it(store):
+    def make(build):
+        most = max([torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())])
+        (build.folder / "numbers.txt").write_text(str(most))
+
+    with several_threads():
+        folder = store.produce(numbers(make=make))
+        assert torch.get_num_threads() == 2
+    assert (folder / "numbers.txt").read_text() == "1"
+
+
 def test_an_artifact_is_invisible_until_it_is_whole(store):
     artifact = numbers()
 
@@ -111,6 +127,31 @@ def test_what_a_killed_build_left_is_cleared_away(store):
     left.mkdir(parents=True)
     store.produce(replace(artifact, make=write))
     assert not left.exists()
+
+
+@pytest.mark.parametrize("left", ["{}.work", ".{}.work.tmp", ".{}.old.tmp"])
+def test_what_a_run_left_that_was_killed_behind_its_artifact_is_cleared_away_by_the_next_one(store, left):
+    artifact = numbers()
+    folder = store.produce(artifact)
+    leftover = folder.with_name(left.format(folder.name))
+    leftover.mkdir()
+    (leftover / "task-0.txt").write_text("done")
+    assert store.produce(replace(artifact, make=refuse)) == folder
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+
+
+def test_a_task_that_was_given_up_cannot_bring_the_folder_of_work_back(store):
+    late = []
+
+    def make(build):
+        write(build)
+        write_task(build.work / "task-0.pt", {"a": 1})
+        late.append(partial(write_task, build.work / "task-1.pt", {"a": 2}))
+
+    folder = store.produce(numbers(make=make))
+    with pytest.raises(StorageError, match=r"cannot write .*task-1\.pt: No such file"):
+        late[0]()
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
 
 
 def _damage_stamp(folder):

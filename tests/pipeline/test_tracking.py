@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -132,6 +133,42 @@ def test_a_server_that_goes_away_in_the_middle_stops_nothing(start, tmp_path, ca
     kept = untracked(tmp_path)
     assert [line["kind"] for line in kept] == ["metrics", "metrics", "status"]
     assert {line["run"] for line in kept} == {tracker.run_id}
+
+
+@contextmanager
+def full_database():
+    """Within the block no SQLite database grows, as on a full disk."""
+    from sqlalchemy import event
+    from sqlalchemy.engine import Engine
+
+    def limit(connection, cursor, *rest):
+        connection.connection.driver_connection.execute("PRAGMA max_page_count = 1")  # SQLite: as it is
+
+    event.listen(Engine, "before_cursor_execute", limit)
+    try:
+        yield
+    finally:
+        event.remove(Engine, "before_cursor_execute", limit)
+
+
+def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(root, start, tmp_path, caplog, capfd):
+    numbers = {f"number {k}": float(k) for k in range(3000)}
+    with start() as tracker:
+        with full_database():
+            tracker.log_metrics(numbers)
+        tracker.log_metrics({"last": 1.0})
+    (warning,) = [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
+    assert "disk is full" in warning and "\n" not in warning
+    assert "Traceback" not in (printed := "".join(capfd.readouterr())) and "SQLAlchemy" not in printed
+    assert [record["kind"] for record in untracked(tmp_path)] == ["metrics", "metrics", "status"]
+
+
+def test_where_nothing_can_be_kept_either_that_is_told_once(root, tmp_path, caplog):
+    folder = tmp_path / "gone"
+    with Tracker(root, folder, "exp1", "x", uri=NOWHERE) as tracker:
+        tracker.log_metrics({"a": 1.0})
+    warnings = [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
+    assert len(warnings) == 2 and "cannot be written (No such file or directory)" in warnings[1]
 
 
 def test_a_run_folder_that_cannot_be_written_stops_nothing_either(root, tmp_path):

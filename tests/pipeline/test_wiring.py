@@ -153,18 +153,24 @@ def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, bu
 
 def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, build, monkeypatch):
     made, one, learned = executed
-    motions, estimated, scored = [], [], []
-    record, estimate, score = plants._recorded, plants.estimate, plants.score
+    motions, recorded, estimated, scored = [], [], [], []
+    follow, record = plants.Plant.follow_each, plants._recorded
+    estimate, score = plants.estimate, plants.score
 
-    def recorded(task, family, c, purpose):
-        motions.append((c, record(task, family, c, purpose)))
-        return motions[-1][1]
+    def followed(machine, family, c):
+        motions.append(c)
+        return follow(machine, family, c)
 
-    monkeypatch.setattr(plants, "_recorded", recorded)
+    def watched(*arguments):
+        recorded.append(record(*arguments))
+        return recorded[-1]
+
+    monkeypatch.setattr(plants.Plant, "follow_each", followed)
+    monkeypatch.setattr(plants, "_recorded", watched)
     monkeypatch.setattr(plants, "estimate", lambda m, model, x: estimated.append(x) or estimate(m, model, x))
     monkeypatch.setattr(plants, "score", lambda model, p, x: scored.append(x) or score(model, p, x))
     plant(made, one).make(build)
-    (c, training), (tests, test) = motions[:2]
+    (c, tests), (training, test) = motions, recorded[:2]
     torch.testing.assert_close(c, learned, rtol=0, atol=0)
     refuse_tests(made, learned, tests)
     assert estimated[0] is training and scored[0] is test

@@ -26,7 +26,8 @@ def measurements_of(executed, joint_names, settings):
 def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
-    executed = Plant(arm, standard).execute_each(FAMILY, c, np.random.SeedSequence(0))
+    plant = Plant(arm, standard)
+    executed = plant.sense_each(list(plant.follow_each(FAMILY, c)), np.random.SeedSequence(0))
     return [measurements_of(one, arm.joint_names, of_file(bandwidth=6 / 16)) for one in executed]
 
 

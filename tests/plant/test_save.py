@@ -16,7 +16,7 @@ def executed(planar, motions, standard):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_every_number_comes_back_through_the_door_of_recordings(executed, planar, tmp_path, suffix):
     path = tmp_path / f"plant{suffix}"
-    save_recording(executed, path)
+    save_recording(executed, planar.joint_names, path)
     read = load_recording(path, of_file(), planar.joint_names)
     assert not read.corrupt
     assert read.acceleration is None
@@ -26,11 +26,11 @@ def test_every_number_comes_back_through_the_door_of_recordings(executed, planar
 
 def test_a_kind_of_file_that_is_not_known_is_refused(executed, tmp_path):
     with pytest.raises(ConfigError, match=r"ends in '.xlsx', expected .csv or .parquet"):
-        save_recording(executed, tmp_path / "recording.xlsx")
+        save_recording(executed, ("a", "b"), tmp_path / "recording.xlsx")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_cannot_be_made_is_told(executed, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="cannot write"):
-        save_recording(executed, tmp_path / "file" / "recording.csv")
+        save_recording(executed, ("a", "b"), tmp_path / "file" / "recording.csv")

@@ -20,7 +20,7 @@ def coefficients():
 
 def test_each_trajectory_is_executed_with_its_own_noise(planar, standard, coefficients):
     same, plant = coefficients[:1].expand(2, -1, -1, -1), Plant(planar, standard)
-    one, other = plant.execute_each(FAMILY, same, np.random.SeedSequence(7))
+    one, other = plant.sense_each(list(plant.follow_each(FAMILY, same)), np.random.SeedSequence(7))
     assert not torch.equal(one.torque, other.torque)
     motion = FAMILY.roll_out(coefficients[:1], FAMILY.times(standard.rate))
     alone = plant.execute(motion, np.random.SeedSequence(7).spawn(1)[0])
@@ -28,7 +28,7 @@ def test_each_trajectory_is_executed_with_its_own_noise(planar, standard, coeffi
 
 
 def test_recordings_come_in_the_order_of_the_trajectories(planar, coefficients):
-    executed = list(Plant(planar, IDEAL).execute_each(FAMILY, coefficients, np.random.SeedSequence(0)))
+    executed = list(Plant(planar, IDEAL).follow_each(FAMILY, coefficients))
     assert len(executed) == 4
     for one, c in zip(executed, coefficients):
         reference = FAMILY.roll_out(c[None], FAMILY.times(IDEAL.rate)).position[0]
@@ -38,9 +38,9 @@ def test_recordings_come_in_the_order_of_the_trajectories(planar, coefficients):
 def test_a_trajectory_that_cannot_be_followed_is_an_error(planar, coefficients):
     plant = Plant(planar, replace(IDEAL, tolerance=1e-9))
     with pytest.raises(InfeasibleError, match="does not follow"):
-        list(plant.execute_each(FAMILY, coefficients, np.random.SeedSequence(0)))
+        list(plant.follow_each(FAMILY, coefficients))
 
 
 def test_coefficients_of_another_family_are_refused(planar, standard):
     with pytest.raises(ShapeError, match="expected"):
-        list(Plant(planar, standard).execute_each(FAMILY, torch.zeros(1, 2, 4, 2), np.random.SeedSequence(0)))
+        list(Plant(planar, standard).follow_each(FAMILY, torch.zeros(1, 2, 4, 2)))

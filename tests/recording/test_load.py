@@ -2,6 +2,7 @@ import dataclasses
 import os
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -103,13 +104,51 @@ def test_a_column_without_numbers_is_refused(made, tmp_path):
         ({}, 3, r"no position of 1 of the arm's 3 joints: no column 'q3'"),
         ({}, 1, r"has q2: position of more than the arm's 1 joints"),
         ({"tau2": "torque2"}, 2, r"no torque of 1 of the arm's 2 joints: no column 'tau2'"),
-        ({"t": "when"}, 2, r"no column 't' of time stamps"),
+        ({"t": "when"}, 2, r"no column 'time' or 't' of time stamps"),
     ],
 )
 def test_columns_that_do_not_fit_the_arm_are_refused(made, tmp_path, change, joints, message):
     frame(made).rename(columns=change).to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises(RecordingError, match=message):
         load_recording(tmp_path / "a.csv", of_file(), tuple("abc"[:joints]))
+
+
+CONVENTIONS = {
+    "as it is excited": ("time", "q_{}", "dq_{}", "tau_{}"),
+    "numbered": ("t", "q{}", "qd{}", "tau{}"),
+    "with dots": ("time", "position.{}", "velocity.{}", "effort.{}"),
+}
+
+
+@pytest.mark.parametrize("names", CONVENTIONS.values(), ids=CONVENTIONS)
+def test_the_usual_names_of_columns_need_no_settings(made, tmp_path, names):
+    time, *signals = names
+    columns = {time: made.time.numpy()}
+    for name, signal in zip(signals, ("position", "velocity", "torque")):
+        columns |= {name.format(j): getattr(made, signal)[:, k].numpy() for k, j in enumerate("12")}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    loaded = load_recording(tmp_path / "a.csv", of_file(), ("1", "2"))
+    for signal in ("time", "position", "velocity", "torque"):
+        torch.testing.assert_close(getattr(loaded, signal), getattr(made, signal))
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"time": "t"}, r"has time as 'time' and as 't'; say which is meant: recording.time='time'"),
+        (
+            {"q_a": "q1", "q_b": "q2"},
+            r"has position as 'q_\{joint\}' and as 'q\{index\}'; say which is meant",
+        ),
+    ],
+)
+def test_a_signal_that_is_there_twice_is_refused_until_one_is_meant(made, tmp_path, more, message):
+    table = frame(made)
+    table.assign(**{new: table[old] for new, old in more.items()}).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(RecordingError, match=message):
+        load_recording(tmp_path / "a.csv", of_file(), ("a", "b"))
+    meant = of_file(time="t", position="q{index}")
+    torch.testing.assert_close(load_recording(tmp_path / "a.csv", meant, ("a", "b")).position, made.position)
 
 
 def test_a_signal_that_is_not_there_is_left_out(made, tmp_path):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sidegan.errors import RobotError, ShapeError, StorageError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import built_in_robots, load_robot, pinocchio_model, write_urdf
+from sidegan.robot import Drives, built_in_robots, load_robot, pinocchio_model, write_urdf
 from tests.chains import random_states, real_links
 
 from .urdf import INERTIA, joint, link, one_joint, robot
@@ -48,6 +48,23 @@ def test_only_inertias_change(name, tmp_path):
     changed = [line[2:].strip() for line in difflib.ndiff(before, after) if line[:2] in ("+ ", "- ")]
     tags = {re.split("[ =]", line)[0] for line in changed if line}
     assert tags == {"<mass", "<origin", "<inertia", "iyy"}
+
+
+def test_friction_goes_where_dynamics_are_or_should_be(load, tmp_path):
+    known = joint("j0", "l0", "l1").replace("</joint>", '<dynamics damping="9"/></joint>')
+    arm = load(robot(*(link(f"l{i}", INERTIA) for i in range(3)), known, joint("j1", "l1", "l2")))
+    drives = Drives(*torch.tensor([[0.5, 0.25], [1.5, 2.5], [0.1, 0.1]], dtype=torch.float64))
+    write_urdf(arm, real_links(2, 0), tmp_path / "out.urdf", drives)
+    model = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"))
+    assert model.damping.tolist() == [0.5, 0.25] and model.upperDryFrictionLimit.tolist() == [1.5, 2.5]
+    assert (tmp_path / "out.urdf").read_text().count("<dynamics") == 2
+
+
+def test_friction_below_nothing_is_written_as_none(planar, tmp_path):
+    drives = Drives(*torch.tensor([[-0.5, 0.25], [1.5, -2.5], [0, 0]], dtype=torch.float64))
+    write_urdf(planar, planar.inertial_parameters, tmp_path / "out.urdf", drives)
+    model = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"))
+    assert model.damping.tolist() == [0, 0.25] and model.upperDryFrictionLimit.tolist() == [1.5, 0]
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

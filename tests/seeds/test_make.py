@@ -1,10 +1,11 @@
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, Seeds, Tasks, make_long, make_seeds, result
 from sidegan.seeds.paper import Paper
@@ -50,6 +51,22 @@ def test_a_second_start_redoes_only_what_is_missing_or_damaged(planar_problem, t
     again = made(planar_problem, tmp_path, method=method)
     assert method.calls == 2
     assert torch.equal(first.coefficients, again.coefficients)
+
+
+def test_a_task_that_ends_after_the_set_was_made_leaves_nothing(planar_problem, tmp_path):
+    work = tmp_path / "made.work"
+
+    class Late(Counting):
+        """Ends when somebody else has made the whole set."""
+
+        def optimise(self, problem, count, seed):
+            batch = super().optimise(problem, count, seed)
+            shutil.rmtree(work)
+            return batch
+
+    with pytest.raises(StorageError, match=r"cannot write .*seeds-00000\.pt"):
+        made(planar_problem, work, method=Late())
+    assert not work.exists()
 
 
 def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path):

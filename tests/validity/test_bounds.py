@@ -10,7 +10,7 @@ from torch.autograd.functional import jvp
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.bounds import (
     CellMotion,
     Slack,
@@ -23,7 +23,12 @@ from sidegan.validity.capsules import capsule_axes
 from tests.chains import random_chain, random_states
 
 CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(2)]
-REGIONS = (Plane((0.2, -0.1, 1.0), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4)))
+REGIONS = (
+    Plane((0.2, -0.1, 1.0), -0.3),
+    Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4)),
+    Sphere((-0.4, 0.3, 0.2), 0.2),
+    Convex.between((-0.3, -0.4, 0.1), (-0.1, -0.5, 0.6), 0.15),
+)
 ROUNDING = 1e-9
 
 

@@ -161,6 +161,28 @@ def test_an_infeasible_home_is_refused(planar: Arm, home: tuple[float, float], m
     assert str(list(home)) in str(error.value)
 
 
+@pytest.mark.parametrize("beyond", [1e-6, -1e-6])
+@pytest.mark.parametrize("kind", ["position", "keep_out", "torque"])
+def test_a_home_may_come_near_a_limit_and_no_further(planar: Arm, kind: str, beyond: float) -> None:
+    hanging = torch.tensor([[2.0, 0.0]], dtype=torch.float64)
+    still, deep = torch.zeros_like(hanging), [Plane((0.0, 0.0, 1.0), -10.0)]
+    home, regions, one = hanging[0].tolist(), [], planar
+    if kind == "position":
+        home = [float(planar.position_upper[0]) + beyond, 0.0]
+    elif kind == "keep_out":
+        lowest = float(Constraints(planar, deep).clearances(hanging)["keep_out"].min()) - 10.0
+        regions = [Plane((0.0, 0.0, 1.0), lowest + beyond)]
+    else:
+        held = RigidBody(planar).torque(hanging, still, still)[0].abs()
+        one = replace(planar, torque_limit=torch.stack([held[0] - beyond, 2 * held[1]]))
+    constraints = Constraints(one, regions)
+    if beyond > 0:
+        with pytest.raises(InfeasibleError, match=rf"{kind} of .*: margin -1e-06$"):
+            constraints.refuse_home(home)
+    else:
+        constraints.refuse_home(home)
+
+
 def test_a_home_that_overloads_a_joint_is_refused(planar: Arm) -> None:
     weak = replace(planar, torque_limit=torch.tensor([5.0, 100.0], dtype=torch.float64))
     with pytest.raises(InfeasibleError, match="torque of shoulder"):

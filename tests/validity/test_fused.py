@@ -13,7 +13,7 @@ from sidegan.motion import compiled
 from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Plane, check
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain
 
@@ -25,7 +25,13 @@ REGIONS = {
     "none": (),
     "desk": (DESK,),
     "box": (BOX,),
-    "all": (Plane((0.3, -0.2, 0.9), -0.5), Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)), DESK),
+    "round": (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1)),
+    "all": (
+        Plane((0.3, -0.2, 0.9), -0.5),
+        Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)),
+        DESK,
+        Convex.box((0.5, 0.3, 0.2)),
+    ),
 }
 
 

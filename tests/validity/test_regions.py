@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError
-from sidegan.validity import Box, Plane
+from sidegan.validity import Box, Convex, Plane, Region, Sphere
 
+BALL, ROD = Sphere((0.1, -0.2, 0.3), 0.3), Convex.between((-0.2, 0.1, 0.0), (0.3, -0.2, 0.4), 0.2)
 BOX = Box((-0.3, -0.2, 0.1), (0.5, 0.4, 0.3))
 
 
@@ -61,14 +62,14 @@ def test_box_margin_of_known_segments() -> None:
         assert margin.item() == pytest.approx(expected, abs=1e-8)
 
 
-@pytest.mark.parametrize("region", [BOX, Plane((0.3, -1.0, 2.0), 0.4)])
-def test_gradients_agree_with_finite_differences(region: Box | Plane) -> None:
+@pytest.mark.parametrize("region", [BOX, Plane((0.3, -1.0, 2.0), 0.4), BALL, ROD])
+def test_gradients_agree_with_finite_differences(region: Region) -> None:
     a, b = (x.clone().requires_grad_(True) for x in random_segments(40, seed=3))
     assert torch.autograd.gradcheck(region.margin, (a, b))
 
 
-@pytest.mark.parametrize("region", [BOX, Plane((0.3, -1.0, 2.0), 0.4)])
-def test_margins_follow_type_and_device(region: Box | Plane, device: torch.device) -> None:
+@pytest.mark.parametrize("region", [BOX, Plane((0.3, -1.0, 2.0), 0.4), BALL, ROD])
+def test_margins_follow_type_and_device(region: Region, device: torch.device) -> None:
     a, b = random_segments(50)
     margin = region.margin(a.to(device, torch.float32), b.to(device, torch.float32))
     assert margin.dtype == torch.float32 and margin.device.type == device.type

@@ -17,6 +17,7 @@ from sidegan.motion.compiled.formulas import (
     wrench_bounds,
     wrench_of,
 )
+from sidegan.motion.compiled.hulls import Hulls
 from sidegan.motion.compiled.jit import inline, inline_in_any_order, kernel
 from sidegan.motion.compiled.links import (
     Frames,
@@ -37,6 +38,7 @@ class Model(NamedTuple):
 
     chain: Chain  # joints
     shapes: Shapes  # capsules, and what they are kept apart from
+    hulls: Hulls  # what is inside of the capsules
     parameters: Array  # inertial parameters, (10 J,)
     home: Array  # position that trajectories start from, (J,) [rad or m]
     lower: Array  # position limits, (J,)
@@ -45,6 +47,7 @@ class Model(NamedTuple):
     torque: Array  # torque limits, (J,); infinite where nothing is limited
     higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
     pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
+    piece_reach: Array  # how far it moves what is inside of them, (P, J)
     pair_most: Array  # the largest of all pairs, (1, J)
     region_reach: Array  # how far the motion of a joint moves a capsule, (K, J)
     region_most: Array  # the largest of all, (1, J)
@@ -82,12 +85,14 @@ class Work(NamedTuple):
     rate: Array  # bound of the torques' rates in a cell, (J,)
     cap: Array  # the same for all cells of a trajectory, (J,)
     ends: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
+    search: Array  # for the distance of two hulls, (5, 4)
 
 
 def work_space(model: Model) -> Work:
     """Arrays that one thread needs for a model."""
     j = len(model.home)
     shapes = {"state": (3, j), "turn": (j, 9), "ends": (3, len(model.shapes.frame), 3)}
+    shapes["search"] = (5, 4)
     shapes |= dict.fromkeys(("motion", "most", "sums"), (4, j))
     shapes |= dict.fromkeys(("shift", "force", "moment"), (j, 3))
     shapes |= dict.fromkeys(("torque", "rate", "cap"), (j,))

@@ -10,7 +10,7 @@ from sidegan.robot import Arm, Capsules
 
 Array = np.ndarray
 
-PLANE, BOX = range(2)  # kinds of regions
+PLANE, BOX, BALL, CONVEX = range(4)  # kinds of regions
 _ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they need be
 
 
@@ -50,20 +50,23 @@ class Shapes(NamedTuple):
     frame: Array  # in which a capsule lies: 0 for the base, else joint + 1, (C,) int
     ends: Array  # of its axis, in that frame [m], (2, C, 3)
     radius: Array  # [m], (C,)
+    core: Array  # radius that optimisers keep apart [m], (C,)
     size: Array  # a little more than the radius of the ball around it [m], (C,)
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
-    regions: Array  # normal and offset of a plane, centre and half size of a box [m], (R, 6)
+    # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one
+    # around a convex body [m] and where the body's planes begin and end, (R, 6)
+    regions: Array
     kinds: Array  # of the regions, (R,) int
+    planes: Array  # unit normals and offsets [m] of convex bodies, (M, 4)
 
     @classmethod
-    def of(
-        cls, capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: Tensor, kinds: Tensor
-    ) -> "Shapes":
-        """Shapes of an arm's capsules and of regions, given by their numbers (R, 6)."""
+    def of(cls, capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: tuple[Tensor, ...]) -> "Shapes":
+        """Shapes of an arm's capsules and of regions: their numbers (R, 6), kinds (R,) and planes (M, 4)."""
         ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-        return cls(*map(array, (capsules.link + 1, ends, radius, size, pairs, guarded, regions, kinds)))
+        own = (capsules.link + 1, ends, radius, capsules.core, size, pairs, guarded)
+        return cls(*map(array, (*own, *regions)))
 
 
 def array(x: Tensor) -> Array:

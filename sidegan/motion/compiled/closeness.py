@@ -1,13 +1,14 @@
-"""Compiled penalty for capsules that come too close to each other or to a plane, and its slope."""
+"""Compiled penalty for capsules that come too close to each other or to a region, and its slope."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import Array, Chain, Shapes
-from sidegan.motion.compiled.formulas import Vector, cross, dot, less, times, to_parent
-from sidegan.motion.compiled.jit import kernel
+from sidegan.motion.compiled.chain import BALL, CONVEX, PLANE, Array, Chain, Shapes
+from sidegan.motion.compiled.distances import lowest_crossing
+from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, times, to_parent
+from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import (
     TOUCHING,
     Frames,
@@ -59,7 +60,7 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room)
         one, two = nearest(row(a, i), row(b, i), row(a, k), row(b, k))
         gap = less(one, two)
         distance = math.sqrt(dot(gap, gap))
-        excess = reach - max(distance, TOUCHING) + shapes.radius[i] + shapes.radius[k]
+        excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
         if excess > 0:
             total += excess * excess
             if distance > TOUCHING:
@@ -69,19 +70,54 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room)
     return total
 
 
+@inline
+def _near_ball(centre: Vector, radius: float, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """Signed distance [m] of a segment to a ball, its nearest point and the direction away."""
+    point, _ = nearest(a, b, centre, centre)
+    gap = less(point, centre)
+    distance = max(math.sqrt(dot(gap, gap)), TOUCHING)
+    return distance - radius, point, times(1 / distance, gap)
+
+
+@inline
+def _near_body(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """The same for a convex body: away from both planes that cross at the nearest point."""
+    first, last = int(shapes.regions[r, 4]), int(shapes.regions[r, 5])
+    distance, share, one, two, part = lowest_crossing(shapes.planes, first, last, a, b)
+    planes = shapes.planes
+    ways = (planes[one, 0], planes[one, 1], planes[one, 2]), (planes[two, 0], planes[two, 1], planes[two, 2])
+    away = add(times(1 - part, ways[0]), times(part, ways[1]))
+    return distance, add(times(1 - share, a), times(share, b)), away
+
+
+@inline
+def _near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """The same for any region but a box."""
+    if shapes.kinds[r] == BALL:
+        return _near_ball(row(shapes.regions, r), shapes.regions[r, 3], a, b)
+    if shapes.kinds[r] == CONVEX:
+        return _near_body(shapes, r, a, b)
+    normal = row(shapes.regions, r)
+    low, high = dot(normal, a), dot(normal, b)
+    return min(low, high) - shapes.regions[r, 3], a if low < high else b, normal
+
+
 @kernel
-def _planes(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
-    """What one state's planes cost; adds the slope."""
-    total, a, b = 0.0, work.ends[0], work.ends[1]
+def _regions(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
+    """What one state's regions cost; adds the slope."""
+    total, a, b, middle = 0.0, work.ends[0], work.ends[1], work.ends[2]
     for p in range(len(shapes.guarded)):
         r, k = shapes.guarded[p, 0], shapes.guarded[p, 1]
-        normal = row(shapes.regions, r)
-        low, high = dot(normal, row(a, k)), dot(normal, row(b, k))
-        excess = reach - min(low, high) + shapes.regions[r, 3] + shapes.radius[k]
+        if shapes.kinds[r] != PLANE:
+            apart = less(row(middle, k), row(shapes.regions, r))
+            far = reach + shapes.size[k] + shapes.regions[r, 3]
+            if dot(apart, apart) >= far * far:
+                continue
+        distance, point, away = _near_region(shapes, r, row(a, k), row(b, k))
+        excess = reach - distance + shapes.radius[k]
         if excess > 0:
             total += excess * excess
-            point = row(a, k) if low < high else row(b, k)
-            _push(chain, work, shapes.frame[k], point, times(-2 * excess, normal), slope)
+            _push(chain, work, shapes.frame[k], point, times(-2 * excess, away), slope)
     return total
 
 
@@ -91,7 +127,7 @@ def closeness(
 ) -> None:
     """Add the squares of how far distances fall below ``reach`` [m], summed over time, and their slopes.
 
-    All regions are planes. Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
+    No region is a box. Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
     """
     for b in range(states.shape[1]):
         for t in range(states.shape[3]):
@@ -104,4 +140,4 @@ def closeness(
             place_capsules(shapes, work.world, work.ends)
             pushed = slope[b, :, t]
             value[b] += _pairs(chain, shapes, reach, pushed, work)
-            value[b] += _planes(chain, shapes, reach, pushed, work)
+            value[b] += _regions(chain, shapes, reach, pushed, work)

@@ -1,13 +1,15 @@
-"""Signed distances of segments from each other, from planes and from boxes, compiled."""
+"""Signed distances of segments from each other and from keep-out regions, compiled."""
 
 import math
 
-from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.chain import BALL, BOX, PLANE, Array, Shapes
 from sidegan.motion.compiled.formulas import Vector, add, dot, less, times
-from sidegan.motion.compiled.jit import inline
+from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import TOUCHING, nearest, row
 
 _HALVINGS = 36  # of a capsule's axis at a box: leaves 1e-11 of its length
+_STEPS = 60  # of the search along a segment at a convex body, which takes five
+_SETTLED = 1e-12  # [m] between a bound from below and what is found
 
 
 @inline
@@ -61,3 +63,82 @@ def to_box(centre: Vector, half: Vector, a: Vector, b: Vector) -> float:
             high = middle
     before, after = add(a, times(low, along)), add(a, times(high, along))
     return min(point_to_box(before, half), point_to_box(after, half))
+
+
+@inline
+def to_ball(numbers: Array, r: int, a: Vector, b: Vector) -> float:
+    """Signed distance [m] of a segment to a ball."""
+    centre = row(numbers, r)
+    distance = between_segments(a, b, centre, centre)
+    return distance - numbers[r, 3]
+
+
+@kernel
+def _highest(planes: Array, first: int, last: int, x: Vector) -> int:
+    """Which of some planes a point is highest above."""
+    best, most = first, -math.inf
+    for k in range(first, last):
+        height = planes[k, 0] * x[0] + planes[k, 1] * x[1] + planes[k, 2] * x[2] - planes[k, 3]
+        if height > most:
+            best, most = k, height
+    return best
+
+
+@inline
+def _height(planes: Array, k: int, x: Vector) -> float:
+    return planes[k, 0] * x[0] + planes[k, 1] * x[1] + planes[k, 2] * x[2] - planes[k, 3]
+
+
+@kernel
+def lowest_crossing(
+    planes: Array, first: int, last: int, a: Vector, b: Vector
+) -> tuple[float, float, int, int, float]:
+    """Where along a segment the height above the highest of some planes is least.
+
+    The height [m], the share of the way from a to b, the two planes that cross there, and the second one's
+    part in the slope of the height.
+    """
+    one, two = _highest(planes, first, last, a), _highest(planes, first, last, b)
+    bound, share, part = -math.inf, 0.0, 0.0
+    for _ in range(_STEPS):
+        low, high = _height(planes, one, a), _height(planes, two, b)
+        falls, rises = _height(planes, one, b) - low, high - _height(planes, two, a)
+        if falls >= 0:
+            return low, 0.0, one, two, 0.0
+        if rises <= 0:
+            return high, 1.0, one, two, 1.0
+        share = min(max((low - (high - rises)) / (rises - falls), 0.0), 1.0)
+        x = add(a, times(share, less(b, a)))
+        top = _highest(planes, first, last, x)
+        bound, part = low + falls * share, -falls / (rises - falls)
+        if _height(planes, top, x) <= bound + _SETTLED:
+            break
+        if _height(planes, top, b) > _height(planes, top, a):
+            two = top
+        else:
+            one = top
+    return bound, share, one, two, part
+
+
+@inline
+def to_region(shapes: Shapes, r: int, a: Vector, b: Vector, middle: Vector, far: float) -> float:
+    """Signed distance [m] of a segment to a region; infinite where its middle is surely ``far`` [m] away.
+
+    Boxes and convex bodies are what is worth that test.
+    """
+    numbers, kind = shapes.regions, shapes.kinds[r]
+    if kind == PLANE:
+        return to_plane(numbers, r, a, b)
+    if kind == BALL:
+        return to_ball(numbers, r, a, b)
+    centre = row(numbers, r)
+    if kind == BOX:
+        half = (numbers[r, 3], numbers[r, 4], numbers[r, 5])
+        if point_to_box(less(middle, centre), half) >= far:
+            return math.inf
+        return to_box(centre, half, a, b)
+    apart, reach = less(middle, centre), far + numbers[r, 3]
+    if reach > 0 and dot(apart, apart) >= reach * reach:
+        return math.inf
+    first, last = int(numbers[r, 4]), int(numbers[r, 5])
+    return lowest_crossing(shapes.planes, first, last, a, b)[0]

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.motion.compiled import eigen, lanes, regressor
-from sidegan.motion.compiled.chain import PLANE, Array, Chain, Shapes
-from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
+from sidegan.motion.compiled.chain import Array, Chain, Shapes
+from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, less
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
@@ -182,7 +182,7 @@ def _nearest_pair(shapes: Shapes, ends: Array, least: float) -> float:
         apart, far = less(row(ends[2], i), row(ends[2], k)), least + shapes.size[i] + shapes.size[k]
         if far <= 0 or dot(apart, apart) < far * far:
             distance = between_segments(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
-            least = min(least, distance - (shapes.radius[i] + shapes.radius[k]))
+            least = min(least, distance - (shapes.core[i] + shapes.core[k]))
     return least
 
 
@@ -191,15 +191,8 @@ def _nearest_region(shapes: Shapes, ends: Array, least: float) -> float:
     """The same for capsules and keep-out regions."""
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-        a, b = row(ends[0], k), row(ends[1], k)
-        if shapes.kinds[r] == PLANE:
-            distance = to_plane(shapes.regions, r, a, b)
-        else:
-            centre = row(shapes.regions, r)
-            half = shapes.regions[r, 3], shapes.regions[r, 4], shapes.regions[r, 5]
-            if point_to_box(less(row(ends[2], k), centre), half) >= least + shapes.size[k]:
-                continue
-            distance = to_box(centre, half, a, b)
+        a, b, middle = row(ends[0], k), row(ends[1], k), row(ends[2], k)
+        distance = to_region(shapes, r, a, b, middle, least + shapes.size[k])
         least = min(least, distance - shapes.radius[k])
     return least
 

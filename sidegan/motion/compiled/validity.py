@@ -20,9 +20,10 @@ from sidegan.motion.compiled.cells import (
     roll_out,
     torques,
 )
-from sidegan.motion.compiled.chain import PLANE, Array
-from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
+from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, drift, less
+from sidegan.motion.compiled.hulls import between_pieces, outer_of, reached
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import place_capsules, row
 
@@ -133,11 +134,37 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
     return undecided
 
 
+@kernel
+def _look_inside(model: Model, work: Work, p: int, margin: float, best: float) -> tuple[float, float]:
+    """Margin of a pair, and how much it can change in the cell: of the capsules, or of what is inside of them.
+
+    That of the capsules is bounded more closely before others are looked at. What is inside is not looked at
+    more closely than is needed to see that it is at least ``best`` and settled.
+    """
+    chain, shapes, hulls = model.chain, model.shapes, model.hulls
+    moves, ends = work.motion[0], work.ends
+    slack = reached(chain, shapes, work.world, ends, p, moves, model.pair_reach, 0.0)
+    if margin >= slack:
+        return margin, slack
+    beside = hulls.around[outer_of(shapes, p)]
+    most = reached(chain, shapes, work.world, ends, p, moves, model.piece_reach, beside)
+    inner = between_pieces(hulls, shapes, work.world, ends, p, max(best, most), work.search)
+    if not inner > margin:
+        return margin, slack
+    return inner, min(most, inner - (margin - slack))  # the better of both guarantees
+
+
 @inline
 def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """The same for pairs of capsules: only those whose balls are near enough to matter."""
+    """The same for pairs of capsules: only those whose balls are near enough to matter.
+
+    Where capsules leave the cell undecided, what is inside of them decides, where that is known.
+    """
     shapes, a, b, middle = model.shapes, work.ends[0], work.ends[1], work.ends[2]
     most = _reached(model.pair_most, 0, work.motion)
+    for k in range(smallest.margin.shape[1]):
+        if smallest.margin[here.n, k] < 0:
+            most = -np.inf  # nothing that this cell leaves undecided is looked at again
     undecided = False
     for p in range(len(shapes.pairs)):
         i, j = shapes.pairs[p, 0], shapes.pairs[p, 1]
@@ -150,6 +177,8 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
         margin = distance - (shapes.radius[i] + shapes.radius[j])
         if not margin >= need:
             slack = _reached(model.pair_reach, p, work.motion)
+            if model.hulls.finer[p] and not margin >= slack:
+                margin, slack = _look_inside(model, work, p, margin, smallest.margin[here.n, COLLISION])
             undecided |= _settle(margin, slack, here, COLLISION, p, smallest)
     return undecided
 
@@ -157,20 +186,14 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
 @inline
 def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
     """The same for capsules and keep-out regions."""
-    shapes, numbers, ends = model.shapes, model.shapes.regions, work.ends
+    shapes, ends = model.shapes, work.ends
     most = _reached(model.region_most, 0, work.motion)
     undecided = False
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
         need = max(smallest.margin[here.n, KEEP_OUT], most)
-        a, b = row(ends[0], k), row(ends[1], k)
-        if shapes.kinds[r] == PLANE:
-            distance = to_plane(numbers, r, a, b)
-        else:
-            centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
-            if point_to_box(less(row(ends[2], k), centre), half) >= need + shapes.size[k]:
-                continue
-            distance = to_box(centre, half, a, b)
+        a, b, middle = row(ends[0], k), row(ends[1], k), row(ends[2], k)
+        distance = to_region(shapes, r, a, b, middle, need + shapes.size[k])
         margin = distance - shapes.radius[k]
         if not margin >= need:
             slack = _reached(model.region_reach, g, work.motion)

@@ -1,5 +1,6 @@
 """Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
+import logging
 from pathlib import Path
 
 import pandas as pd
@@ -9,7 +10,7 @@ from torch import Tensor
 from sidegan.base.storage import write_bytes
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
-from sidegan.errors import ConfigError
+from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library import Library
 from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.pipeline.graph import Artifact
@@ -21,7 +22,8 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 from sidegan.robot import HIGHER
 
-FOLDER, WHOLE = "trajectories", "all.csv"
+FOLDER, WHOLE, VIEW = "trajectories", "all.csv", "view.html"
+log = logging.getLogger(__name__)
 
 
 def _show(task: Task, tracker: Tracker) -> None:
@@ -43,7 +45,23 @@ def _show(task: Task, tracker: Tracker) -> None:
         f"{criteria.condition:.3g}, at {cfg.identification.rate:g} Hz in {folder / FOLDER}"
     )
     caption += f"; checked: {task.constraints.described()}"
+    caption += _view(task, chosen, tracker)
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
+
+
+def _view(task: Task, chosen: Library, tracker: Tracker) -> str:
+    """Write the page on which the arm moves along the set; where it is, for the caption."""
+    from sidegan.report.viewer import view_of, write_view
+
+    path = task.store.run_folder / VIEW
+    titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(chosen.fitness.tolist(), 1)]
+    try:
+        write_view(view_of(task.constraints, task.trajectory, chosen.coefficients, titles), path)
+    except ArtifactError as error:  # the trajectories are there, which is what counts
+        log.warning("there is no %s: %s", VIEW, error)
+        return ""
+    tracker.log_artifact(path, "view")
+    return f"; to look at: {path.resolve().as_uri()}"
 
 
 def _pool(task: Task) -> Library:

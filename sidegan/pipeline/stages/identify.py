@@ -30,7 +30,7 @@ def model(task: Task) -> Artifact:
     cfg = task.cfg
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
-    arm = load_robot(cfg.robot.name, cfg.robot.setup)
+    arm = recorded_arm(cfg)
     if cfg.identify.pull == "logdet":
         require_consistent(arm)
     files = {f"recordings.{i}": Path(name) for i, name in enumerate(cfg.recordings)}
@@ -42,6 +42,17 @@ def model(task: Task) -> Artifact:
     settings |= {"gains": cfg.robot.gains, "names": {key: path.name for key, path in files.items()}}
     label, make = f"{arm.name}-{cfg.identify.method}", partial(_make, cfg, arm)
     return Artifact("identify", label, "identify", settings, inputs, None, make, _error, alone=True)
+
+
+def recorded_arm(cfg: Config) -> Arm:
+    """The arm of the recordings.
+
+    Raises:
+        ConfigError: when none is named.
+    """
+    if not cfg.robot.name:
+        raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
+    return load_robot(cfg.robot.name, cfg.robot.setup)
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
@@ -86,7 +97,7 @@ def _show(task: Task, tracker: Tracker) -> None:
             tracker.log_artifact(path, "identify")
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
-    log.info("%s: mean nMSE %.4g (%s)", verdict["verdict"], error, kind)
+    log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
     for reason in verdict["reasons"]:
         log.info("  %s", reason)
     log.info("report: %s", target / REPORT)

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import torch
-from torch import Tensor
 
 from sidegan.base.storage import write_parquet
 from sidegan.identification import Measurements, TorqueModel, estimate, score
@@ -49,9 +48,12 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
     coefficients = task.load(one.source).coefficients
     tests = random_valid(task, task.cfg.identification.tests, "tests").coefficients
     model, rows, repeats = TorqueModel(task.body), [], task.cfg.replication.repeats
+    machine = Plant(task.arm, task.cfg.plant)
+    families = (one.family, task.trajectory)  # of the set and of the tests
+    followed = [list(machine.follow_each(*both)) for both in zip(families, (coefficients, tests))]
     for repeat in range(repeats):
-        training = _recorded(task, one.family, coefficients, f"plant {repeat}")
-        test = _recorded(task, task.trajectory, tests, f"plant tests {repeat}")
+        purposes = (f"plant {repeat}", f"plant tests {repeat}")
+        training, test = (_recorded(task, machine, *each) for each in zip(families, followed, purposes))
         for weighted, method in _METHODS.items():
             parameters = estimate(method, model, training).parameters
             errors = score(model, parameters, test).nmse.tolist()
@@ -62,12 +64,13 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
 
 
-def _recorded(task: Task, family: Trajectory, c: Tensor, purpose: str) -> list[Measurements]:
+def _recorded(
+    task: Task, machine: Plant, family: Trajectory, true: list[Executed], purpose: str
+) -> list[Measurements]:
     """What the plant's sensors saw along every trajectory, preprocessed as a real recording is."""
     random = np.random.SeedSequence(task.number(purpose))
     settings = replace(task.cfg.recording, bandwidth=family.harmonics / family.period, cutoff=None)
-    executed = Plant(task.arm, task.cfg.plant).execute_each(family, c, random)
-    return [measurements_of(one, task.arm, settings) for one in executed]
+    return [measurements_of(one, task.arm, settings) for one in machine.sense_each(true, random)]
 
 
 def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Measurements:

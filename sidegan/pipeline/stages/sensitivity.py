@@ -9,7 +9,7 @@ import pandas as pd
 import torch
 
 from sidegan.base.parallel import Job, Report, run_jobs
-from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
+from sidegan.base.storage import read_torch, readable, write_parquet, write_task
 from sidegan.design.greedy import greedy
 from sidegan.identification import StudySettings, study
 from sidegan.library import Library
@@ -87,7 +87,7 @@ def _compare(task: Task, change: Alternative, pool: Pool, path: Path, report: Re
         frames = study.compare(task.body, sets, tests, change.settings, task.random("sensitivity"), report)
         both = frames[0].merge(frames[1], on=["set", "repeat"])
         both = both.assign(factor=change.factor, value=change.value, training=pool.training or 0)
-        write_torch(path, both.to_dict("list"))
+        write_task(path, both.to_dict("list"))
     return pd.DataFrame(read_torch(path))
 
 

@@ -17,11 +17,12 @@ from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
 from sidegan.report.identification.content import Origin, content
 from sidegan.report.identification.page import write_report
-from sidegan.robot import write_urdf
+from sidegan.robot import Drives, write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
 
 CHECK, VERDICT, REPORT = "check.json", "verdict.json", "report.html"
 _PARAMETERS, _MODEL, _LINKS = "parameters.csv", "parameters.json", "links.csv"
+_CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 _UPPER = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
 _UNITS = {
@@ -102,22 +103,34 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     """Write all results of an identification into a folder."""
     arm = identified.model.arm
     parameters, links = parameter_table(identified), link_table(identified)
-    urdf = f"{folder_name(arm.name)}.urdf"
+    urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
+    drives = drives_of(identified)
     files = {
         "parameters with deviations": _PARAMETERS,
         "parameters with covariance": _MODEL,
         "consistent links": _LINKS,
-        "description with these links": urdf,
+        "description with these links and friction": urdf,
+        "the same for MuJoCo, with rotors": mjcf,
+        "the same as a Python class": _CLASS,
         "check of the recordings": CHECK,
         "verdict for machines": VERDICT,
     }
     write_checks(identified.recordings, folder)
     write_bytes(folder / _PARAMETERS, parameters.to_csv(index=False).encode())
     write_bytes(folder / _LINKS, links.to_csv(index=False).encode())
-    write_json(folder / _MODEL, model_numbers(identified))
+    write_json(folder / _MODEL, model_numbers(identified) | {"mjcf": mjcf})
     write_json(folder / VERDICT, verdict(identified))
-    write_urdf(arm, identified.links, folder / urdf)
+    write_urdf(arm, identified.links, folder / urdf, drives)
+    write_mjcf(arm, identified.links, folder / mjcf, drives)
+    write_bytes(folder / _CLASS, _SOURCE.read_bytes())
     write_report(content(identified, origin, parameters, links, files), folder / REPORT)
+
+
+def drives_of(identified: IdentifiedArm) -> Drives:
+    """Friction and rotors of the consistent model; none of a kind that it has not."""
+    model, drives = identified.model, vars(Drives.none(identified.model.joints))
+    found = {kind: identified.standard[model.standard_slice(kind)].clamp_min(0.0) for kind in model.kinds}
+    return Drives(**{kind: found.get(kind, none) for kind, none in drives.items()})
 
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
@@ -208,6 +221,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "parameters": chosen.parameters.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
+        "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
         "consistent": {"inertial_parameters": identified.links.tolist(), "terms": terms},
     }
 

@@ -1,0 +1,85 @@
+"""A course for ROS 2: the goal of a joint trajectory controller as text, and a bag of messages."""
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sidegan.base.storage import replacing
+from sidegan.controllers.course import Course
+from sidegan.errors import StorageError
+
+_SECOND = 10**9  # [ns]
+_DIGITS = 9  # significant ones of a number in text
+_TOPIC = "/{}/joint_trajectory"
+
+
+def goal_text(course: Course) -> str:
+    """A goal of ``control_msgs/action/FollowJointTrajectory`` as YAML, for ``ros2 action send_goal``.
+
+    Every point has position, velocity and acceleration, so that the controller draws quintics between them.
+    """
+    values = zip(*(getattr(course, name).tolist() for name in ("position", "velocity", "acceleration")))
+    points = [
+        {
+            "positions": [_number(x) for x in position],
+            "velocities": [_number(x) for x in velocity],
+            "accelerations": [_number(x) for x in acceleration],
+            "time_from_start": _duration(time),
+        }
+        for time, (position, velocity, acceleration) in zip(course.time.tolist(), values)
+    ]
+    trajectory = {"joint_names": list(course.joint_names), "points": points}
+    return yaml.safe_dump(
+        {"trajectory": trajectory}, default_flow_style=None, sort_keys=False, width=1000, allow_unicode=True
+    )
+
+
+def write_mcap(courses: Mapping[str, Course], path: Path) -> None:
+    """Write courses as ``trajectory_msgs/JointTrajectory`` into one MCAP, under ``/<name>/joint_trajectory``.
+
+    Raises:
+        StorageError: when the file cannot be written.
+    """
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with replacing(path) as draft, tempfile.TemporaryDirectory(dir=draft.parent) as folder:
+        try:
+            bag = Path(folder) / path.stem
+            with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+                for name, course in courses.items():
+                    message = _message(store.types, course)
+                    kind = message.__msgtype__
+                    to = writer.add_connection(_TOPIC.format(name), kind, typestore=store)
+                    writer.write(to, 0, store.serialize_cdr(message, kind))
+            (made,) = bag.glob("*.mcap")
+            shutil.move(made, draft)
+        except OSError as error:
+            raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _message(types: Mapping[str, Any], course: Course) -> Any:
+    stamp, duration = types["builtin_interfaces/msg/Time"], types["builtin_interfaces/msg/Duration"]
+    header = types["std_msgs/msg/Header"](stamp(0, 0), "")
+    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    values = zip(*(getattr(course, name).numpy() for name in ("position", "velocity", "acceleration")))
+    points = [
+        point(*states, states[0][:0], duration(**_duration(time)))
+        for time, states in zip(course.time.tolist(), values)
+    ]
+    return types["trajectory_msgs/msg/JointTrajectory"](header, list(course.joint_names), points)
+
+
+def _duration(time: float) -> dict[str, int]:
+    """Time [s] as a duration's whole seconds and nanoseconds."""
+    seconds, nanoseconds = divmod(round(time * _SECOND), _SECOND)
+    return {"sec": seconds, "nanosec": nanoseconds}
+
+
+def _number(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")

@@ -1,0 +1,59 @@
+"""A course as a program for Universal Robots' controllers."""
+
+import torch
+
+from sidegan.controllers.course import Course
+from sidegan.errors import ShapeError
+
+_JOINTS = 6  # of every arm that runs URScript
+_PERIOD = 0.008  # [s] between two points: the slowest of these controllers takes one every 8 ms
+_LOOKAHEAD, _GAIN = 0.1, 300  # of servoj [s] and without a unit, as the manual has them
+_APPROACH = "a=0.3, v=0.2"  # of the straight way in joint space to the first point [rad/s², rad/s]
+_AWAY = 0.05  # [rad] from the first point beyond which the program refuses to start
+
+
+def script_text(course: Course, name: str) -> str:
+    """A URScript program that follows the course by ``servoj``, a point every 8 ms.
+
+    It refuses to start away from the course's first point, to which it does not move on its own.
+
+    Args:
+        course: of six joints.
+        name: of the program; what is no letter, digit or underscore becomes one.
+
+    Raises:
+        ShapeError: when the course has other than six joints.
+    """
+    if len(course.joint_names) != _JOINTS:
+        raise ShapeError(f"URScript moves {_JOINTS} joints, the course has {len(course.joint_names)}")
+    title = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
+    points = _resampled(course)
+    start = _list(points[0])
+    lines = [
+        f"def {title}():",
+        f"  start = {start}",
+        "  at = get_actual_joint_positions()",
+        "  k = 0",
+        "  while k < 6:",
+        f"    if norm(at[k] - start[k]) > {_AWAY}:",
+        '      popup("The arm is not at the first point of the trajectory.", error=True, blocking=True)',
+        "      halt",
+        "    end",
+        "    k = k + 1",
+        "  end",
+        f"  movej(start, {_APPROACH})",
+    ]
+    servo = f"0, 0, {_PERIOD}, {_LOOKAHEAD}, {_GAIN}"
+    lines += [f"  servoj({_list(point)}, {servo})" for point in points]
+    lines += ["  stopj(2.0)", "end", f"{title}()"]
+    return "\n".join(lines) + "\n"
+
+
+def _resampled(course: Course) -> torch.Tensor:
+    """Positions every 8 ms, (N, J), on the quintics between the course's points."""
+    count = max(1, round(course.duration / _PERIOD))
+    return course.at(torch.linspace(0, course.duration, count + 1, dtype=torch.float64))
+
+
+def _list(values: torch.Tensor) -> str:
+    return "[" + ", ".join(f"{x:.9g}" for x in values.tolist()) + "]"

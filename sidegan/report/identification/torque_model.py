@@ -1,0 +1,65 @@
+"""The identified arm as a function: joint torques from joint motion, by Pinocchio.
+
+This file stands on its own: copy it with the MJCF and parameters.json that lie beside it. It needs NumPy and
+Pinocchio (``pip install pin``), and sidegan no longer.
+
+    from model import TorqueModel
+    torque = TorqueModel().torque(q, dq, ddq)
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Vector = np.ndarray[Any, np.dtype[np.floating[Any]]]
+
+
+class TorqueModel:
+    """Torque of the identified arm; J joints in the order of ``joints``, SI units.
+
+    Args:
+        folder: where the MJCF and parameters.json are; this file's own when None.
+
+    Attributes:
+        joints: names of the joints, from the base outwards.
+        model: Pinocchio's model: physically consistent links, with the rotors' inertia as armature.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        import pinocchio
+
+        folder = Path(__file__).parent if folder is None else folder
+        numbers = json.loads((folder / "parameters.json").read_text(encoding="utf-8"))
+        self.joints: list[str] = numbers["joints"]
+        self.model: Any = pinocchio.buildModelFromMJCF(str(folder / numbers["mjcf"]))
+        self._pinocchio, self._data = pinocchio, self.model.createData()
+        terms = numbers["consistent"]["terms"]
+        self._terms = {name: np.array(values) for name, values in terms.items()}
+        self._sign_width = float(numbers["sign_width"])
+        self._stribeck = np.array(numbers["stribeck_velocity"] or np.inf)
+
+    def torque(self, q: Vector, dq: Vector, ddq: Vector) -> Vector:
+        """Torque [N·m or N], (J,), at positions [rad or m], velocities and accelerations, (J,) each."""
+        rigid: Vector = self._pinocchio.rnea(self.model, self._data, q, dq, ddq)
+        return rigid + self.friction(dq)
+
+    def friction(self, dq: Vector) -> Vector:
+        """Friction and offset [N·m or N], (J,), at velocities [rad/s or m/s], (J,)."""
+        still = np.zeros(len(self.joints))
+        viscous, coulomb, offset, stribeck = (
+            self._terms.get(name, still) for name in ("viscous", "coulomb", "offset", "stribeck")
+        )
+        dry = coulomb + stribeck * np.exp(-((dq / self._stribeck) ** 2))
+        return viscous * dq + dry * np.tanh(dq / self._sign_width) + offset
+
+    def gravity(self, q: Vector) -> Vector:
+        """Torque [N·m or N], (J,), that holds the arm still at positions (J,), without friction."""
+        still = np.zeros(len(self.joints))
+        return self._pinocchio.rnea(self.model, self._data, q, still, still)
+
+    def mass_matrix(self, q: Vector) -> Vector:
+        """Joint-space inertia with rotors [kg·m² or kg], (J, J), at positions (J,)."""
+        upper = self._pinocchio.crba(self.model, self._data, q)
+        return np.triu(upper) + np.triu(upper, 1).T

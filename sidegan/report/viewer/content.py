@@ -1,0 +1,147 @@
+"""What a page about moving arms shows, as plain values and packed arrays."""
+
+import base64
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.report.style import PALETTE
+from sidegan.report.viewer.surfaces import arm_parts, packed, region_surface
+from sidegan.robot import Arm
+from sidegan.validity import Constraints, Plane
+from sidegan.validity.closest import closest
+
+_RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
+_SHARE = 16_000  # steps of a whole limit
+_LARGEST = 2.0  # share of a limit that can be shown
+_SHOWN = 100  # trajectories at most: some megabytes
+
+
+@dataclass
+class View:
+    """A page's content: plain values, and arrays that go with them."""
+
+    head: dict[str, Any]
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+    def packed(self) -> tuple[dict[str, Any], str]:
+        """The plain values with a list of the arrays, and these as text (deflated, base 64)."""
+        chunks, table, offset = [], {}, 0
+        for name, x in self.arrays.items():
+            data = np.ascontiguousarray(x).tobytes()
+            data += bytes(-len(data) % 4)
+            table[name] = [x.dtype.name, offset, int(x.size)]
+            chunks.append(data)
+            offset += len(data)
+        return {**self.head, "arrays": table}, base64.b64encode(zlib.compress(b"".join(chunks), 9)).decode()
+
+
+def view_of(
+    constraints: Constraints, family: Trajectory, coefficients: Tensor, titles: Sequence[str] = ()
+) -> View:
+    """What is shown of trajectories with coefficients [rad/s], (B, J, H, 2); of very many, the first.
+
+    Args:
+        constraints: the arm in its workspace.
+        family: of the trajectories.
+        coefficients: theirs.
+        titles: what to call each; their numbers when there are none.
+
+    Raises:
+        ShapeError: when there is no trajectory, or another number of titles.
+    """
+    count = len(coefficients)
+    if count == 0 or (titles and len(titles) != count):
+        raise ShapeError(f"there are {count} trajectories to show and {len(titles)} titles")
+    arm, coefficients = constraints.arm, coefficients[:_SHOWN]
+    samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
+    times = torch.linspace(0.0, family.period, samples + 1, dtype=torch.float64)
+    motion = family.roll_out(coefficients.detach().to("cpu", torch.float64), times)
+    head = {
+        "name": arm.name,
+        "joints": list(arm.joint_names),
+        "prismatic": arm.prismatic.tolist(),
+        "period": family.period,
+        "samples": samples,
+        "titles": list(titles[:_SHOWN]) or [str(k + 1) for k in range(len(coefficients))],
+        "total": count,
+        "checked": constraints.described(),
+        "colours": list(PALETTE),
+        "chain": _chain(arm),
+    }
+    view = View(head)
+    _add_signals(view, constraints, motion)
+    _add_closest(view, constraints, motion)
+    _add_surfaces(view, constraints)
+    return view
+
+
+def _chain(arm: Arm) -> dict[str, Any]:
+    """What places the joints: rotations row by row, origins [m], axes, and the end effector [m]."""
+    return {
+        "rotation": arm.rotation.flatten(1).tolist(),
+        "translation": arm.translation.tolist(),
+        "axis": arm.axis.tolist(),
+        "tip": arm.tip.tolist(),
+    }
+
+
+def _add_signals(view: View, constraints: Constraints, motion: Motion) -> None:
+    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) steps each."""
+    arm = constraints.arm
+    middle = (arm.position_upper + arm.position_lower) / 2
+    signals = {
+        "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
+        "velocity": (motion.velocity, arm.velocity_limit),
+        "acceleration": (motion.acceleration, arm.acceleration_limit),
+        "torque": (constraints.body.torque(*motion[1:]), arm.torque_limit),
+    }
+    view.head["middle"] = middle.tolist()
+    view.head["signals"] = {}
+    for name, (values, limit) in signals.items():
+        largest = values.abs().amax((0, 1)).clamp_min(1e-9)
+        limited = torch.isfinite(limit) if limit is not None else torch.zeros_like(largest, dtype=torch.bool)
+        scale = largest if limit is None else torch.where(limited, limit, largest)
+        share = (values / scale).clamp(-_LARGEST, _LARGEST)
+        view.head["signals"][name] = {"scale": scale.tolist(), "limited": limited.tolist()}
+        view.arrays[name] = (share * _SHARE).round().numpy().astype(np.int16)
+    view.head["steps"] = _SHARE
+
+
+def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
+    """Which pair is closest, its distance [m], and the nearest points [m]."""
+    batch, samples, joints = motion.position.shape
+    found = closest(constraints, motion.position.reshape(-1, joints))
+    view.head["pairs"] = [] if found is None else list(found.names)
+    if found is None:
+        return
+    used, which = torch.unique(found.which, return_inverse=True)
+    view.head["pairs"] = [found.names[k] for k in used.tolist()]
+    view.arrays["pair"] = which.numpy().astype(np.uint16).reshape(batch, samples)
+    view.arrays["distance"] = found.distance.numpy().astype(np.float32)
+    view.arrays["points"] = found.points.numpy().round(4).astype(np.float32)
+
+
+def _add_surfaces(view: View, constraints: Constraints) -> None:
+    """The arm, its capsules, and what it must not touch."""
+    looks, shapes = arm_parts(constraints.arm)
+    regions = [region_surface(region) for region in constraints.regions]
+    planes = [region for region in constraints.regions if isinstance(region, Plane)]
+    view.head["planes"] = [{"normal": plane.unit, "offset": plane.offset} for plane in planes]
+    obstacles = [part for part in regions if part is not None]
+    for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
+        view.head[kind] = []
+        for k, part in enumerate(parts):
+            head, vertices, faces = packed(part)
+            view.head[kind].append(head)
+            view.arrays[f"{kind}{k}v"] = vertices
+            few = len(vertices) <= np.iinfo(np.uint16).max
+            view.arrays[f"{kind}{k}f"] = faces.astype(np.uint16 if few else np.uint32)

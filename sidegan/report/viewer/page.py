@@ -1,0 +1,72 @@
+"""The page itself: the data, the 3D library and our scripts in one HTML file."""
+
+import json
+import zipfile
+from functools import cache
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from sidegan.base.storage import write_bytes
+from sidegan.errors import ArtifactError
+from sidegan.report.viewer.content import View
+from sidegan.report.web import page
+
+_HERE = Path(__file__).parent
+_SCRIPTS = ("data.js", "orbit.js", "scene.js", "charts.js", "viewer.js")
+_ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # of trimesh, with three.js in it
+
+
+def write_view(view: View, path: Path) -> None:
+    """Write a view as one HTML file that needs no network."""
+    write_bytes(path, view_html(view).encode())
+
+
+def view_html(view: View) -> str:
+    """A view as an HTML document."""
+    head, arrays = view.packed()
+    environment = Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    scripts = "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+    body = environment.get_template("viewer.html.jinja").render(
+        view=view.head,
+        style=Markup((_HERE / "viewer.css").read_text(encoding="utf-8")),
+        data=Markup(script_json(head)),
+        arrays=Markup(arrays),
+        library=Markup(three_js()),
+        script=Markup(scripts),
+    )
+    return page(f"Trajectories of {view.head['name']}", body, plots=False)
+
+
+def script_json(value: object) -> str:
+    """JSON that can stand inside a script element, whatever strangers' names hold."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+@cache
+def three_js() -> str:
+    """The library three.js with its licence, as trimesh's own viewer carries it.
+
+    Raises:
+        ArtifactError: when this trimesh has none.
+    """
+    try:
+        archive = files("trimesh").joinpath("resources", *_ARCHIVE.split("/")).read_bytes()
+        lines = zipfile.ZipFile(BytesIO(archive)).read(_TEMPLATE).decode().splitlines()
+        script = next(k for k, line in enumerate(lines) if "<script>" in line)
+        library = next(k for k, line in enumerate(lines) if ".THREE={}" in line)
+    except (OSError, KeyError, StopIteration, zipfile.BadZipFile) as error:
+        raise ArtifactError(
+            "this version of trimesh has no three.js: pip install 'trimesh>=4.5,<6'"
+        ) from error
+    return "\n".join(lines[script : library + 1]).split("<script>", 1)[1]

@@ -1,0 +1,171 @@
+"""Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import torch
+from torch import Tensor
+
+from sidegan.base.names import listed
+from sidegan.errors import InfeasibleError
+from sidegan.robot import Arm
+from sidegan.robot.setup import allowed
+from sidegan.validity.capsules import capsule_axes, segment_distance
+from sidegan.validity.pieces import PieceDistances
+from sidegan.validity.proof import never_touching
+
+SAMPLES = 4_000  # random configurations that capsules are tried in
+_INSIDE = 1_000  # of them that what is inside of capsules is tried in
+_FEW = 3  # pairs that may all touch always: a short arm has no others
+_SHOWN = 6  # pairs of links that a message names
+
+Links = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Exemption:
+    """A pair of links that is not kept apart."""
+
+    links: Links
+    why: str  # for people: "neighbours", "never touch", or who named the pair
+    share: float | None = None  # of random configurations in which they touch; None: not looked at
+
+    def __str__(self) -> str:
+        touching = "" if self.share is None else f", touch in {_percent(self.share)}"
+        return f"{' – '.join(self.links)} ({self.why}{touching})"
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Capsules that are kept apart, and links that are not."""
+
+    checked: Tensor  # (P, 2)
+    links: int  # pairs of links that are kept apart
+    neighbours: tuple[Exemption, ...]  # a link and the nearest one with a shape towards the base
+    named: tuple[Exemption, ...]  # that the user, the description or the SRDF names
+    never: tuple[Exemption, ...]  # that provably cannot touch
+
+
+_found: WeakKeyDictionary[Arm, Pairs] = WeakKeyDictionary()
+
+
+def pairs_of(arm: Arm) -> Pairs:
+    """The pairs of an arm's capsules that are kept apart.
+
+    Raises:
+        InfeasibleError: when links touch in every random configuration that nobody named, with the setting
+            that names them.
+    """
+    if arm not in _found:
+        _found[arm] = _find(arm)
+    return _found[arm]
+
+
+def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
+    """Random configurations [rad or m], (count, J), the same on every call."""
+    random = torch.Generator().manual_seed(0)
+    draw = torch.rand(arm.joints, SAMPLES, generator=random, dtype=torch.float64)
+    return torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw).T[:count]
+
+
+def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
+    """Distances [m], (P, N), of pairs of capsules (P, 2) at positions (N, J)."""
+    a, b = capsule_axes(arm, q.T.contiguous())
+    first, second = pairs.unbind(1)
+    radius = arm.capsules.radius.to(a)
+    apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
+    return apart - (radius[first] + radius[second])[:, None]
+
+
+def _find(arm: Arm) -> Pairs:
+    link, owners = arm.capsules.link, arm.capsules.owners
+    pairs = torch.combinations(torch.arange(len(link)))
+    apart = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs()
+    pairs, apart = pairs[apart > 0], apart[apart > 0]
+    of = [_sorted(owners[i], owners[j]) for i, j in pairs.tolist()]
+    parents = None if arm.parents is None else {_sorted(*pair) for pair in arm.parents}
+    near = [bool(d == 1) and (parents is None or links in parents) for d, links in zip(apart, of)]
+    said = {_sorted(one, other): why for one, other, why in arm.may_touch}
+    named = [links in said and not n for links, n in zip(of, near)]
+    open_ = [not (n or m) for n, m in zip(near, named)]
+    touching = _Touching(arm, pairs, of)
+    _refuse(arm, touching, _marked(of, open_))
+    kept = torch.tensor([k for k, o in enumerate(open_) if o], dtype=torch.long)
+    kept = kept[~never_touching(arm, pairs[kept])]
+    left = {of[k] for k in kept.tolist()}
+    return Pairs(
+        checked=pairs[kept],
+        links=len(left),
+        neighbours=tuple(Exemption(links, "neighbours") for links in _marked(of, near)),
+        named=tuple(
+            Exemption(links, said[links], touching.share(links)) for links in _marked(of, named)
+        ),
+        never=tuple(Exemption(links, "never touch") for links in _marked(of, open_) if links not in left),
+    )
+
+
+def _marked(links: list[Links], marks: list[bool]) -> list[Links]:
+    """The pairs of links that are marked, each once."""
+    return list(dict.fromkeys(pair for pair, mark in zip(links, marks) if mark))
+
+
+def _sorted(one: str, other: str) -> Links:
+    return (one, other) if one <= other else (other, one)
+
+
+class _Touching:
+    """In which share of random configurations pairs of links touch."""
+
+    def __init__(self, arm: Arm, pairs: Tensor, of: list[Links]) -> None:
+        self.arm, self.pairs, self.of = arm, pairs, of
+        self.q = sampled(arm)
+        self.inside = PieceDistances(arm, pairs)
+        self.apart = capsule_distances(arm, self.q, pairs) > 0 if len(pairs) else torch.zeros(0, SAMPLES).bool()
+
+    def share(self, links: Links) -> float:
+        """Share of the configurations in which two links touch."""
+        mine = [k for k, pair in enumerate(self.of) if pair == links]
+        apart = self.apart[mine].all(0)
+        if not self.inside.finer[mine].any():
+            return float((~apart).double().mean())
+        rows = torch.nonzero(~apart)[:_INSIDE, 0]
+        if not len(rows):
+            return 0.0
+        touch = torch.zeros(len(rows), dtype=torch.bool)
+        for k in mine:
+            asked = torch.nonzero(~self.apart[k, rows])[:, 0]
+            if self.inside.finer[k]:
+                question = torch.stack([rows[asked], torch.full_like(asked, k)], 1)
+                touch[asked] |= ~(self.inside.lower(self.q, question, 0.0) > 0)
+            else:
+                touch[asked] = True
+        return float(touch.double().mean() * (~apart).double().mean())
+
+    def always(self, links: Links) -> bool:
+        """Whether two links touch in every configuration."""
+        mine = [k for k, pair in enumerate(self.of) if pair == links]
+        return not bool(self.apart[mine].all(0).any()) and self.share(links) == 1.0
+
+
+def _refuse(arm: Arm, touching: _Touching, links: Iterable[Links]) -> None:
+    """Refuse links that always touch and that nobody named."""
+    every = list(links)
+    stuck = [pair for pair in every if touching.always(pair)]
+    if not stuck:
+        return
+    if len(stuck) == len(every) > _FEW:
+        raise InfeasibleError(
+            f"all {len(every)} pairs of links of {arm.name} that are not adjacent touch in every one of "
+            f"{SAMPLES:,} random configurations, so that none can be checked: are the shapes in metres?"
+        )
+    names = listed([" and ".join(pair) for pair in stuck], _SHOWN)
+    raise InfeasibleError(
+        f"links of {arm.name} that touch in every one of {SAMPLES:,} random configurations: {names}; correct "
+        f"their shapes, or, if nothing is wrong with their touching, {allowed(stuck, arm.setup.may_touch)} "
+        "leaves these pairs unchecked"
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"

@@ -1,0 +1,140 @@
+"""What controllers are given is the motion that was checked: by other decoders, between points, slowed down."""
+
+import io
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+import yaml
+
+from sidegan.controllers import Course, csv_text, goal_text, knots, run_of, script_text, write_mcap
+from sidegan.errors import ShapeError, StorageError
+from sidegan.motion.trajectory import Trajectory
+from tests.recording.conftest import load_recording, of_file
+
+FAMILY = Trajectory(joints=6, harmonics=6, period=16.0, home=(0.1, -0.2, 0.3, 0.0, 0.5, -1.0))
+NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist, 3")
+FIELDS = {"positions": "position", "velocities": "velocity", "accelerations": "acceleration"}
+MOST = 128 * 1024  # bytes of one argument of a command on Linux
+
+
+def course(seed=0, family=FAMILY, rate=None):
+    c = 0.3 * torch.randn(
+        1, *family.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64
+    )
+    times = knots(family) if rate is None else family.times(rate)
+    return Course.of(NAMES, family.roll_out(c, times))
+
+
+def test_quintics_between_the_points_are_the_motion():
+    fine = course(rate=1000)
+    assert (course().at(fine.time) - fine.position).abs().max() < 1e-6  # rad
+
+
+@pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])
+def test_a_slower_run_is_the_same_path(speed):
+    once, slow = course(rate=200), course(rate=200).slowed(speed)
+    assert slow.duration == pytest.approx(once.duration / speed)
+    torch.testing.assert_close(slow.position, once.position)
+    step = slow.time[1]
+    for below, above in (("position", "velocity"), ("velocity", "acceleration")):
+        drawn = torch.gradient(getattr(slow, below), dim=0)[0][1:-1] / step
+        assert (drawn - getattr(slow, above)[1:-1]).abs().max() < 1e-3 * (1 + drawn.abs().max())
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1.5, float("nan")])
+def test_no_other_speed_is_taken(speed):
+    with pytest.raises(ShapeError, match="above 0 and up to 1"):
+        course().slowed(speed)
+
+
+@pytest.mark.parametrize("pause", [0.0, 2.0])
+def test_courses_in_a_row_rest_between(pause):
+    both = run_of([course(0), course(1)], pause)
+    assert both.duration == pytest.approx(2 * FAMILY.period + pause)
+    middle = torch.linspace(0, pause, 5, dtype=torch.float64) + FAMILY.period
+    home = torch.tensor(FAMILY.home, dtype=torch.float64)
+    torch.testing.assert_close(both.at(middle), home.expand(5, -1), rtol=0, atol=1e-9)
+    torch.testing.assert_close(both.at(both.time), both.position, rtol=0, atol=1e-9)
+
+
+def test_courses_that_do_not_meet_are_refused():
+    elsewhere = Trajectory(joints=6, period=16.0)
+    with pytest.raises(ShapeError, match="must meet"):
+        course().then(course(family=elsewhere))
+    with pytest.raises(ShapeError, match="no courses"):
+        run_of([], 1.0)
+
+
+def test_a_course_must_have_points_that_fit_its_joints_and_rising_time():
+    one = course()
+    with pytest.raises(ShapeError, match="velocity is"):
+        Course(NAMES, one.time, one.position, one.velocity[1:], one.acceleration)
+    with pytest.raises(ShapeError, match="rise from 0"):
+        Course(NAMES, one.time.flip(0), one.position, one.velocity, one.acceleration)
+
+
+def test_identify_reads_the_table_without_a_setting(tmp_path):
+    one = course(rate=100)
+    table = pd.read_csv(io.StringIO(csv_text(one)))
+    table.assign(**{f"tau_{name}": 0.5 for name in NAMES}).to_csv(tmp_path / "a.csv", index=False)
+    read = load_recording(tmp_path / "a.csv", of_file(), NAMES)
+    for name in ("time", "position", "velocity", "acceleration"):
+        torch.testing.assert_close(getattr(read, name), getattr(one, name), rtol=1e-8, atol=1e-8)
+
+
+def test_the_goal_is_yaml_that_a_shell_can_pass():
+    one = course()
+    text = goal_text(one)
+    assert len(text.encode()) < MOST
+    goal = yaml.safe_load(text)["trajectory"]
+    assert goal["joint_names"] == list(NAMES)
+    for key, wanted in (("positions", one.position), ("velocities", one.velocity)):
+        found = np.array([point[key] for point in goal["points"]])
+        np.testing.assert_allclose(found, wanted.numpy(), rtol=1e-8, atol=1e-9)
+    stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in goal["points"]]
+    np.testing.assert_allclose(stamps, one.time.numpy(), rtol=0, atol=1e-9)
+
+
+def test_a_decoder_of_another_author_reads_the_bag(tmp_path):
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    reader = pytest.importorskip("mcap.reader")
+    courses = {"trajectory_01": course(0), "trajectory_02": course(1)}
+    write_mcap(courses, tmp_path / "all.mcap")
+    assert [path.name for path in tmp_path.iterdir()] == ["all.mcap"]
+    with (tmp_path / "all.mcap").open("rb") as stream:
+        opened = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        found = {channel.topic: message for _, channel, _, message in opened.iter_decoded_messages()}
+    assert set(found) == {f"/{name}/joint_trajectory" for name in courses}
+    for name, one in courses.items():
+        message = found[f"/{name}/joint_trajectory"]
+        assert list(message.joint_names) == list(NAMES)
+        for theirs, ours in FIELDS.items():
+            points = np.array([getattr(point, theirs) for point in message.points])
+            np.testing.assert_array_equal(points, getattr(one, ours).numpy())
+
+
+def test_a_bag_that_cannot_be_written_leaves_nothing(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot write"):
+        write_mcap({"one": course()}, tmp_path / "file" / "all.mcap")
+
+
+def test_the_program_follows_the_motion_and_starts_nowhere_else():
+    fine, text = course(rate=125), script_text(course(), "excite 1; evil()")
+    assert text.startswith("def excite_1__evil__():") and text.endswith("excite_1__evil__()\n")
+    served = [
+        [float(x) for x in match.split(",")]
+        for match in re.findall(r"servoj\(\[([^]]*)\], 0, 0, 0\.008", text)
+    ]
+    np.testing.assert_allclose(served, fine.position.numpy(), rtol=0, atol=1e-6)
+    assert text.index("popup") < text.index("movej") < text.index("servoj")
+
+
+def test_arms_of_other_joints_run_no_urscript():
+    seven = Trajectory(joints=7)
+    one = seven.roll_out(torch.zeros(1, 7, 6, 2, dtype=torch.float64), knots(seven))
+    with pytest.raises(ShapeError, match="6 joints, the course has 7"):
+        script_text(Course.of([f"j{i}" for i in range(7)], one), "a")

@@ -1,0 +1,176 @@
+"""The page on which an arm moves: its numbers are the motion's, and names of strangers do no harm."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import zlib
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.report.viewer import view_of, write_view
+from sidegan.report.viewer.page import script_json, three_js, view_html
+from sidegan.report.viewer.surfaces import arm_parts, fewer, hull, packed
+from sidegan.robot.looks import Part
+from sidegan.validity import Box, Constraints, Plane
+
+FAMILY = Trajectory(2, 3, 8.0)
+REGIONS = (Plane((0.0, 0.0, 1.0), -0.5), Box((0.5, -0.1, 0.0), (0.9, 0.1, 0.3)))
+EVIL = "</script><script>alert('joint & more')</script><!--"
+
+
+@pytest.fixture
+def coefficients():
+    return 0.3 * torch.randn(3, 2, 3, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+
+
+@pytest.fixture
+def view(planar, coefficients):
+    return view_of(Constraints(planar, REGIONS), FAMILY, coefficients)
+
+
+class Page(HTMLParser):
+    """What a browser makes of a page: its elements, and the text of the two that hold data."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.held, self.links, self._open = [], {}, [], None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value for name, value in attrs if name in ("src", "href")]
+        self._open = dict(attrs).get("id") if tag == "script" else None
+
+    def handle_endtag(self, tag):
+        self._open = None
+
+    def handle_data(self, data):
+        if self._open:
+            self.held[self._open] = data
+
+
+def unpacked(page):
+    head = json.loads(page.held["data"])
+    data = zlib.decompress(base64.b64decode(page.held["arrays"]))
+    table = head["arrays"].items()
+    return head, {name: np.frombuffer(data, kind, size, offset) for name, (kind, offset, size) in table}
+
+
+def test_positions_and_shares_are_those_of_the_motion(planar, view, coefficients):
+    head, arrays = unpacked(Page(view_html(view)))
+    times = torch.linspace(0, 8, head["samples"] + 1, dtype=torch.float64)
+    motion = FAMILY.roll_out(coefficients, times)
+    shares = {name: arrays[name].reshape(3, -1, 2) / head["steps"] for name in head["signals"]}
+    scales = {name: np.array(signal["scale"]) for name, signal in head["signals"].items()}
+    position = np.array(head["middle"]) + shares["position"] * scales["position"]
+    np.testing.assert_allclose(position, motion.position, atol=2e-4)
+    np.testing.assert_allclose(shares["velocity"], motion.velocity / planar.velocity_limit, atol=1e-4)
+    torque = Constraints(planar).body.torque(*motion[1:])
+    np.testing.assert_allclose(shares["torque"], torque / planar.torque_limit, atol=1e-4)
+    assert not any(head["signals"]["acceleration"]["limited"])  # none is stated
+    assert np.abs(shares["acceleration"]).max((0, 1)) == pytest.approx([1, 1])
+
+
+def test_limits_of_acceleration_are_what_it_is_a_share_of(planar, coefficients):
+    limited = replace(planar, acceleration_limit=torch.tensor([5.0, torch.inf], dtype=torch.float64))
+    signal = view_of(Constraints(limited), FAMILY, coefficients).head["signals"]["acceleration"]
+    assert signal["limited"] == [True, False] and signal["scale"][0] == 5
+
+
+def test_the_closest_is_what_the_check_finds(planar, view, coefficients):
+    head, arrays = unpacked(Page(view_html(view)))
+    constraints = Constraints(planar, REGIONS)
+    times = torch.linspace(0, 8, head["samples"] + 1, dtype=torch.float64)
+    positions = FAMILY.derivative(coefficients, times, 0).reshape(-1, 2)
+    distance, which = constraints.distances(positions).min(1)
+    names = [*constraints.labels["collision"], *constraints.labels["keep_out"]]
+    np.testing.assert_allclose(arrays["distance"], distance, atol=1e-6)
+    assert [head["pairs"][k] for k in arrays["pair"]] == [names[k] for k in which]
+    points = arrays["points"].reshape(-1, 2, 3)
+    np.testing.assert_allclose(np.linalg.norm(points[:, 0] - points[:, 1], axis=1), distance.abs(), atol=2e-4)
+
+
+def test_names_of_strangers_stay_names(planar, coefficients):
+    named = replace(planar, name=EVIL, joint_names=(EVIL, "b"), link_names=(EVIL, "b"))
+    named = replace(named, capsules=replace(planar.capsules, names=(EVIL, "<b>", "&")))
+    view = view_of(Constraints(named), FAMILY, coefficients, [EVIL, "2", "3"])
+    page = Page(view_html(view))
+    plain = Page(view_html(view_of(Constraints(planar), FAMILY, coefficients, ["1", "2", "3"])))
+    assert page.tags == plain.tags
+    head, _ = unpacked(page)
+    assert head["joints"][0] == head["titles"][0] == EVIL
+
+
+def test_json_in_a_script_has_no_markup():
+    text = script_json({"a": EVIL, "b": [1.5, None]})
+    assert not set("<>&") & set(text) and json.loads(text) == {"a": EVIL, "b": [1.5, None]}
+
+
+def test_nothing_comes_from_elsewhere(view, tmp_path):
+    write_view(view, tmp_path / "view.html")
+    text = (tmp_path / "view.html").read_text()
+    assert "default-src 'none'" in text
+    assert Page(text).links == []
+    assert len(text) < 2_000_000
+
+
+def test_the_library_comes_with_its_licence():
+    library = three_js()
+    assert "SPDX-License-Identifier: MIT" in library and "</script" not in library
+    assert re.search(r"\.THREE=\{\}", library)
+
+
+def test_only_so_many_trajectories_are_shown(planar, coefficients):
+    many = view_of(Constraints(planar), FAMILY, coefficients.repeat(50, 1, 1, 1))
+    assert many.head["total"] == 150 and len(many.head["titles"]) == 100
+    with pytest.raises(ShapeError, match="0 trajectories to show"):
+        view_of(Constraints(planar), FAMILY, coefficients[:0])
+
+
+def test_too_many_triangles_become_fewer_that_stay_where_they_were():
+    angle = np.linspace(0, 2 * np.pi, 600, endpoint=False)
+    height, turn = np.meshgrid(np.linspace(0, 0.5, 400), angle, indexing="ij")
+    points = np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), height], -1).reshape(-1, 3)
+    corner = np.arange(400 * 600).reshape(400, 600)
+    quads = corner[:-1], np.roll(corner, -1, 1)[:-1], np.roll(corner, -1, 1)[1:], corner[1:]
+    a, b, c, d = (x.reshape(-1) for x in quads)
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    (less,) = fewer([Part(0, points, faces, None)])
+    assert 20_000 < len(less.faces) <= 120_000
+    np.testing.assert_allclose(np.linalg.norm(less.vertices[:, :2], axis=1), 0.1, atol=1e-3)
+
+
+def test_a_packed_surface_is_the_surface(planar):
+    for part in (part for parts in arm_parts(planar) for part in parts):
+        head, vertices, faces = packed(part)
+        back = np.array(head["low"]) + vertices * np.array(head["step"])
+        np.testing.assert_allclose(back, part.vertices, atol=1e-5)
+        assert faces.max() < len(vertices)
+
+
+def test_a_hulls_faces_look_outwards():
+    part = hull(np.random.default_rng(0).normal(size=(60, 3)))
+    corners = part.vertices[part.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    volume = (normal * corners[:, 0]).sum() / 6
+    assert volume > 0 and ((normal * (corners.mean(1) - part.vertices.mean(0))).sum(1) > 0).all()
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")
+def test_a_browser_shows_it(view, tmp_path):
+    write_view(view, tmp_path / "view.html")
+    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    command += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=8000"]
+    command += [f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", (tmp_path / "view.html").as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    assert re.search(r'id="nearest">closest: [^<]+<b>[−\d.]+ m</b>', shown)
+    assert re.search(r'id="fault" hidden', shown)
+    assert "forearm" in shown and shown.count("<option value=") >= 3

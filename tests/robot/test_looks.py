@@ -1,0 +1,84 @@
+"""What an arm looks like is where Pinocchio has its visual shapes."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sidegan.robot import Setup, load_robot
+from sidegan.robot.looks import visual_parts
+
+STL = """solid t
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 2 0
+endloop
+endfacet
+endsolid t
+"""
+URDF = """<robot name="two">
+  <material name="red"><color rgba="0.9 0.1 0.05 1"/></material>
+  <link name="base">
+    <visual><geometry><box size="0.2 0.3 0.4"/></geometry><material name="red"/></visual>
+    <visual><geometry><mesh filename="package://nowhere/lost.stl"/></geometry></visual>
+  </link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+    <origin xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1" effort="9"/></joint>
+  <link name="arm">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><origin xyz="0 0.1 0.2" rpy="1 0.5 0.2"/>
+      <geometry><cylinder radius="0.05" length="0.4"/></geometry>
+      <material name=""><color rgba="0 0.5 1 1"/></material></visual>
+  </link>
+  <joint name="wrist" type="revolute"><parent link="arm"/><child link="hand"/>
+    <origin xyz="0 0 0.4" rpy="0.1 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="1" effort="9"/></joint>
+  <link name="hand">
+    <visual><origin xyz="0.3 0 0"/>
+      <geometry><mesh filename="plate.stl" scale="0.1 0.1 0.1"/></geometry></visual>
+  </link>
+  <joint name="weld" type="fixed"><parent link="hand"/><child link="tool"/>
+    <origin xyz="0 0 0.2" rpy="0 0 1"/></joint>
+  <link name="tool">
+    <collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.03"/></geometry></collision></link>
+</robot>"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "plate.stl").write_text(STL)
+    (tmp_path / "two.urdf").write_text(URDF)
+    return tmp_path / "two.urdf"
+
+
+def test_shapes_are_where_the_description_has_them(file):
+    arm = load_robot(file)
+    parts = visual_parts(arm)
+    assert [part.link for part in parts] == [-1, 0, 1, 1]
+    box, rod, plate, ball = parts
+    assert box.colour == (0.9, 0.1, 0.05) and rod.colour == (0.0, 0.5, 1.0) and plate.colour is None
+    np.testing.assert_allclose(np.ptp(box.vertices, axis=0), [0.2, 0.3, 0.4], atol=1e-12)
+    turn = pin.rpy.rpyToMatrix(1.0, 0.5, 0.2)
+    np.testing.assert_allclose(rod.vertices.mean(0), [0, 0.1, 0.2], atol=1e-12)
+    local = (rod.vertices - [0, 0.1, 0.2]) @ turn
+    np.testing.assert_allclose(np.abs(local[:, 2]).max(), 0.2, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*local[:, :2].T).max(), 0.05, atol=1e-12)
+    np.testing.assert_allclose(plate.vertices.max(0), [0.4, 0.2, 0], atol=1e-7)
+    centre = np.array([0.1 * np.cos(1), 0.1 * np.sin(1), 0.2])
+    np.testing.assert_allclose(np.linalg.norm(ball.vertices - centre, axis=1), 0.03, atol=1e-9)
+
+
+def test_what_is_locked_stands_where_it_is_locked(file):
+    arm = load_robot(file, Setup(locked={"wrist": 0.7}))
+    assert {part.link for part in visual_parts(arm)} == {-1, 0}
+    plate = visual_parts(arm)[2]
+    turn = pin.rpy.rpyToMatrix(0.1, 0.0, 0.0) @ pin.rpy.rpyToMatrix(0.0, 0.7, 0.0)
+    np.testing.assert_allclose(plate.vertices[0], turn @ [0.3, 0, 0] + [0, 0, 0.4], atol=1e-9)
+
+
+def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
+    arm = load_robot(file)
+    file.unlink()
+    assert visual_parts(arm) == [] and "is shown as its collision shapes alone" in caplog.text
