@@ -29,7 +29,7 @@ def shape_accuracy(arm: Arm, configurations: int = 2_000, seed: int = 0) -> tupl
     exempt = [one.links for one in constraints.exempt if one.why != "never touch"]
     collided = torch.from_numpy(collides(arm, q.numpy(), exempt))
     still = torch.zeros_like(q)
-    margins = constraints.margins(q, still, still).get("collision", q.new_ones(len(q), 1))
+    margins = constraints.margins(q, still, still, still).get("collision", q.new_ones(len(q), 1))
     refused = (margins < 0).any(1)
     free = ~collided
     return _share(refused[free]), _share(~refused[collided])

@@ -33,10 +33,10 @@ def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tenso
     """Which, distance and points of some states."""
     still = torch.zeros_like(q)
     with torch.no_grad():
-        margins = constraints.margins(q, still, still)
+        margins = constraints.margins(q, still, still, still)
         checked = [margins[name] for name in ("collision", "keep_out") if name in margins]
         distance, which = torch.cat(checked, 1).min(1)
-    return which, distance, _points(constraints, q, which)
+    return which, distance + constraints.clearance, _points(constraints, q, which)
 
 
 @torch.enable_grad()
