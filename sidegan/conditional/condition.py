@@ -82,7 +82,8 @@ class Condition:
         arm = workspace.arm
         velocity, torque = arm.velocity_limit * self.velocity[0], arm.torque_limit * self.torque[0]
         arm = replace(arm, velocity_limit=velocity, torque_limit=torque)
-        return Constraints(arm, [*workspace.regions, *self.regions()], workspace.torque)
+        regions = [*workspace.regions, *self.regions()]
+        return Constraints(arm, regions, workspace.torque, workspace.clearance)
 
     @staticmethod
     def cat(parts: "list[Condition]") -> "Condition":

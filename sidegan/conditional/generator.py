@@ -184,7 +184,8 @@ def _workspace(constraints: Constraints) -> dict[str, Any]:
         {"plane": {"normal": x.unit, "offset": x.offset}} if isinstance(x, Plane) else {"box": asdict(x)}
         for x in constraints.regions
     ]
-    return {"torque": constraints.torque, "regions": regions}
+    clearance = {"clearance": constraints.clearance} if constraints.clearance else {}
+    return {"torque": constraints.torque, "regions": regions, **clearance}
 
 
 @torch.no_grad()

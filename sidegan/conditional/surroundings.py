@@ -27,9 +27,10 @@ class Surroundings:
         draw = torch.rand(self.arm.joints, _SAMPLES, generator=random, dtype=torch.float64)
         low, high = self.arm.position_lower[:, None], self.arm.position_upper[:, None]
         self._ends = self._capsules(torch.lerp(low, high, draw))  # of the moving capsules
-        self.radius = self.arm.capsules.radius[self.moving]
+        radius = self.arm.capsules.radius[self.moving]
+        self.radius = radius + constraints.clearance
         a, b = self._ends
-        self.highest = (torch.minimum(a[2], b[2]) - self.radius[:, None]).amax(1)
+        self.highest = (torch.minimum(a[2], b[2]) - radius[:, None]).amax(1)
 
     def _capsules(self, q: Tensor) -> tuple[Tensor, Tensor]:
         a, b = capsule_axes(self.arm, q)

@@ -68,7 +68,7 @@ class ConditionSampler(nn.Module):
         self.network, self.generator = generator.network, generator
         self.pool, self.settings = pool, settings
         constraints = generator.space.constraints
-        self.quiet = Constraints(constraints.arm, constraints.regions, torque=False)
+        self.quiet = Constraints(constraints.arm, constraints.regions, False, constraints.clearance)
 
     def problem(self, condition: Condition) -> ConditionedProblem:
         """The trajectories under these conditions."""

@@ -1,8 +1,8 @@
 """Groups of settings that only the pipeline knows: size, records, and workers."""
 
 import re
-from dataclasses import dataclass, fields
-from typing import Annotated, Literal
+from dataclasses import asdict, dataclass, fields
+from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Seconds, Share, Size
@@ -99,6 +99,13 @@ class Workspace:
 
     torque: bool
     regions: list[Region]
+    clearance: NonNegative = 0.0  # that links keep from each other and from the regions [m]
+
+    @property
+    def stamped(self) -> dict[str, Any]:
+        """What artifacts depend on."""
+        values = asdict(self)
+        return values if self.clearance else {key: x for key, x in values.items() if key != "clearance"}
 
 
 @dataclass(frozen=True)

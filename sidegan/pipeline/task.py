@@ -75,7 +75,8 @@ class Task:
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
         workspace = self.cfg.workspace
-        return Constraints(self.arm, [one.shape for one in workspace.regions], workspace.torque)
+        regions = [one.shape for one in workspace.regions]
+        return Constraints(self.arm, regions, workspace.torque, workspace.clearance)
 
     @cached_property
     def constraints(self) -> Constraints:
@@ -154,7 +155,7 @@ class Task:
         """
         training = options.get("training")
         family = {**asdict(self.cfg.trajectory), "home": self.home}
-        shared = {"workspace": asdict(self.cfg.workspace), "trajectory": family}
+        shared = {"workspace": self.cfg.workspace.stamped, "trajectory": family}
         column = None if maker in _SHARED else self.cfg.column
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         numbered = {} if training is None else {"training": training}

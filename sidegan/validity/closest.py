@@ -35,7 +35,7 @@ def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tenso
         margins = constraints.at_rest(q)
         checked = [margins[name] for name in ("collision", "keep_out") if name in margins]
         distance, which = torch.cat(checked, 1).min(1)
-    return which, distance, _points(constraints, q, which)
+    return which, distance + constraints.clearance, _points(constraints, q, which)
 
 
 @torch.enable_grad()

@@ -12,7 +12,8 @@ from sidegan.motion.compiled.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.pairs import SAMPLES, pairs_of, sampled
+from sidegan.validity.clearance import grown, thicker
+from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Region, tables
 
@@ -33,6 +34,8 @@ class Constraints:
         arm: the arm.
         regions: keep-out regions in world coordinates.
         torque: whether torque limits count, where the robot states them.
+        clearance: how far links stay from each other and from the regions [m]; margins of distances are what
+            is left beyond it. At the edges of boxes a little more is kept.
 
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
@@ -44,17 +47,22 @@ class Constraints:
         excepted: what could be checked and is not, by constraint.
 
     Raises:
-        InfeasibleError: when links touch always that nobody named, or no link ever leaves a region.
+        InfeasibleError: when links touch always that nobody named, no link ever leaves a region, or some are
+            always nearer than the clearance.
     """
 
-    def __init__(self, arm: Arm, regions: Sequence[Region] = (), torque: bool = True) -> None:
-        self.arm = arm
+    def __init__(
+        self, arm: Arm, regions: Sequence[Region] = (), torque: bool = True, clearance: float = 0.0
+    ) -> None:
+        self.arm, self.clearance = arm, clearance
+        self._thick = thicker(arm, clearance)
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
+        self._kept_out = grown(self.regions, clearance)
         self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
-        found = pairs_of(arm)
+        found = self._pairs()
         self.pairs, self._links = found.checked, found.links
         self.exempt = (*found.neighbours, *found.named, *found.never)
         if found.named:
@@ -120,7 +128,7 @@ class Constraints:
             margins[name] = limit.to(q) - states[HIGHER[name]].abs()
         if self.torque:
             margins["torque"] = arm.torque_limit.to(q) - self.body.torque(q, dq, ddq).abs()
-        return margins | self._distances(q, self.arm.capsules.radius)
+        return margins | self._distances(q, self._thick.capsules.radius)
 
     def relative(self, margins: dict[str, Tensor], distance: float) -> dict[str, Tensor]:
         """Margins as shares of half the range, the limit, or ``distance`` [m]; 1 where nothing limits."""
@@ -143,7 +151,7 @@ class Constraints:
         Differentiable. Those of pairs are about the distances of what is inside of the capsules: what they
         lead to is to be checked.
         """
-        return self._distances(q, self.arm.capsules.core)
+        return self._distances(q, self._thick.capsules.core)
 
     def _distances(self, q: Tensor, radius: Tensor) -> dict[str, Tensor]:
         clearances: dict[str, Tensor] = {}
@@ -162,12 +170,12 @@ class Constraints:
     @cached_property
     def pieces(self) -> PieceDistances:
         """Distances of what is inside of the checked pairs' capsules."""
-        return PieceDistances(self.arm, self.pairs)
+        return PieceDistances(self._thick, self.pairs)
 
     @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        return Shapes.of(self.arm.capsules, self.pairs, self.guarded, tables(self.regions))
+        return Shapes.of(self._thick.capsules, self.pairs, self.guarded, tables(self._kept_out))
 
     def described(self) -> str:
         """What is checked and what is not, as one line for people."""
@@ -184,6 +192,7 @@ class Constraints:
             + never,
             f"{len(self.guarded)} of {len(self.guarded) + len(links)} links in {len(self.regions)} regions"
             + _except(links, "never out"),
+            *([f"{self.clearance:g} m kept clear"] if self.clearance else []),
         ]
         return "; ".join(parts) + (f"; {bare} links without a shape are not checked" if bare else "")
 
@@ -226,9 +235,9 @@ class Constraints:
         return apart - (radius[first] + radius[second])[:, None]
 
     def _region_distances(self, a: Tensor, b: Tensor, guarded: Tensor) -> Tensor:
-        radius = self.arm.capsules.radius.to(a)
+        radius = self._thick.capsules.radius.to(a)
         rows = []
-        for index, region in enumerate(self.regions):
+        for index, region in enumerate(self._kept_out):
             capsules = guarded[guarded[:, 0] == index, 1].to(a.device)
             rows.append(region.margin(a[:, capsules], b[:, capsules]) - radius[capsules][:, None])
         return torch.cat(rows)
@@ -238,10 +247,31 @@ class Constraints:
         guarded = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
         if len(guarded):
             a, b = random_axes(self.arm)
-            leaves = (self._region_distances(a, b, guarded) > 0).any(1)
+            farthest = self._region_distances(a, b, guarded).amax(1)
+            leaves = farthest + self.clearance > 0
             self._except_guarded(guarded, leaves)
+            self._require_clearance(guarded[leaves & (farthest <= 0)])
             guarded = guarded[leaves]
         return guarded
+
+    def _pairs(self) -> Pairs:
+        """The pairs that are kept apart, by the clearance."""
+        if not self.clearance:
+            return pairs_of(self.arm)
+        try:
+            return pairs_of(self._thick)
+        except InfeasibleError as error:
+            raise InfeasibleError(
+                f"workspace.clearance={self.clearance:g} cannot be kept, set a smaller one: {error}"
+            ) from error
+
+    def _require_clearance(self, near: Tensor) -> None:
+        """Refuse a clearance that links never have."""
+        if len(near):
+            raise InfeasibleError(
+                f"workspace.clearance={self.clearance:g} cannot be kept, set a smaller one: always nearer "
+                f"are {listed(list(self._guarded_names(near)), _SHOWN)}"
+            )
 
     def _except_guarded(self, guarded: Tensor, leaves: Tensor) -> None:
         """Keep which links never leave a region; refuse a region that none does."""

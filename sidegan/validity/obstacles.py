@@ -40,6 +40,10 @@ class Sphere:
         """Centre and radius, as compiled kernels take them."""
         return [*self.centre, self.radius, 0.0, 0.0]
 
+    def grown(self, by: float) -> "Sphere":
+        """The ball with a radius so much [m] larger."""
+        return Sphere(self.centre, self.radius + by)
+
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region."""
         centre = a.new_tensor(self.centre).view(3, *(1 for _ in a.shape[1:]))
@@ -111,6 +115,12 @@ class Convex:
     def placed(self, turn: Points, place: Points) -> "Convex":
         """The same body, turned by (3, 3) and then moved by (3,) [m]."""
         return Convex.around(self.points @ np.asarray(turn, float).T + np.asarray(place, float))
+
+    def grown(self, by: float) -> "Convex":
+        """The body with its planes so much [m] further out, and corners of cubes around its own."""
+        corners = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T
+        points = (self.points[:, None] + corners).reshape(-1, 3)
+        return Convex(self.normals, self.offsets + by, points)
 
     @cached_property
     def ball(self) -> list[float]:

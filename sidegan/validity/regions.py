@@ -1,7 +1,7 @@
 """Keep-out regions of the workspace, in world coordinates: half spaces and boxes, and all that there are."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -38,6 +38,10 @@ class Plane:
         """Unit normal and offset, as compiled kernels take them."""
         return [*self.unit, self.offset, 0.0, 0.0]
 
+    def grown(self, by: float) -> "Plane":
+        """The region with its surface so much [m] further out."""
+        return replace(self, offset=self.offset + by)
+
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region."""
         normal = a.new_tensor(self.unit)
@@ -62,6 +66,11 @@ class Box:
         """Centre and half size, as compiled kernels take them."""
         sides = list(zip(self.lower, self.upper))
         return [(low + high) / 2 for low, high in sides] + [(high - low) / 2 for low, high in sides]
+
+    def grown(self, by: float) -> "Box":
+        """The box with its faces so much [m] further out."""
+        (a, b, c), (d, e, f) = self.lower, self.upper
+        return Box((a - by, b - by, c - by), (d + by, e + by, f + by))
 
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region.

@@ -201,6 +201,17 @@ def test_a_default_home_is_part_of_the_stamp_as_a_given_one_is(tmp_path):
     assert Task(tiny(), Store(tmp_path)).home is None
 
 
+def test_a_clearance_is_part_of_the_stamp_where_there_is_one(tmp_path):
+    none = Task(tiny(), Store(tmp_path))
+    same, some, more = (Task(tiny(f"workspace.clearance={x}"), Store(tmp_path)) for x in (0, 0.02, 0.03))
+    assert "clearance" not in none.cfg.workspace.stamped and some.cfg.workspace.stamped["clearance"] == 0.02
+    assert seed_set(none).digest == seed_set(same).digest
+    assert len({seed_set(one).digest for one in (none, some, more)}) == 3
+    assert some.constraints.clearance == 0.02 and "0.02 m kept clear" in some.constraints.described()
+    with pytest.raises(ConfigError, match="clearance"):
+        tiny("workspace.clearance=-0.1")
+
+
 def test_a_named_home_is_the_one_of_the_srdf(tmp_path):
     path = tmp_path / "arm.srdf"
     pose = '<joint name="{}" value="{}"/>'

@@ -15,6 +15,7 @@ from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, less
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
+from sidegan.motion.compiled.signals import combine, largest, within
 
 # Numbers of a trajectory.
 FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
@@ -94,28 +95,6 @@ def room(subject: Subject) -> Room:
 
 
 @kernel
-def _combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
-    """Add sums of basis functions (K, T) with coefficients (J, K), at so many samples from the first on.
-
-    They are added to ``out``, (J, …), from sample ``to`` on. A basis function is read once for all joints.
-    """
-    for k in range(len(basis)):
-        function = basis[k][first : first + count]
-        for j in range(len(c)):
-            factor, line = c[j, k], out[j][to : to + count]
-            for n in range(len(line)):
-                line[n] += factor * function[n]
-
-
-@kernel
-def _largest(x: Array, count: int) -> float:
-    most = 0.0
-    for n in range(count):
-        most = max(most, abs(x[n]))
-    return most
-
-
-@kernel
 def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
     """Write coefficients, (J, K), of which each joint uses at most so much of its tightest limit."""
     samples = subject.fine.shape[2]
@@ -127,9 +106,9 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
             count = min(_BLOCK, samples - first)
             for j in range(len(x)):
                 lanes.clear(work.lines[j])
-            _combine(x, subject.fine[order], first, count, work.lines, 0)
+            combine(x, subject.fine[order], first, count, work.lines, 0)
             for j in range(len(x)):
-                work.use[j] = max(work.use[j], _largest(work.lines[j], count) / limit[j])
+                work.use[j] = max(work.use[j], largest(work.lines[j], count) / limit[j])
     for j in range(len(x)):
         factor = most / max(work.use[j], most)
         for k in range(x.shape[1]):
@@ -147,17 +126,11 @@ def _roll_out(subject: Subject, work: Room) -> None:
                 states[state, 0, j, n] = subject.home[j] if order == 0 else 0.0
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
-            _combine(work.c, subject.basis[order], first, count, states[state, 0], first)
+            combine(work.c, subject.basis[order], first, count, states[state, 0], first)
     for j in range(len(subject.home)):
         for n in range(samples):
             q = states[lanes.Q, 0, j, n]
             states[lanes.SIN, 0, j, n], states[lanes.COS, 0, j, n] = math.sin(q), math.cos(q)
-
-
-@kernel
-def _within(x: Array, limit: float) -> float:
-    """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
-    return 1.0 - _largest(x, len(x)) / limit if math.isfinite(limit) else 1.0
 
 
 @kernel
@@ -175,10 +148,10 @@ def _check_limits(subject: Subject, work: Room, numbers: Array) -> None:
             for n in range(len(q)):
                 least = min(least, min(q[n] - low, high - q[n]) / ((high - low) / 2))
         numbers[POSITION] = max(numbers[POSITION], -least)
-        speed = _within(work.states[lanes.DQ, 0, j], subject.speed[j])
+        speed = within(work.states[lanes.DQ, 0, j], subject.speed[j])
         numbers[VELOCITY] = max(numbers[VELOCITY], -speed)
         if limited:
-            numbers[TORQUE] = max(numbers[TORQUE], -_within(work.torque[0, 0, j], subject.torque[j]))
+            numbers[TORQUE] = max(numbers[TORQUE], -within(work.torque[0, 0, j], subject.torque[j]))
 
 
 @kernel
@@ -186,16 +159,16 @@ def _check_higher(subject: Subject, work: Room, numbers: Array) -> None:
     """Take accelerations and jerks into account, where some are limited."""
     higher, samples = subject.higher, subject.basis.shape[2]
     for j in range(higher.shape[1]):
-        acceleration = _within(work.states[lanes.DDQ, 0, j], higher[0, j])
+        acceleration = within(work.states[lanes.DDQ, 0, j], higher[0, j])
         numbers[ACCELERATION] = max(numbers[ACCELERATION], -acceleration)
         work.use[j] = 0.0
     for first in range(0, samples if higher.shape[1] else 0, _BLOCK):
         count = min(_BLOCK, samples - first)
         for j in range(higher.shape[1]):
             lanes.clear(work.lines[j])
-        _combine(work.c, subject.basis[3], first, count, work.lines, 0)
+        combine(work.c, subject.basis[3], first, count, work.lines, 0)
         for j in range(higher.shape[1]):
-            work.use[j] = max(work.use[j], _largest(work.lines[j], count))
+            work.use[j] = max(work.use[j], largest(work.lines[j], count))
     for j in range(higher.shape[1]):
         share = work.use[j] / higher[1, j] if math.isfinite(higher[1, j]) else 0.0
         numbers[JERK] = max(numbers[JERK], share - 1.0)

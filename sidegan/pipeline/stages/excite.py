@@ -133,6 +133,7 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
     torque = task.body.torque(*motion[1:])
     clearance = [chosen.margins[name] for name in ("collision", "keep_out") if name in chosen.margins]
     nearest = torch.stack(clearance).amin(0) if clearance else torch.full((len(chosen),), torch.nan)
+    nearest = nearest + task.constraints.clearance
     return pd.DataFrame(
         {
             "trajectory": range(1, len(chosen) + 1),

@@ -81,7 +81,7 @@ class Elsewhere:
         """The arm in its workspace."""
         workspace, desk = self.task.cfg.workspace, self.target.desk
         regions = [one.shape for one in workspace.regions] if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
-        constraints = Constraints(self.arm, regions, workspace.torque)
+        constraints = Constraints(self.arm, regions, workspace.torque, workspace.clearance)
         constraints.refuse_home(self.trajectory.home or ())
         return constraints
 

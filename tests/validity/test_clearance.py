@@ -1,0 +1,128 @@
+"""A clearance: links stay that far from each other and from every kind of region, provably."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.conditional.settings import Request
+from sidegan.conditional.space import ConditionSpace
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
+from sidegan.design.problem import Problem
+from sidegan.errors import InfeasibleError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import Arm
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
+from sidegan.validity.closest import closest
+from tests.chains import random_chain, random_states
+from tests.conditional.conftest import RANGES
+
+from .critical import BOX, DESK, smallest
+from .test_fused import assert_same, moderate
+
+FAR = 0.04  # [m]
+BALL = Sphere((0.5, 0.3, 0.6), 0.15)
+HULL = Convex.between((0.6, -0.4, 0.2), (0.6, -0.4, 0.9), 0.08)
+
+
+@pytest.mark.parametrize("region", [None, DESK, BALL, HULL], ids=["none", "plane", "ball", "hull"])
+def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, region) -> None:
+    regions = [] if region is None else [region]
+    plain, clear = Constraints(arm, regions), Constraints(arm, regions, clearance=FAR)
+    states = random_states(arm, 200)
+    one, other = plain.margins(*states), clear.margins(*states)
+    assert set(one) == set(other)
+    if region is not None:
+        torch.testing.assert_close(other["keep_out"], one["keep_out"] - FAR)
+    shared = [clear.labels["collision"].index(x) for x in plain.labels["collision"]]
+    torch.testing.assert_close(other["collision"][:, shared], one["collision"] - FAR)
+    torch.testing.assert_close(other["position"], one["position"])
+
+
+def test_boxes_keep_the_clearance_and_a_little_more_at_their_edges(arm: Arm) -> None:
+    box = Box((0.4, -0.3, 0.1), (0.8, 0.3, 0.5))
+    q = random_states(arm, 2000)[0]
+    one, other = (Constraints(arm, [box], clearance=x).clearances(q)["keep_out"] for x in (0.0, FAR))
+    lost = one - other - FAR
+    assert (lost >= -1e-9).all() and (lost <= (3**0.5 - 1) * FAR / 2 + 1e-9).all()
+
+
+@pytest.mark.parametrize("regions", [(), (DESK,), (BOX, DESK), (BALL,), (HULL, DESK)])
+def test_compiled_and_plain_search_agree(arm: Arm, regions) -> None:
+    trajectory = Trajectory(7, 6, 16.0, (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0))
+    try:
+        constraints = Constraints(arm, regions, clearance=FAR)
+    except InfeasibleError as error:
+        assert "workspace.clearance=0.04 cannot be kept" in str(error)
+        constraints = Constraints(arm, regions, clearance=0.005)
+    c = 0.4 * moderate(arm, trajectory, 60, seed=1)
+    assert_same(constraints, trajectory, c)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_valid_keeps_the_distance_everywhere(seed: int) -> None:
+    arm, _ = random_chain(4, seed)
+    wall = Plane((0.0, 0.6, 0.8), -0.8)
+    try:
+        clear = Constraints(arm, [wall], torque=False, clearance=FAR)
+    except InfeasibleError:
+        pytest.skip("this chain has links that are always nearer")
+    plain = Constraints(arm, [wall], torque=False)
+    trajectory = Trajectory(4, 4, 6.0, ((arm.position_lower + arm.position_upper) / 2).tolist())
+    c = 0.5 * moderate(arm, trajectory, 60, seed)
+    valid = check(clear, trajectory, c).valid
+    least = smallest(plain, trajectory, c, 500.0)
+    apart = torch.stack([least[name] for name in ("collision", "keep_out") if name in least]).amin(0)
+    assert (apart[valid] >= FAR - 1e-9).all()
+    others = torch.stack([least[name] for name in ("position", "velocity")]).amin(0)
+    assert not valid[apart < FAR - 1e-6].any()
+    assert valid[(apart > FAR + 0.01) & (others > 0.02)].all()
+
+
+def test_the_penalty_pushes_as_far_and_its_gradient_is_exact(arm: Arm) -> None:
+    problem = Problem(Constraints(arm, [DESK, BALL], clearance=FAR), Trajectory(7), 40)
+    wider = Problem(Constraints(arm, [DESK, BALL]), Trajectory(7), 40)
+    random = torch.Generator().manual_seed(2)
+    c, penalty = problem.start(3, random, 0.9), Penalty(300.0)
+    value, gradient = value_and_gradient(problem, c, penalty)
+    shifted = replace(penalty, distance=penalty.distance + FAR / 0.25)
+    torch.testing.assert_close(value, value_and_gradient(wider, c, shifted)[0])
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    up, down = (value_and_gradient(problem, c + x * direction, penalty)[0] for x in (1e-6, -1e-6))
+    slope = (gradient * direction).sum((1, 2, 3))
+    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=2e-3, atol=1e-2)
+
+
+def test_what_can_never_be_kept_is_refused_by_name(arm: Arm, planar: Arm) -> None:
+    with pytest.raises(InfeasibleError, match=r"workspace\.clearance=0\.6 cannot be kept, set a smaller one"):
+        Constraints(planar, clearance=0.6)
+    with pytest.raises(InfeasibleError, match="always nearer are upper_arm in region 0"):
+        Constraints(planar, [Plane((0, 0, 1), 0.35)], clearance=0.2)
+    assert "0.04 m kept clear" in Constraints(arm, clearance=FAR).described()
+    assert "kept clear" not in Constraints(arm).described()
+    near = [0.0, 1.9, 0.0, 0.0, 0.0, 0.0, 0.0]
+    constraints = Constraints(arm, [DESK], clearance=0.0)
+    margin = float(constraints.clearances(torch.tensor([near], dtype=torch.float64))["keep_out"].min())
+    assert margin < 0  # so near to the desk is nothing that rests
+    with pytest.raises(InfeasibleError, match="home position"):
+        Constraints(arm, [DESK], clearance=FAR).refuse_home(near)
+
+
+def test_the_nearest_distance_that_is_shown_is_the_true_one(arm: Arm) -> None:
+    q = random_states(arm, 40)[0]
+    one, other = (closest(Constraints(arm, [DESK], clearance=x), q) for x in (0.0, FAR))
+    torch.testing.assert_close(torch.as_tensor(other.distance), torch.as_tensor(one.distance))
+
+
+def test_conditions_keep_it_from_what_they_name(planar: Arm) -> None:
+    desk = Plane((0, 0, 1), 0.1)
+    family = Trajectory(2, 3, 8.0)
+    spaces = [ConditionSpace(Constraints(planar, [desk], clearance=x), family, RANGES) for x in (0.0, FAR)]
+    q = random_states(planar, 30)[0][None]
+    request = Request(plane=0.2, walls=(0.9, 0.9))
+    near = [space.surroundings.clearances(q, space.condition(request)) for space in spaces]
+    for kind in ("plane", "walls"):
+        torch.testing.assert_close(near[1][kind], near[0][kind] - FAR)
+    condition = spaces[1].condition(request)
+    assert condition.constraints(spaces[1].constraints).clearance == FAR
