@@ -11,9 +11,9 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
 from sidegan.library.draw import Expansion
+from sidegan.pipeline.workspace import Workspace
 from sidegan.robot import Setup
 from sidegan.seeds.settings import Long, Seeds
-from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
 Workers = Annotated[int, Bound("≥", 1), Bound("≤", 4096)]
@@ -74,31 +74,6 @@ class Robot(Setup):
     def setup(self) -> Setup:
         """What is said beside the description."""
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
-
-
-@dataclass(frozen=True)
-class Region:
-    """One keep-out region."""
-
-    plane: Plane | None = None
-    box: Box | None = None
-
-    def __post_init__(self) -> None:
-        if (self.plane is None) == (self.box is None):
-            raise ConfigError("a region is either a plane or a box")
-
-    @property
-    def shape(self) -> Plane | Box:
-        """The plane or the box."""
-        return self.plane or self.box  # type: ignore[return-value]
-
-
-@dataclass(frozen=True)
-class Workspace:
-    """Where the arm may move, and whether its torque limits count."""
-
-    torque: bool
-    regions: list[Region]
 
 
 @dataclass(frozen=True)

@@ -112,6 +112,11 @@ class Convex:
         """The same body, turned by (3, 3) and then moved by (3,) [m]."""
         return Convex.around(self.points @ np.asarray(turn, float).T + np.asarray(place, float))
 
+    @property
+    def volume(self) -> float:
+        """Its volume [m³]."""
+        return float(ConvexHull(self.points).volume)
+
     @cached_property
     def ball(self) -> list[float]:
         """Centre and radius [m] of a ball around the body."""
