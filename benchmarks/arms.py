@@ -202,9 +202,9 @@ def _check(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) ->
     task, folder = task_of(file, words, work, more), work / "kilohertz"
     chosen = Library.load(work / "run" / LIBRARY, task.arm)
     names = [f"{kind}_{name}" for kind in ("q", "dq", "ddq") for name in task.arm.joint_names]
-    times = chosen.trajectory.times(_RATE)
+    times = task.trajectory.times(_RATE)
     for k in range(len(chosen)):
-        motion = chosen.trajectory.roll_out(chosen.coefficients[k : k + 1], times)
+        motion = task.trajectory.roll_out(chosen.coefficients[k : k + 1], times)
         rows = torch.cat([times[:, None], *(x[0] for x in motion[1:])], 1).numpy()
         table = pd.DataFrame(rows, columns=["time", *names])
         write_bytes(folder / f"{k + 1:03}.csv", table.to_csv(index=False, float_format="%.12g").encode())

@@ -100,9 +100,11 @@ class Workspace:
     """Where the arm may move, and whether its torque limits count."""
 
     torque: bool
-    desk: float | None  # height that built-in arms keep above [m]; others: what they stand on; null: neither
-    regions: list[Region] | None  # in place of that
-    scene: str | None  # beside that: a MoveIt scene
+    regions: list[Region] | None  # null: what the arm stands on
+    desk: float | None = (
+        None  # height that built-in arms keep above [m]; others: what they stand on; null: neither
+    )
+    scene: str | None = None  # beside all that: a MoveIt scene
 
     def given(self, arm: Arm) -> list[Region]:
         """The regions of an arm but for the scene."""

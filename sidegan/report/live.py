@@ -84,8 +84,8 @@ class Show:
         return np.array(turns), np.array(places)
 
 
-def serve(show: Show, port: int) -> None:
-    """Show it until the process is interrupted.
+def serve(show: Show, host: str, port: int) -> None:
+    """Show it at an address until the process is interrupted.
 
     Raises:
         ArtifactError: when viser is not installed.
@@ -94,7 +94,7 @@ def serve(show: Show, port: int) -> None:
         import viser
     except ImportError as error:
         raise ArtifactError("the live viewer needs viser: pip install 'sidegan[view]'") from error
-    server = viser.ViserServer(port=port)
+    server = viser.ViserServer(host=host, port=port)
     frames = _add_scene(server, show)
     titles = list(show.head["titles"])
     which = server.gui.add_dropdown("trajectory", titles)
@@ -147,10 +147,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m sidegan.report.live", description="A set in a live viewer."
     )
     parser.add_argument("run", type=Path, help=f"the folder of a run of excite, or its {PAGE}")
+    parser.add_argument("--host", default="127.0.0.1", help="to listen at (default: this machine alone)")
     parser.add_argument("--port", type=int, default=8080, help="of the server (default 8080)")
     options = parser.parse_args(arguments)
     try:
-        serve(Show(options.run / PAGE if options.run.is_dir() else options.run), options.port)
+        show = Show(options.run / PAGE if options.run.is_dir() else options.run)
+        serve(show, options.host, options.port)
     except KeyboardInterrupt:
         return 0
     except SideganError as error:
