@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # an extra
 
 PAGE = "view.html"
 _TICK = 1 / 30  # [s] between two pictures
+_NEAREST = 0.2  # [m] of the camera, and more with the arm's reach
 _PLAIN = (0.66, 0.7, 0.74)  # colour of what has none
 _OBSTACLE = (0.78, 0.49, 0.04)
 
@@ -96,6 +97,13 @@ def serve(show: Show, host: str, port: int) -> None:
         raise ArtifactError("the live viewer needs viser: pip install 'sidegan[view]'") from error
     server = viser.ViserServer(host=host, port=port)
     frames = _add_scene(server, show)
+    reach = float(np.linalg.norm(show.head["chain"]["translation"], axis=1).sum()) + _NEAREST
+
+    @server.on_client_connect
+    def look(client: "viser.ClientHandle") -> None:
+        client.camera.position = (1.5 * reach, -1.7 * reach, 1.2 * reach)
+        client.camera.look_at = (0.0, 0.0, 0.35 * reach)
+
     titles = list(show.head["titles"])
     which = server.gui.add_dropdown("trajectory", titles)
     at = server.gui.add_slider("time [s]", 0.0, show.head["period"], 0.01, 0.0)
