@@ -51,7 +51,7 @@ class Robot:
         self.names, self.facts = list(names), facts
         whole = pin.buildModelFromUrdf(str(urdf))
         folders = [*facts.packages, *(str(folder) for folder in urdf.parents)]
-        shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, folders)
+        shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, None, folders)
         stand = pin.neutral(whole)
         for name, value in facts.locked.items():
             if whole.existJointName(name):
@@ -109,18 +109,18 @@ class Robot:
             found[t] = pin.rnea(self.model, self.data, q, velocity, acceleration)[self.moved]
         return found
 
-    def collisions(self, configurations: Numbers) -> tuple[int, str]:
-        """In how many of the configurations links collide, and which do in the first."""
+    def colliding(self, configurations: Numbers) -> NDArray[np.bool_]:
+        """Whether links collide, (T,)."""
         data = self.geometry.createData()
         manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, data)
-        count, first = 0, ""
-        for q in configurations:
-            if pin.computeCollisions(self.model, self.data, manager, q, True):
-                count += 1
-                first = first or self._touching(q)
-        return count, first
+        found = (
+            pin.computeCollisions(self.model, self.data, manager, q, True)  # up to the first collision
+            for q in configurations
+        )
+        return np.fromiter(found, bool, len(configurations))
 
-    def _touching(self, q: Numbers) -> str:
+    def touching(self, q: Numbers) -> str:
+        """Which links collide in a configuration."""
         data = self.geometry.createData()
         pin.computeCollisions(self.model, self.data, self.geometry, data, q, False)
         pairs = zip(self.geometry.collisionPairs, data.collisionResults)
@@ -190,16 +190,16 @@ def check_file(robot: Robot, path: Path) -> dict[str, Any]:
         "jerk": np.abs(np.diff(ddq, axis=0) / step) / limits["jerk"],
     }
     worst: dict[str, float] = {name: float(x.max()) for name, x in shares.items()}
-    colliding, pair = robot.collisions(configurations)
+    colliding = np.flatnonzero(robot.colliding(configurations))
     found = {
         **worst,
         "consistent": max(_apart(q, dq, step), _apart(dq, ddq, step)),
-        "colliding": colliding,
-        "pair": pair,
+        "colliding": len(colliding),
+        "pair": robot.touching(configurations[colliding[0]]) if len(colliding) else "",
         "height": robot.height(configurations),
     }
     kept = all(share <= 1 + _ROUNDING for share in worst.values()) and found["consistent"] <= _CONSISTENT
-    return {**found, "valid": kept and not colliding and found["height"] >= -_ROUNDING}
+    return {**found, "valid": kept and not len(colliding) and found["height"] >= -_ROUNDING}
 
 
 def _apart(x: Numbers, rate: Numbers, step: Numbers) -> float:

@@ -1,8 +1,8 @@
 """Groups of settings that only the pipeline knows: size, records, and workers."""
 
 import re
-from dataclasses import asdict, dataclass, fields
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass, fields
+from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Seconds, Share, Size
@@ -11,9 +11,9 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
 from sidegan.library.draw import Expansion
+from sidegan.pipeline.workspace import Workspace
 from sidegan.robot import Setup
 from sidegan.seeds.settings import Long, Seeds
-from sidegan.validity import Box, Plane
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
 Workers = Annotated[int, Bound("≥", 1), Bound("≤", 4096)]
@@ -74,38 +74,6 @@ class Robot(Setup):
     def setup(self) -> Setup:
         """What is said beside the description."""
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
-
-
-@dataclass(frozen=True)
-class Region:
-    """One keep-out region."""
-
-    plane: Plane | None = None
-    box: Box | None = None
-
-    def __post_init__(self) -> None:
-        if (self.plane is None) == (self.box is None):
-            raise ConfigError("a region is either a plane or a box")
-
-    @property
-    def shape(self) -> Plane | Box:
-        """The plane or the box."""
-        return self.plane or self.box  # type: ignore[return-value]
-
-
-@dataclass(frozen=True)
-class Workspace:
-    """Where the arm may move, and whether its torque limits count."""
-
-    torque: bool
-    regions: list[Region]
-    clearance: NonNegative = 0.0  # that links keep from each other and from the regions [m]
-
-    @property
-    def stamped(self) -> dict[str, Any]:
-        """What artifacts depend on."""
-        values = asdict(self)
-        return values if self.clearance else {key: x for key, x in values.items() if key != "clearance"}
 
 
 @dataclass(frozen=True)

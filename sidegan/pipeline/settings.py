@@ -37,8 +37,8 @@ from sidegan.pipeline.schema import (
     Sensitivity,
     Tracking,
     TrajectoryFamily,
-    Workspace,
 )
+from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import RecordingSettings
 from sidegan.seeds.settings import Long, Seeds

@@ -75,8 +75,7 @@ class Task:
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
         workspace = self.cfg.workspace
-        regions = [one.shape for one in workspace.regions]
-        return Constraints(self.arm, regions, workspace.torque, workspace.clearance)
+        return Constraints(self.arm, workspace.shapes(self.arm), workspace.torque, workspace.clearance)
 
     @cached_property
     def constraints(self) -> Constraints:
@@ -96,6 +95,8 @@ class Task:
                 "zeros are no feasible home; home is %s, or where trajectory.home=… says",
                 ", ".join(f"{x:g}" for x in self.home),
             )
+        if told := self.cfg.workspace.told(self.arm):
+            log.info("%s", told)
         log.info("checked: %s", self.constraints.described())
         if self.constraints.doubtful:
             log.warning(
@@ -155,7 +156,7 @@ class Task:
         """
         training = options.get("training")
         family = {**asdict(self.cfg.trajectory), "home": self.home}
-        shared = {"workspace": self.cfg.workspace.stamped, "trajectory": family}
+        shared = {"workspace": self.cfg.workspace.stamped(self.arm), "trajectory": family}
         column = None if maker in _SHARED else self.cfg.column
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         numbered = {} if training is None else {"training": training}

@@ -3,7 +3,7 @@
 from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.drives import Drives
-from sidegan.robot.load import built_in_robots, load_robot
+from sidegan.robot.load import built_in_robots, is_built_in, load_robot
 from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, collides, pinocchio_model
 from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
@@ -23,6 +23,7 @@ __all__ = [
     "chain_model",
     "collides",
     "inconsistent_links",
+    "is_built_in",
     "load_robot",
     "pinocchio_model",
     "pseudo_inertia",

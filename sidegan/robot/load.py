@@ -38,6 +38,11 @@ def built_in_robots() -> list[str]:
     return sorted(file.stem for file in _MODELS.glob("*.urdf"))
 
 
+def is_built_in(arm: Arm) -> bool:
+    """Whether an arm is one of those that need no file."""
+    return arm.urdf.parent == _MODELS
+
+
 def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[float] | None = None) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 

@@ -43,10 +43,14 @@ class Placed(NamedTuple):
     place: NDArray[np.float64]
 
 
-def visual_parts(arm: Arm) -> list[Part]:
+def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
     """The visual shapes of an arm; the collision shapes of links that have no visual ones.
 
     What cannot be read is left out: pictures are no reason to fail. None where the file is no longer there.
+
+    Args:
+        arm: the arm.
+        base: only of what stands still.
     """
     try:
         source = read_source(arm.urdf, arm.setup.args)
@@ -57,14 +61,15 @@ def visual_parts(arm: Arm) -> list[Part]:
         tree = read_tree(root, where, arm.setup.base)
         for name, value in choose(tree, arm.setup).locked.items():
             lock(tree.joints[name], value, tree.at(tree.joints[name]))
-        return [part for link in root.findall("link") for part in _link_parts(arm, tree, link, colours)]
+        places = [(link, _placed(arm, tree, link.get("name", ""))) for link in root.findall("link")]
+        shown = [(link, placed) for link, placed in places if placed.joint < 0 or not base]
+        return [part for link, placed in shown for part in _link_parts(arm, link, placed, colours)]
     except RobotError as error:
         _log.warning("%s is shown as its collision shapes alone: %s", arm.name, error)
         return []
 
 
-def _link_parts(arm: Arm, tree: Tree, link: ET.Element, colours: dict[str, Colour]) -> Iterator[Part]:
-    placed = _placed(arm, tree, link.get("name", ""))
+def _link_parts(arm: Arm, link: ET.Element, placed: Placed, colours: dict[str, Colour]) -> Iterator[Part]:
     for visual in link.findall("visual") or link.findall("collision"):
         try:
             yield from _shape_parts(arm.urdf, visual, placed, _own_colour(visual, colours))

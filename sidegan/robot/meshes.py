@@ -5,6 +5,12 @@ from collections.abc import Iterator
 from glob import escape
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from sidegan.errors import ConfigError
+
+_FEWEST = 4  # faces of a body
 _DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is looked for in
 
 
@@ -29,6 +35,23 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         except (OSError, ValueError):  # a name that is none, a forbidden folder
             continue
     return None
+
+
+def read_mesh(file: Path) -> tuple[NDArray[np.float64], float]:
+    """Vertices (V, 3) of a mesh file, and the volume that its surface encloses.
+
+    Raises:
+        ConfigError: when it cannot be read.
+    """
+    import trimesh
+
+    try:
+        mesh = trimesh.load_scene(file).to_mesh()
+        if len(mesh.faces) < _FEWEST:
+            raise ValueError("it has no closed surface")
+        return np.asarray(mesh.vertices, float), abs(float(mesh.volume))
+    except Exception as error:  # readers of meshes raise whatever they like
+        raise ConfigError(f"mesh file {file} cannot be read: {error}") from error
 
 
 def _relative(path: str, urdf: Path) -> Iterator[Path]:

@@ -122,6 +122,11 @@ class Convex:
         points = (self.points[:, None] + corners).reshape(-1, 3)
         return Convex(self.normals, self.offsets + by, points)
 
+    @property
+    def volume(self) -> float:
+        """Its volume [m³]."""
+        return float(ConvexHull(self.points).volume)
+
     @cached_property
     def ball(self) -> list[float]:
         """Centre and radius [m] of a ball around the body."""

@@ -178,7 +178,10 @@ def test_the_papers_seeds_have_either_fitness_and_the_papers_number(fitness):
             "gan.vanilla: weights.features and weights.fitness need features",
         ),
         (["gan.eigen.fitness_start=20", "gan.eigen.epochs=20"], "comes after the last of 20 epochs"),
-        (["workspace.regions=[{}]"], "workspace.regions[0]: a region is either a plane or a box"),
+        (
+            ["workspace.regions=[{}]"],
+            "workspace.regions[0]: a region is one of plane, box, sphere, cylinder and mesh",
+        ),
         (["tracking.uri=htp://host"], "tracking: uri is 'htp://host'"),
         (["device=gpu"], "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
         (["stages=[seeds,gan,seeds]"], "expected each stage once"),

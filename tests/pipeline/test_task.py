@@ -95,6 +95,7 @@ def test_the_seeds_change_everything_but_the_baseline(stamps, override, optimise
         "robot=kuka_lwr4",
         "workspace.torque=false",
         "workspace.regions=[{plane: {normal: [0, 0, 1], offset: 0.1}}]",
+        "workspace.regions=[{sphere: {centre: [2, 0, 0], radius: 0.1}}]",
         "trajectory.period=9",
         "trajectory.home=[0.1, 0]",
     ],

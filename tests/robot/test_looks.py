@@ -7,6 +7,8 @@ import pytest
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.looks import visual_parts
 
+from .test_catalogue import ROBOTS
+
 STL = """solid t
 facet normal 0 0 1
 outer loop
@@ -82,3 +84,21 @@ def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
     arm = load_robot(file)
     file.unlink()
     assert visual_parts(arm) == [] and "is shown as its collision shapes alone" in caplog.text
+
+
+@pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
+@pytest.mark.parametrize("name", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur10_robot.urdf"])
+def test_meshes_of_stock_arms_are_where_pinocchio_has_them(name):
+    arm = load_robot(ROBOTS / name)
+    whole = pin.buildModelFromUrdf(str(arm.urdf))
+    folders = [str(folder) for folder in arm.urdf.parents]
+    shapes = pin.buildGeomFromUrdf(whole, str(arm.urdf), pin.GeometryType.VISUAL, None, folders)
+    for k, joint in enumerate(arm.joint_names[:-1]):  # fingers of a hand are locked elsewhere
+        theirs = [
+            np.array([shape.placement.act(x) for x in shape.geometry.vertices()])
+            for shape in shapes.geometryObjects
+            if shape.parentJoint == whole.getJointId(joint)
+        ]
+        ours = np.vstack([part.vertices for part in visual_parts(arm) if part.link == k])
+        for end in (np.min, np.max):
+            np.testing.assert_allclose(end(ours, axis=0), end(np.vstack(theirs), axis=0), atol=1e-6)

@@ -80,7 +80,7 @@ class Elsewhere:
     def constraints(self) -> Constraints:
         """The arm in its workspace."""
         workspace, desk = self.task.cfg.workspace, self.target.desk
-        regions = [one.shape for one in workspace.regions] if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
+        regions = workspace.shapes(self.task.arm) if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
         constraints = Constraints(self.arm, regions, workspace.torque, workspace.clearance)
         constraints.refuse_home(self.trajectory.home or ())
         return constraints

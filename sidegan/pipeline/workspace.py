@@ -1,0 +1,159 @@
+"""What surrounds the arm, as it is configured: regions, a MoveIt scene, and what the arm stands on."""
+
+import hashlib
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sidegan import validity
+from sidegan.base.typed import NonNegative, Positive
+from sidegan.errors import ConfigError
+from sidegan.robot import Arm, is_built_in
+from sidegan.robot.locking import from_rpy
+from sidegan.robot.meshes import read_mesh
+from sidegan.validity import Box, Convex, Plane, Sphere
+from sidegan.validity.floor import floor_under
+from sidegan.validity.scene import read_scene
+
+log = logging.getLogger(__name__)
+
+_CONVEX = 0.9  # share of its hull's volume that a mesh fills at least, or a warning says so
+_FIRST = ("plane", "box")  # kinds of regions that all stamps name
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder around the segment between two points [m]."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    radius: Positive
+
+    @property
+    def shape(self) -> Convex:
+        """The region."""
+        return Convex.between(self.lower, self.upper, self.radius)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """The convex hull of a mesh file."""
+
+    file: str
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad]
+    scale: Positive = 1.0  # metres per unit of the file
+
+    @property
+    def shape(self) -> Convex:
+        """The region."""
+        vertices, volume = read_mesh(Path(self.file).expanduser())
+        body = Convex.around(self.scale * vertices)
+        filled = volume / Convex.around(vertices).volume
+        if filled < _CONVEX:
+            log.warning(
+                "%s fills %.0f %% of its hull, all of which is kept out of: cut it into convex parts",
+                self.file,
+                100 * filled,
+            )
+        return body.placed(from_rpy(self.rpy), np.array(self.position))
+
+
+@dataclass(frozen=True)
+class Region:
+    """One keep-out region."""
+
+    plane: Plane | None = None
+    box: Box | None = None
+    sphere: Sphere | None = None
+    cylinder: Cylinder | None = None
+    mesh: Mesh | None = None
+
+    def __post_init__(self) -> None:
+        if len(self._given) != 1:
+            raise ConfigError("a region is one of plane, box, sphere, cylinder and mesh")
+
+    @property
+    def _given(self) -> list[Any]:
+        return [one for field in fields(self) if (one := getattr(self, field.name)) is not None]
+
+    @property
+    def shape(self) -> validity.Region:
+        """What the arm keeps out of."""
+        (one,) = self._given
+        return one.shape if isinstance(one, Cylinder | Mesh) else one
+
+    def stamped(self) -> dict[str, Any]:
+        """Plain values by which it is known; a file by what is in it."""
+        plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
+        if self.mesh is not None:
+            plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file, "workspace.regions: mesh file")}
+        return plain
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where the arm may move, and whether its torque limits count."""
+
+    torque: bool
+    regions: list[Region] | None  # null: what the arm stands on
+    desk: float | None = (
+        None  # height that built-in arms keep above [m]; others: what they stand on; null: neither
+    )
+    scene: str | None = None  # beside all that: a MoveIt scene
+    clearance: NonNegative = 0.0  # that links keep from each other and from the regions [m]
+
+    def given(self, arm: Arm) -> list[Region]:
+        """The regions of an arm but for the scene."""
+        if self.regions is not None:
+            return self.regions
+        if self.desk is None:
+            return []
+        if is_built_in(arm):
+            return [Region(plane=Plane((0.0, 0.0, 1.0), self.desk))]
+        floor = floor_under(arm)
+        return [] if floor is None else [Region(plane=floor)]
+
+    def shapes(self, arm: Arm) -> list[validity.Region]:
+        """What an arm keeps out of.
+
+        Raises:
+            ConfigError: when a file cannot be read, or has shapes that are none.
+        """
+        scene: Sequence[validity.Region] = read_scene(Path(self.scene).expanduser()) if self.scene else ()
+        return [*(region.shape for region in self.given(arm)), *scene]
+
+    def stamped(self, arm: Arm) -> dict[str, Any]:
+        """Plain values by which artifacts for an arm are known."""
+        more: dict[str, Any] = {"scene": _digest(self.scene, "workspace.scene")} if self.scene else {}
+        more |= {"clearance": self.clearance} if self.clearance else {}
+        return {
+            "torque": self.torque,
+            "regions": [region.stamped() for region in self.given(arm)],
+            **more,
+        }
+
+    def told(self, arm: Arm) -> str:
+        """What was decided for the user; empty where nothing was."""
+        if self.desk is None or self.regions is not None or is_built_in(arm):
+            return ""
+        floor = floor_under(arm)
+        if floor is None:
+            return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
+        return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; workspace=free drops it"
+
+
+def _digest(file: str, setting: str) -> str:
+    """Sha256 of a file.
+
+    Raises:
+        ConfigError: when it cannot be read.
+    """
+    try:
+        return hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
+    except OSError as error:
+        raise ConfigError(f"{setting} {file} cannot be read: {error.strerror}") from error

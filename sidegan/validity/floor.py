@@ -1,0 +1,52 @@
+"""What an arm stands on, as far as its description tells."""
+
+import math
+from weakref import WeakKeyDictionary
+
+import torch
+
+from sidegan.robot import Arm
+from sidegan.robot.looks import visual_parts
+from sidegan.validity.capsules import capsule_axes
+from sidegan.validity.regions import Plane
+
+_SAMPLES = 4_000  # random configurations
+_STANDS = 0.02  # share of them above the floor from which on an arm stands on it
+_STEPS = 1_000  # per metre: heights are whole millimetres
+_ROUNDING = 1e-3  # of a step: an error that is none
+
+_found: WeakKeyDictionary[Arm, Plane | None] = WeakKeyDictionary()
+
+
+def floor_under(arm: Arm) -> Plane | None:
+    """The floor at the lowest point of an arm's base, or at z = 0 where the base has no shape.
+
+    None for an arm that reaches below that in nearly every configuration: it hangs from something.
+    """
+    if arm not in _found:
+        height = _lowest(arm)
+        _found[arm] = Plane((0.0, 0.0, 1.0), height) if _above(arm, height) >= _STANDS else None
+    return _found[arm]
+
+
+def _lowest(arm: Arm) -> float:
+    """Lowest point of what stands still [m], to the millimetre below."""
+    heights = [float(part.vertices[:, 2].min()) for part in visual_parts(arm, base=True)]
+    if not heights:
+        still, capsules = arm.capsules.link < 0, arm.capsules
+        ends = torch.minimum(capsules.a, capsules.b)[still, 2] - capsules.radius[still]
+        heights = ends.tolist()
+    return math.floor(min(heights, default=0.0) * _STEPS + _ROUNDING) / _STEPS
+
+
+def _above(arm: Arm, height: float) -> float:
+    """Share of random configurations in which every link that can be is above a height [m]."""
+    random = torch.Generator().manual_seed(0)
+    draw = torch.rand(arm.joints, _SAMPLES, generator=random, dtype=torch.float64)
+    q = torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw)
+    a, b = capsule_axes(arm, q)
+    moving = arm.capsules.link >= 0
+    low = torch.minimum(a[2], b[2])[moving] - arm.capsules.radius[moving, None]
+    clear = low > height
+    clear = clear[clear.any(1)]
+    return float(clear.all(0).double().mean()) if len(clear) else 0.0
