@@ -7,7 +7,7 @@ from torch import Tensor
 
 from sidegan.motion.compiled.chain import array
 from sidegan.motion.compiled.limits import Limits, Near
-from sidegan.validity import Constraints, Plane
+from sidegan.validity import Constraints
 
 _DISTANCE = 0.25  # [m] clearance that counts like a whole limit
 
@@ -45,9 +45,7 @@ class Penalty:
         limits = Limits(self.weight, self.limits, self.torque, *map(array, vectors))
         if not len(constraints.pairs) + len(constraints.guarded):
             return limits, None
-        planes = all(isinstance(region, Plane) for region in constraints.regions)
-        shapes = constraints.shapes if planes else None
-        return limits, Near(self.weight / _DISTANCE**2, self.reach, shapes, constraints.distances)
+        return limits, Near(self.weight / _DISTANCE**2, self.reach, constraints.shapes, constraints.distances)
 
 
 def excess(violation: Tensor) -> Tensor:

@@ -167,10 +167,7 @@ class Constraints:
     def _find_pairs(self) -> tuple[Tensor, Tensor]:
         arm = self.arm
         link, count = arm.capsules.link, len(arm.capsules.link)
-        random = torch.Generator().manual_seed(0)
-        draw = torch.rand(arm.joints, _SAMPLES, generator=random, dtype=torch.float64)
-        q = torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw)
-        a, b = capsule_axes(arm, q)
+        a, b = random_axes(arm)
         pairs = torch.combinations(torch.arange(count))
         pairs = pairs[(link[pairs[:, 0]] - link[pairs[:, 1]]).abs() > 1]
         if len(pairs):
@@ -212,6 +209,13 @@ class Constraints:
 
     def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
         return tuple(f"{self.arm.capsules.names[k]} in region {r}" for r, k in guarded.tolist())
+
+
+def random_axes(arm: Arm) -> tuple[Tensor, Tensor]:
+    """World end points [m] of the capsules' axes, two of (3, C, N), in the configurations that decide."""
+    random = torch.Generator().manual_seed(0)
+    draw = torch.rand(arm.joints, _SAMPLES, generator=random, dtype=torch.float64)
+    return capsule_axes(arm, torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw))
 
 
 def _except(names: tuple[str, ...], why: str) -> str:

@@ -1,13 +1,14 @@
-"""Compiled penalty for capsules that come too close to each other or to a plane, and its slope."""
+"""Compiled penalty for capsules that come too close to each other or to a region, and its slope."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import Array, Chain, Shapes
-from sidegan.motion.compiled.formulas import Vector, cross, dot, less, times, to_parent
-from sidegan.motion.compiled.jit import kernel
+from sidegan.motion.compiled.chain import PLANE, Array, Chain, Shapes
+from sidegan.motion.compiled.distances import nearest_to_box, outwards, point_to_box
+from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, times, to_parent
+from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import (
     TOUCHING,
     Frames,
@@ -69,19 +70,52 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room)
     return total
 
 
+@inline
+def _plane(chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room) -> float:
+    """What one capsule costs that comes close to a plane; adds the slope."""
+    r, k = guard
+    a, b, normal = row(work.ends[0], k), row(work.ends[1], k), row(shapes.regions, r)
+    low, high = dot(normal, a), dot(normal, b)
+    excess = reach - min(low, high) + shapes.regions[r, 3] + shapes.radius[k]
+    if not excess > 0:
+        return 0.0
+    _push(chain, work, shapes.frame[k], a if low < high else b, times(-2 * excess, normal), slope)
+    return excess * excess
+
+
+@inline
+def _box(chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room) -> float:
+    """What one capsule costs that comes close to a box; adds the slope."""
+    r, k = guard
+    numbers = shapes.regions
+    centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
+    if point_to_box(less(row(work.ends[2], k), centre), half) >= reach + shapes.size[k]:
+        return 0.0
+    a, b = less(row(work.ends[0], k), centre), less(row(work.ends[1], k), centre)
+    distance, before, after, share = nearest_to_box(half, a, b)
+    excess = reach - distance + shapes.radius[k]
+    if not excess > 0:
+        return 0.0
+    along, size = less(b, a), -2 * excess
+    for part in range(2):
+        s, weight = (after, 1.0 - share) if part else (before, share)
+        if weight > 0:
+            x = add(a, times(s, along))
+            force = times(size * weight, outwards(x, half))
+            _push(chain, work, shapes.frame[k], add(x, centre), force, slope)
+    return excess * excess
+
+
 @kernel
-def _planes(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
-    """What one state's planes cost; adds the slope."""
-    total, a, b = 0.0, work.ends[0], work.ends[1]
+def _regions(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
+    """What one state's planes and boxes cost; adds the slope."""
+    total = 0.0
     for p in range(len(shapes.guarded)):
-        r, k = shapes.guarded[p, 0], shapes.guarded[p, 1]
-        normal = row(shapes.regions, r)
-        low, high = dot(normal, row(a, k)), dot(normal, row(b, k))
-        excess = reach - min(low, high) + shapes.regions[r, 3] + shapes.radius[k]
-        if excess > 0:
-            total += excess * excess
-            point = row(a, k) if low < high else row(b, k)
-            _push(chain, work, shapes.frame[k], point, times(-2 * excess, normal), slope)
+        guard = shapes.guarded[p, 0], shapes.guarded[p, 1]
+        if shapes.kinds[guard[0]] == PLANE:
+            total += _plane(chain, shapes, guard, reach, slope, work)
+        else:
+            total += _box(chain, shapes, guard, reach, slope, work)
     return total
 
 
@@ -91,7 +125,7 @@ def closeness(
 ) -> None:
     """Add the squares of how far distances fall below ``reach`` [m], summed over time, and their slopes.
 
-    All regions are planes. Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
+    Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
     """
     for b in range(states.shape[1]):
         for t in range(states.shape[3]):
@@ -104,4 +138,4 @@ def closeness(
             place_capsules(shapes, work.world, work.ends)
             pushed = slope[b, :, t]
             value[b] += _pairs(chain, shapes, reach, pushed, work)
-            value[b] += _planes(chain, shapes, reach, pushed, work)
+            value[b] += _regions(chain, shapes, reach, pushed, work)

@@ -13,6 +13,7 @@ from sidegan.motion.compiled import eigen, lanes, regressor
 from sidegan.motion.compiled.chain import PLANE, Array, Chain, Shapes
 from sidegan.motion.compiled.distances import between_segments, point_to_box, to_box, to_plane
 from sidegan.motion.compiled.formulas import dot, less
+from sidegan.motion.compiled.goals import to_orthonormal
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
 
@@ -92,7 +93,7 @@ def room(subject: Subject) -> Room:
 
 
 @kernel
-def _combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
+def combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
     """Add sums of basis functions (K, T) with coefficients (J, K), at so many samples from the first on.
 
     They are added to ``out``, (J, …), from sample ``to`` on. A basis function is read once for all joints.
@@ -125,7 +126,7 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
             count = min(_BLOCK, samples - first)
             for j in range(len(x)):
                 lanes.clear(work.lines[j])
-            _combine(x, subject.fine[order], first, count, work.lines, 0)
+            combine(x, subject.fine[order], first, count, work.lines, 0)
             for j in range(len(x)):
                 work.use[j] = max(work.use[j], _largest(work.lines[j], count) / limit[j])
     for j in range(len(x)):
@@ -145,7 +146,7 @@ def _roll_out(subject: Subject, work: Room) -> None:
                 states[state, 0, j, n] = subject.home[j] if order == 0 else 0.0
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
-            _combine(work.c, subject.basis[order], first, count, states[state, 0], first)
+            combine(work.c, subject.basis[order], first, count, states[state, 0], first)
     for j in range(len(subject.home)):
         for n in range(samples):
             q = states[lanes.Q, 0, j, n]
@@ -232,40 +233,18 @@ def _check_distances(subject: Subject, distance: float, work: Room, numbers: Arr
 
 
 @kernel
-def _to_orthonormal(subspace: Array, work: Room) -> float:
-    """Write Cᵀ G C divided by its largest element, which comes back."""
-    gram, product, inner, size = work.gram[0], work.product, work.inner, len(subspace)
-    for i in range(size):
-        lanes.clear(product[i])
-        lanes.clear(inner[i])
-        for k in range(size):
-            factor, column = gram[i, k], subspace[k]
-            for j in range(k + 1):
-                product[i, j] += factor * column[j]
-    for k in range(size):
-        for i in range(k + 1):
-            factor, part = subspace[k, i], product[k]
-            for j in range(i, size):
-                inner[i, j] += factor * part[j]
-    scale = 0.0
-    for i in range(size):
-        scale = max(scale, inner[i, i])  # positive semi-definite: no element is larger
-    for i in range(size):
-        for j in range(i, size):
-            inner[i, j] /= scale
-            inner[j, i] = inner[i, j]
-    return scale
-
-
-@kernel
 def _spectral_ratio(subject: Subject, work: Room) -> float:
     """Condition number of YᵀY in an orthonormal basis; infinite where a direction is not excited."""
     for i in range(work.gram.shape[1]):
         lanes.clear(work.gram[0, i])
     regressor.grams(subject.chain, work.states, subject.columns, work.gram, work.lanes, work.y)
-    scale = _to_orthonormal(subject.subspace, work)
+    inner, scale = work.inner, to_orthonormal(subject.subspace, work.gram[0], work.product, work.inner)
     if not (math.isfinite(scale) and scale > 0):
         return np.inf
+    for i in range(len(inner)):
+        for j in range(i, len(inner)):
+            inner[i, j] /= scale
+            inner[j, i] = inner[i, j]
     eigen.ends(work.inner, work.ends, work.rows, work.shifts)
     low, high = work.ends[0], work.ends[1]
     return high / low if low > len(work.inner) * _EPS * high else np.inf

@@ -37,5 +37,5 @@ class Near(NamedTuple):
 
     weight: float  # of the squares [1/m²]
     reach: float  # smallest distance that costs nothing [m]
-    shapes: Shapes | None  # planes and capsules; None where the plain code must take the distances
-    distances: Callable[[Tensor], Tensor]  # all of them [m], (N, K), at positions (N, J); differentiable
+    shapes: Shapes  # capsules and regions, for compiled kernels
+    distances: Callable[[Tensor], Tensor]  # for the plain code: all of them [m], (N, K), at positions (N, J); differentiable

@@ -1,0 +1,97 @@
+"""The proof that one trajectory keeps every constraint over its whole period, without overhead.
+
+It is ``sidegan.validity.check``, cell by cell: the same kernel, the same cells.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from sidegan.designer.scene import ArmNumbers, Scene
+from sidegan.motion.compiled.chain import array
+from sidegan.validity.search import COARSE, LEVELS, SPLIT
+
+Array = np.ndarray
+
+CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out")
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What a proof found: of every constraint the smallest margin, where and when it is."""
+
+    margins: Array  # [rad, rad/s, N·m, m], (5,); infinite where there is no such constraint
+    elements: Array  # joint, pair or guarded capsule, (5,)
+    times: Array  # [s], (5,)
+
+    @property
+    def valid(self) -> bool:
+        """Whether everything provably holds."""
+        return bool((self.margins >= 0).all())
+
+
+class Prover:
+    """Proofs of single trajectories of one arm in its workspace."""
+
+    def __init__(self, numbers: ArmNumbers) -> None:
+        from sidegan.motion.compiled import cells, validity
+        from sidegan.validity.fused import model_of
+
+        self.numbers, self._cells, self._kernel = numbers, cells, validity
+        self._model = model_of(numbers.constraints)
+        self._work = cells.work_space(self._model)
+        self._snap = array(numbers.unit.snap_bound()).reshape(-1)
+        self._grids: dict[tuple[int, int], Array] = {}
+
+    def model(self, scene: Scene) -> "cells.Model":  # type: ignore[name-defined]  # noqa: F821
+        """The scene as the kernel takes it."""
+        reach = self.numbers.reach[scene.shapes.guarded[:, 1]]
+        most = reach.max(0, keepdims=True) if len(reach) else np.zeros((1, len(scene.home)))
+        return self._model._replace(
+            shapes=scene.shapes,
+            home=scene.home,
+            speed=scene.speed,
+            torque=scene.torque,
+            region_reach=reach,
+            region_most=most,
+        )
+
+    def prove(self, scene: Scene, c: Array) -> Verdict:
+        """Whether coefficients (J, K) [rad/s] are valid."""
+        model, period = self.model(scene), scene.period
+        count, sampled = int(-(-period // COARSE)), max(2, int(period / COARSE))
+        jerk = np.abs(c @ self._grid(sampled, 3)[:, 0].T).max(1) / period**2
+        jerk = jerk + np.abs(c) @ self._snap / period**3 * (period / sampled / 2)
+        orders = period ** (1.0 - np.arange(3))[:, None]
+        smallest = self._kernel.Smallest(np.full((1, 5), np.inf), np.zeros((1, 5), int), np.zeros((1, 5)))
+        index, basis = np.arange(count), self._grid(count, 0)
+        for level in range(LEVELS):
+            half = period / count / 2
+            times = (index + 0.5) * (2 * half)
+            motions = self._cells.Motions(c[None], jerk[None], basis * orders, times, half)
+            undecided = np.empty(len(index), bool)
+            which = np.zeros(len(index), int)
+            last = level == LEVELS - 1
+            cells = self._kernel.Cells(which, np.arange(len(index)), last, undecided)
+            self._kernel.visit(model, self._work, motions, cells, smallest)
+            left = index[undecided]
+            if last or not len(left) or not (smallest.margin[0] >= 0).all():
+                break
+            index = (left[:, None] * SPLIT + np.arange(SPLIT)).reshape(-1)
+            count *= SPLIT
+            basis = self._basis((index + 0.5) / count, (0, 1, 2))
+        return Verdict(*(x[0] for x in smallest))
+
+    def _grid(self, count: int, lowest: int) -> Array:
+        """Derivatives at the centres of so many cells: 0 to 2, (count, 3, K), or 3 alone, (count, 1, K)."""
+        key = count, lowest
+        if key not in self._grids:
+            orders = (0, 1, 2) if lowest == 0 else (3,)
+            self._grids[key] = self._basis((np.arange(count) + 0.5) / count, orders)
+        return self._grids[key]
+
+    def _basis(self, shares: Array, orders: tuple[int, ...]) -> Array:
+        """Derivatives of the basis functions at shares of a period of 1 s, (T, orders, K)."""
+        times = torch.from_numpy(shares)
+        return np.stack([array(self.numbers.unit.basis(times, order).flatten(1)) for order in orders], 1)
