@@ -27,6 +27,7 @@ _PEAKS = 240  # points of a period at which a motion's peaks are taken
 class Scene:
     """One situation as numbers."""
 
+    situation: Situation
     home: Array  # (J,) [rad or m]
     period: float  # [s]
     above: Array  # way from home to the upper limits, (J,) [rad or m]
@@ -86,7 +87,7 @@ class ArmNumbers:
         return array(capsule_reach(self.arm))
 
     @cached_property
-    def _ends(self) -> Array:
+    def ends(self) -> Array:
         """Ends of the moving capsules' axes in the configurations that decide what is guarded, (2, C, N, 3)."""
         axes = np.stack([array(x) for x in random_axes(self.arm)])
         return np.ascontiguousarray(axes[:, :, self.moving].transpose(0, 2, 3, 1))
@@ -106,7 +107,7 @@ class ArmNumbers:
         shapes, excepted = self._shapes(situation)
         above, below = np.maximum(self.upper - home, _LEAST_ROOM), np.maximum(home - self.lower, _LEAST_ROOM)
         torque = self.torque * situation.torque
-        return Scene(home, period, above, below, speed, torque, shapes, size, excepted)
+        return Scene(situation, home, period, above, below, speed, torque, shapes, size, excepted)
 
     def _shapes(self, situation: Situation) -> tuple[Shapes, tuple[str, ...]]:
         """Capsules and regions, and which links can leave none of the latter."""
@@ -138,17 +139,17 @@ class ArmNumbers:
         if compiled():
             from sidegan.motion.compiled.guards import leaving
 
-            return leaving(self._ends, radius, numbers, kinds)
-        a, b = torch.from_numpy(self._ends).permute(0, 3, 1, 2)
+            return leaving(self.ends, radius, numbers, kinds)
+        a, b = torch.from_numpy(self.ends).permute(0, 3, 1, 2)
         clear = [(region.margin(a, b) > torch.from_numpy(radius)[:, None]).any(1) for region in regions]
         return torch.stack(clear).numpy()
 
-    def among(self, situation: Situation, scene: Scene) -> Constraints:
+    def among(self, scene: Scene) -> Constraints:
         """The same scene as every other room knows it."""
-        arm, half = self.arm, situation.clearance / 2
+        arm, half = self.arm, scene.situation.clearance / 2
         limits = {"velocity_limit": torch.from_numpy(scene.speed), "torque_limit": torch.from_numpy(scene.torque)}
         capsules = replace(arm.capsules, radius=arm.capsules.radius + half)
-        regions = [_larger(region, half) for region in (*self.constraints.regions, *situation.regions)]
+        regions = [_larger(region, half) for region in (*self.constraints.regions, *scene.situation.regions)]
         found = torch.from_numpy(scene.shapes.pairs), torch.from_numpy(scene.shapes.guarded)
         return _Found(replace(arm, capsules=capsules, **limits), regions, self.constraints.torque, found)
 

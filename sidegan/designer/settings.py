@@ -27,6 +27,7 @@ class DesignerSettings:
     reserve: Share  # share of each limit that a search keeps free
     clearance: NonNegative  # [m] that a search keeps from everything
     neighbours: Count  # starts of the library that are compared
+    patience: Count  # evaluations from one start before the next has its turn
     rate: Hertz  # at which torques are measured: what a trajectory is worth beside what is known
     library: LibrarySettings
 

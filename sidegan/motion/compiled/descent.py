@@ -67,15 +67,6 @@ def _begin_anew(rules: Rules, state: Search) -> None:
 
 
 @kernel
-def begin(plan: plans.Plan, rules: Rules, state: Search, work: plans.Room) -> None:
-    """Evaluate the point that a search starts from, or goes on from with another plan."""
-    goal, cost = plans.objective(plan, state.x, state.gradient, work)
-    state.numbers[GOAL], state.numbers[COST] = goal, cost
-    _begin_anew(rules, state)
-    state.numbers[STARTED] = 1.0
-
-
-@kernel
 def _remember(rules: Rules, state: Search) -> None:
     """Keep a step and what it changed, where the curvature is worth it."""
     head = (int(state.numbers[HEAD]) + 1) % len(state.rho)
@@ -96,12 +87,8 @@ def _remember(rules: Rules, state: Search) -> None:
 def _two_loops(rules: Rules, state: Search) -> None:
     """The direction that the remembered steps give. Source: Nocedal and Wright 2006, algorithm 7.4."""
     joints, functions = state.x.shape
-    d, head, used, memory = (
-        state.direction,
-        int(state.numbers[HEAD]),
-        int(state.numbers[USED]),
-        len(state.rho),
-    )
+    d, memory = state.direction, len(state.rho)
+    head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
     for j in range(joints):
         for k in range(functions):
             d[j, k] = -state.gradient[j, k]
@@ -133,30 +120,39 @@ def _two_loops(rules: Rules, state: Search) -> None:
 
 
 @kernel
-def _iterate(plan: plans.Plan, rules: Rules, state: Search, work: plans.Room) -> None:
-    """One evaluation."""
-    numbers, x, trial = state.numbers, state.x, state.trial
-    length, slope = numbers[LENGTH], 0.0
-    for j in range(len(x)):
-        slope += product(state.direction[j], state.gradient[j], x.shape[1])
-        for k in range(x.shape[1]):
-            trial[j, k] = x[j, k] + length * state.direction[j, k]
-    goal, cost = plans.objective(plan, trial, state.slope, work)
-    value, before = goal + cost, numbers[GOAL] + numbers[COST]
-    accepted = value <= before + rules.armijo * length * slope and math.isfinite(
-        _dot(state.slope, state.slope)
-    )
-    if not accepted:
-        if length < rules.shortest:
+def _try(state: Search) -> float:
+    """Write the next trial; the slope along the step."""
+    length, slope = state.numbers[LENGTH], 0.0
+    for j in range(len(state.x)):
+        slope += product(state.direction[j], state.gradient[j], state.x.shape[1])
+        for k in range(state.x.shape[1]):
+            state.trial[j, k] = state.x[j, k] + length * state.direction[j, k]
+    return length * slope
+
+
+@kernel
+def _accept(state: Search, goal: float, cost: float) -> None:
+    """Go where the trial is."""
+    numbers = state.numbers
+    for j in range(len(state.x)):
+        for k in range(state.x.shape[1]):
+            state.x[j, k], state.gradient[j, k] = state.trial[j, k], state.slope[j, k]
+    numbers[GOAL], numbers[COST], numbers[LENGTH] = goal, cost, 1.0
+
+
+@kernel
+def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: float) -> None:
+    """Accept or refuse the trial, and choose the next direction."""
+    numbers = state.numbers
+    enough = numbers[GOAL] + numbers[COST] + rules.armijo * expected
+    if not (goal + cost <= enough and math.isfinite(_dot(state.slope, state.slope))):
+        if numbers[LENGTH] < rules.shortest:
             _begin_anew(rules, state)
         else:
-            numbers[LENGTH] = length * rules.shrink
+            numbers[LENGTH] *= rules.shrink
         return
     _remember(rules, state)
-    for j in range(len(x)):
-        for k in range(x.shape[1]):
-            x[j, k], state.gradient[j, k] = trial[j, k], state.slope[j, k]
-    numbers[GOAL], numbers[COST], numbers[LENGTH] = goal, cost, 1.0
+    _accept(state, goal, cost)
     if numbers[USED] > 0:
         _two_loops(rules, state)
     if not (numbers[USED] > 0 and _dot(state.direction, state.gradient) < 0):
@@ -164,12 +160,17 @@ def _iterate(plan: plans.Plan, rules: Rules, state: Search, work: plans.Room) ->
 
 
 @kernel
-def descend(
-    plan: plans.Plan, rules: Rules, state: Search, work: plans.Room, evaluations: int
-) -> None:
+def descend(plan: plans.Plan, rules: Rules, state: Search, work: plans.Room, evaluations: int) -> None:
     """So many evaluations; the first of a search that has not begun is that of its start."""
     for _ in range(evaluations):
-        if state.numbers[STARTED] > 0:
-            _iterate(plan, rules, state, work)
+        fresh = state.numbers[STARTED] == 0
+        if fresh:
+            state.numbers[LENGTH] = 0.0
+        expected = _try(state)
+        goal, cost = plans.objective(plan, state.trial, state.slope, work)
+        if fresh:
+            _accept(state, goal, cost)
+            _begin_anew(rules, state)
+            state.numbers[STARTED] = 1.0
         else:
-            begin(plan, rules, state, work)
+            _judge(rules, state, expected, goal, cost)

@@ -76,18 +76,23 @@ def room(size: int, smooth: Smooth) -> Room:
 
 @kernel
 def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -> float:
-    """Write Cᵀ G C for a lower triangular C; its largest element."""
+    """Write Cᵀ G C for a lower triangular C, most of which is zero, and symmetric G; its largest element."""
     size, largest = len(subspace), 0.0
     for i in range(size):
-        clear(product[i])
         clear(inner[i])
-        for k in range(size):
-            add_to(product[i], gram[i, k], subspace[k], k + 1)
     for k in range(size):
         for i in range(k + 1):
-            factor, part = subspace[k, i], product[k]
-            for j in range(i, size):
-                inner[i, j] += factor * part[j]
+            if subspace[k, i] != 0:
+                add_to(inner[i], subspace[k, i], gram[k], size)
+    for i in range(size):
+        for j in range(size):
+            product[j, i] = inner[i, j]
+    for i in range(size):
+        clear(inner[i])
+    for k in range(size):
+        for i in range(k + 1):
+            if subspace[k, i] != 0:
+                add_to(inner[i], subspace[k, i], product[k], size)
     for i in range(size):
         largest = max(largest, inner[i, i])  # positive semi-definite: no element is larger
         for j in range(i):

@@ -3,13 +3,13 @@
 import math
 
 from sidegan.motion.compiled.chain import Array
-from sidegan.motion.compiled.jit import kernel, kernel_in_any_order
+from sidegan.motion.compiled.jit import inline, inline_in_any_order, kernel
 
 _SWEEPS = 30
 _ROUNDING = 1e-30  # squared share of the diagonal that is left beside it
 
 
-@kernel_in_any_order
+@inline_in_any_order
 def product(x: Array, y: Array, count: int) -> float:
     """Scalar product of the first numbers of two vectors."""
     total = 0.0
@@ -18,7 +18,7 @@ def product(x: Array, y: Array, count: int) -> float:
     return total
 
 
-@kernel
+@inline
 def add_to(x: Array, s: float, y: Array, count: int) -> None:
     """Add s y to x, of the first numbers."""
     for i in range(count):

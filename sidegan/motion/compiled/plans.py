@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled import closeness, goals, lanes, regressor
+from sidegan.motion.compiled import apart, goals, lanes, regressor
 from sidegan.motion.compiled.chain import Array, Chain, Shapes
 from sidegan.motion.compiled.evaluation import combine
 from sidegan.motion.compiled.jit import kernel
@@ -56,8 +56,7 @@ class Room(NamedTuple):
     sets: Array  # parameter vectors of the directions, (p, 10 J)
     slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
     push: Array  # in positions and velocities at the finer samples, (2, 1, J, S)
-    cost: Array  # (1,)
-    near: closeness.Room
+    near: apart.Room
     back: Array  # slope in the coefficients, (J, K)
 
 
@@ -76,8 +75,7 @@ def room(plan: Plan) -> Room:
         np.zeros((size, 10 * joints)),
         lanes.aligned(3, 1, joints, samples),
         lanes.aligned(2, 1, joints, finer),
-        np.zeros(1),
-        closeness.room(plan.shapes, joints),
+        apart.room(len(plan.shapes.frame), joints),
         np.zeros((joints, functions)),
     )
 
@@ -132,23 +130,6 @@ def _bound(bounds: Limits, fine: Array, push: Array) -> float:
 
 
 @kernel
-def _keep_apart(plan: Plan, work: Room) -> float:
-    """What small distances cost; adds their slopes."""
-    shapes, push = plan.shapes, work.push
-    if len(shapes.pairs) + len(shapes.guarded) == 0:
-        return 0.0
-    work.cost[0] = 0.0
-    for j in range(push.shape[2]):  # the weight is that of the sum: slopes are taken apart for a moment
-        for n in range(push.shape[3]):
-            push[0, 0, j, n] /= plan.close
-    closeness.closeness(plan.chain, shapes, work.fine, plan.reach, work.cost, push[0], work.near)
-    for j in range(push.shape[2]):
-        for n in range(push.shape[3]):
-            push[0, 0, j, n] *= plan.close
-    return plan.close * work.cost[0]
-
-
-@kernel
 def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
     """Carry the slopes from both grids back to the point."""
     joints, functions = work.back.shape
@@ -170,21 +151,15 @@ def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
 
 
 @kernel
-def _take(plan: Plan, x: Array, work: Room) -> tuple[float, int]:
-    """The goal of a point, and how many directions it wrote; leaves states and Gram matrix."""
-    coefficients(plan, x, work.c)
-    _roll_out(plan, work)
-    weighted_gram(plan.chain, work.states, plan.columns, plan.roots, work.gram, work.lanes, work.y)
-    return goals.goal_of(plan.goal, plan.subspace, work.gram, work.goal)
-
-
-@kernel
 def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
     """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
 
     Where there is no goal it is infinite, and the gradient zero.
     """
-    value, count = _take(plan, x, work)
+    coefficients(plan, x, work.c)
+    _roll_out(plan, work)
+    weighted_gram(plan.chain, work.states, plan.columns, plan.roots, work.gram, work.lanes, work.y)
+    value, count = goals.goal_of(plan.goal, plan.subspace, work.gram, work.goal)
     for j in range(len(gradient)):
         clear(gradient[j])
     if not math.isfinite(value):
@@ -200,6 +175,6 @@ def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float,
         plan.chain, plan.torques, work.states, plan.roots, work.sets, weights, work.slope, work.lanes
     )
     cost += _bound(plan.bounds, work.fine, work.push)
-    cost += _keep_apart(plan, work)
+    cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
     _pull_back(plan, gradient, work)
     return value, cost
