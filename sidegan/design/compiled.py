@@ -31,6 +31,7 @@ def _subject(problem: Problem) -> kernel.Subject:
     constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
     arm, base = constraints.arm, body.base
     limit = arm.torque_limit
+    above, below = problem.rooms
 
     def functions(times: Tensor, orders: int) -> Tensor:
         return torch.stack([trajectory.basis(times, order).flatten(1).T for order in range(orders)])
@@ -41,7 +42,8 @@ def _subject(problem: Problem) -> kernel.Subject:
         "home": limit.new_tensor(trajectory.home),
         "lower": arm.position_lower,
         "upper": arm.position_upper,
-        "room": problem.room,
+        "above": above,
+        "below": below,
         "speed": arm.velocity_limit,
         "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
         "basis": functions(trajectory.grid(problem.samples), 3),

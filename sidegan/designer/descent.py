@@ -10,7 +10,7 @@ from sidegan.designer.situation import Aim
 
 Array = np.ndarray
 
-_DISTANCE = 0.25  # [m] clearance that counts like a whole limit
+_DISTANCE = 0.15  # [m] clearance that counts like a whole limit
 
 
 @dataclass(frozen=True)

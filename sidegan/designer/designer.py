@@ -13,7 +13,7 @@ from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
 from sidegan.designer.descent import Descents
 from sidegan.designer.proof import CONSTRAINTS, Verdict
-from sidegan.designer.pursuit import Budget, Pursuit
+from sidegan.designer.pursuit import Budget, Pace, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
 from sidegan.designer.situation import Aim, Situation
@@ -99,6 +99,7 @@ class Designer:
         self.settings, self.starts, self.clock = settings, starts, clock
         self.numbers = ArmNumbers(constraints, trajectory)
         self.probes = Probes(self.numbers)
+        self._pace = Pace()
         self.descents: Descents
         if compiled():
             from sidegan.designer.compiled import CompiledDescents
@@ -130,7 +131,7 @@ class Designer:
             raise ConfigError("a design needs a number of evaluations, a deadline, or both")
         if (evaluations is not None and evaluations < 1) or (deadline is not None and not deadline > 0):
             raise ConfigError(f"{evaluations} evaluations in {deadline} s: expected positive numbers")
-        budget = Budget(self.clock, evaluations, deadline)
+        budget = Budget(self.clock, self._pace, evaluations, deadline)
         situation, aim = situation or Situation(), aim or Aim()
         try:
             scene = self.numbers.scene(situation)

@@ -6,13 +6,14 @@ It is ``sidegan.validity.check``, cell by cell: the same kernel, the same cells.
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.motion.compiled.chain import array
 from sidegan.validity.search import COARSE, LEVELS, SPLIT
 
 Array = np.ndarray
+
+_KEPT = 64  # grids of cells: a few megabytes
 
 CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out")
 
@@ -36,9 +37,10 @@ class Prover:
 
     def __init__(self, numbers: ArmNumbers) -> None:
         from sidegan.motion.compiled import cells, validity
+        from sidegan.motion.compiled.waves import waves
         from sidegan.validity.fused import model_of
 
-        self.numbers, self._cells, self._kernel = numbers, cells, validity
+        self.numbers, self._cells, self._kernel, self._waves = numbers, cells, validity, waves
         self._model = model_of(numbers.constraints)
         self._work = cells.work_space(self._model)
         self._snap = array(numbers.unit.snap_bound()).reshape(-1)
@@ -80,18 +82,20 @@ class Prover:
                 break
             index = (left[:, None] * SPLIT + np.arange(SPLIT)).reshape(-1)
             count *= SPLIT
-            basis = self._basis((index + 0.5) / count, (0, 1, 2))
+            basis = self._basis((index + 0.5) / count)
         return Verdict(*(x[0] for x in smallest))
 
     def _grid(self, count: int, lowest: int) -> Array:
         """Derivatives at the centres of so many cells: 0 to 2, (count, 3, K), or 3 alone, (count, 1, K)."""
         key = count, lowest
         if key not in self._grids:
-            orders = (0, 1, 2) if lowest == 0 else (3,)
-            self._grids[key] = self._basis((np.arange(count) + 0.5) / count, orders)
+            if len(self._grids) >= _KEPT:
+                self._grids.clear()
+            self._grids[key] = self._basis((np.arange(count) + 0.5) / count, lowest)
         return self._grids[key]
 
-    def _basis(self, shares: Array, orders: tuple[int, ...]) -> Array:
-        """Derivatives of the basis functions at shares of a period of 1 s, (T, orders, K)."""
-        times = torch.from_numpy(shares)
-        return np.stack([array(self.numbers.unit.basis(times, order).flatten(1)) for order in orders], 1)
+    def _basis(self, shares: Array, lowest: int = 0) -> Array:
+        """The same at shares of the period."""
+        basis = np.empty((len(shares), 3 if lowest == 0 else 1, len(self._snap)))
+        self._waves(shares, lowest, basis)
+        return basis

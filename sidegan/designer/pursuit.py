@@ -1,6 +1,7 @@
 """How a budget is spent: which start is pursued for how long, and when what was found is proven."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -16,9 +17,11 @@ _WEIGHT = 300.0  # of violations
 _CHUNK = 4  # evaluations between two looks at the clock
 _CHECKPOINTS = (12, 24, 48, 80, 140, 200, 300, 500)  # evaluations of a pursuit after which what it found is proven
 _FULL = 0.99  # share of its limits that a joint uses at most
+_FIRST = 3  # proofs that have their time before there is an answer
 _MEND, _MENDED = 8, 2  # evaluations with more in reserve where a proof fails, and how often
 _MORE = 0.01  # share of limits, and [m] of clearance, that is reserved besides what was lacking
 _SHRINK = (0.95, 0.88, 0.78, 0.65, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)  # towards home, where nothing else helps
+_LITTLE = 0.004  # share of limits, and [m], within which a smaller motion is not worth a proof
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
 
 
@@ -29,14 +32,23 @@ class Proves(Protocol):
         """Whether coefficients (J, K) [rad/s] are valid."""
 
 
+@dataclass
+class Pace:
+    """How long things take here, as far as is known [s]."""
+
+    evaluation: float = 4e-4
+    proof: float = 1.5e-3
+
+
 class Budget:
     """Evaluations and time that are left."""
 
-    def __init__(self, clock: Callable[[], float], evaluations: int | None, deadline: float | None) -> None:
+    def __init__(
+        self, clock: Callable[[], float], pace: "Pace", evaluations: int | None, deadline: float | None
+    ) -> None:
         self._clock, self._began = clock, clock()
-        self._most, self._deadline = evaluations, deadline
+        self._most, self._deadline, self._pace = evaluations, deadline, pace
         self.evaluations = self.proofs = 0
-        self._each, self._proof = 4e-4, 1.5e-3  # [s] an evaluation and a proof, as far as is known
 
     @property
     def seconds(self) -> float:
@@ -47,24 +59,24 @@ class Budget:
         """Evaluations that are left when so many proofs have their time."""
         many = 10**9 if self._most is None else self._most - self.evaluations
         if self._deadline is not None:
-            rest = self._deadline - self.seconds - proofs * self._proof
-            many = min(many, int(rest / self._each))
+            rest = self._deadline - self.seconds - proofs * self._pace.proof
+            many = min(many, int(rest / self._pace.evaluation))
         return max(0, many)
 
     @property
     def late(self) -> bool:
         """Whether there is no time for another proof."""
-        return self._deadline is not None and self.seconds + self._proof > self._deadline
+        return self._deadline is not None and self.seconds + self._pace.proof > self._deadline
 
     def evaluated(self, count: int, seconds: float) -> None:
         """Take note of evaluations."""
         self.evaluations += count
-        self._each = 0.7 * self._each + 0.3 * seconds / max(1, count)
+        self._pace.evaluation += 0.2 * (seconds / max(1, count) - self._pace.evaluation)
 
     def proven(self, seconds: float) -> None:
         """Take note of a proof."""
         self.proofs += 1
-        self._proof = 0.5 * self._proof + 0.5 * seconds
+        self._pace.proof += 0.2 * (seconds - self._pace.proof)
 
     def time(self) -> float:
         """What the clock says [s]."""
@@ -102,7 +114,7 @@ class Pursuit:
         """The best proven coefficients (J, K) [rad/s], and the verdict on them, or on the last that failed."""
         points = [self._numbers.points(self._scene, c) for c in candidates]
         order = self._sorted(descent, points)
-        while self._budget.left(1) > 0 and not self._budget.late:
+        while self._left > 0 and not self._budget.late:
             x = order.pop(0) if order else self._start()
             self._penalties = self.penalties
             descent.penalise(self._penalties)
@@ -110,21 +122,25 @@ class Pursuit:
             self._pursue(descent)
         return self.best, self.verdict
 
+    @property
+    def _left(self) -> int:
+        """Evaluations that are left when what they find shall be proven, or made smaller until it is."""
+        return self._budget.left(_FIRST if self.best is None else 1)
+
     def _sorted(self, descent: Descent, points: list[Array]) -> list[Array]:
         """Points in the order of what they are worth as they are."""
         values = []
         for x in points:
             if self._budget.left(2) <= 2:
                 break
+            began = self._budget.time()
             values.append(sum(self._evaluate(descent, x)))
+            self._budget.evaluated(1, self._budget.time() - began)
         order = np.argsort(values, kind="stable")
         return [points[k] for k in order] + points[len(values) :]
 
     def _evaluate(self, descent: Descent, x: Array) -> tuple[float, float]:
-        began = self._budget.time()
-        values = descent.evaluate(x, self._gradient)
-        self._budget.evaluated(1, self._budget.time() - began)
-        return values
+        return descent.evaluate(x, self._gradient)
 
     def _start(self) -> Array:
         """A random point."""
@@ -138,12 +154,12 @@ class Pursuit:
         patience = self._settings.patience
         for checkpoint in [*(x for x in _CHECKPOINTS if x < patience), patience]:
             while done < checkpoint:
-                count = min(_CHUNK, checkpoint - done, self._budget.left(1))
+                count = min(_CHUNK, checkpoint - done, self._left)
                 if count == 0:
                     break
                 self._descend(descent, count)
                 done += count
-            last = self._budget.left(1) == 0
+            last = self._left == 0
             self._settle(descent, mend=last or checkpoint == patience)
             if last or self._budget.late:
                 return
@@ -164,10 +180,21 @@ class Pursuit:
             self._descend(descent, _MEND)
             if self._offer(descent, self._within(descent)):
                 return
+        if self.best is None:
+            self._shrink(descent)
+
+    def _shrink(self, descent: Descent) -> None:
+        """Take what a descent has found closer to home until it is proven."""
         c = self._within(descent)
+        descent.penalise(replace(self.penalties, reserve=_LITTLE, torque=_LITTLE, reach=_LITTLE))
         for share in _SHRINK:
-            if self._budget.late or self._budget.left() == 0 or self._offer(descent, share * c):
+            if self._budget.late:
                 break
+            if self._evaluate(descent, self._numbers.points(self._scene, share * c))[1] == 0 and self._offer(
+                descent, share * c
+            ):
+                break
+        descent.penalise(self._penalties)
 
     def _within(self, descent: Descent) -> Array:
         return self._numbers.within(self._scene, descent.coefficients, _FULL)

@@ -34,7 +34,8 @@ class Subject(NamedTuple):
     home: Array  # position that trajectories start from, (J,) [rad or m]
     lower: Array  # position limits, (J,)
     upper: Array  # position limits, (J,)
-    room: Array  # way from home that a joint may go at most, (J,)
+    above: Array  # way from home that a joint may go up at most, (J,)
+    below: Array  # the same down, (J,)
     speed: Array  # velocity limits, (J,)
     torque: Array  # torque limits, (J,); infinite where nothing is limited
     basis: Array  # derivatives 0 to 2 of the K basis functions at the T samples, (3, K, T)
@@ -115,20 +116,30 @@ def _largest(x: Array, count: int) -> float:
 
 
 @kernel
+def _highest(x: Array, count: int, sign: float) -> float:
+    most = 0.0
+    for n in range(count):
+        most = max(most, sign * x[n])
+    return most
+
+
+@kernel
 def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
     """Write coefficients, (J, K), of which each joint uses at most so much of its tightest limit."""
     samples = subject.fine.shape[2]
     for j in range(len(x)):
         work.use[j] = _STILL
     for order in range(2):
-        limit = subject.speed if order else subject.room
+        above = subject.speed if order else subject.above
+        below = subject.speed if order else subject.below
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
             for j in range(len(x)):
                 lanes.clear(work.lines[j])
             combine(x, subject.fine[order], first, count, work.lines, 0)
             for j in range(len(x)):
-                work.use[j] = max(work.use[j], _largest(work.lines[j], count) / limit[j])
+                use = max(_highest(work.lines[j], count, 1.0) / above[j], _highest(work.lines[j], count, -1.0) / below[j])
+                work.use[j] = max(work.use[j], use)
     for j in range(len(x)):
         factor = most / max(work.use[j], most)
         for k in range(x.shape[1]):
