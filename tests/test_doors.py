@@ -39,6 +39,7 @@ ORDER = [
     "design",
     "library",
     "seeds",
+    "designer",
     "gan",
     "conditional",
     "plant",

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
-from sidegan.designer.descent import Descents
+from sidegan.designer.descent import Descents, Penalties
 from sidegan.designer.proof import CONSTRAINTS, Verdict
 from sidegan.designer.pursuit import Budget, Pace, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
@@ -21,7 +21,7 @@ from sidegan.designer.starts import Probes, Starts
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.compiled import compiled
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints
+from sidegan.validity import Box, Constraints, Plane
 
 Array = np.ndarray
 
@@ -110,6 +110,18 @@ class Designer:
             from sidegan.designer.plain import PlainDescents, PlainProver
 
             self.descents, self.prover = PlainDescents(self.numbers, settings), PlainProver(self.numbers)
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Load whatever is compiled, so that the first answer does not wait for it."""
+        situation = Situation(regions=[Plane((0.0, 0.0, 1.0), -1e3), Box((1e3,) * 3, (1e3 + 1,) * 3)])
+        scene = self.numbers.scene(situation)
+        still = np.zeros_like(scene.size)
+        descent = self.descents.descent(scene, Aim(), Penalties(1.0, 0.0, 0.0, 0.0))
+        descent.place(still)
+        descent.run(1)
+        descent.evaluate(still, still)
+        self.prover.prove(scene, still)
 
     def ask(
         self,
@@ -139,7 +151,7 @@ class Designer:
             return self._answer(None, None, budget, None, (str(error),))
         at_home = self.prover.prove(scene, np.zeros_like(scene.size))
         if not at_home.valid:
-            blocked = tuple(f"at home, {fault}" for fault in self._faults(scene, at_home))
+            blocked = tuple(f"at home, {fault}" for fault in self._faults(scene, at_home, timed=False))
             return self._answer(scene, None, budget, None, blocked)
         pursuit = Pursuit(self.numbers, self.settings, self.prover, scene, budget)
         descent = self.descents.descent(scene, aim, pursuit.penalties)
@@ -157,11 +169,12 @@ class Designer:
         nearest = self.starts.nearest(scene, felt, self.settings.neighbours)
         return [self.starts.adapted(self.numbers, scene, int(index)) for index in nearest]
 
-    def _faults(self, scene: Scene, verdict: Verdict) -> list[str]:
+    def _faults(self, scene: Scene, verdict: Verdict, timed: bool = True) -> list[str]:
         labels = self.numbers.among(scene).labels
         return [
-            f"{name} of {labels[name][verdict.elements[k]]} at {verdict.times[k]:.3f} s: "
-            f"margin {verdict.margins[k]:.4g}"
+            f"{name} of {labels[name][verdict.elements[k]]}"
+            + (f" at {verdict.times[k]:.3f} s: " if timed else ": ")
+            + f"margin {verdict.margins[k]:.4g}"
             for k, name in enumerate(CONSTRAINTS)
             if not verdict.margins[k] >= 0
         ]

@@ -102,6 +102,43 @@ class Workspace:
 
 
 @dataclass(frozen=True)
+class Asked:
+    """One situation, and what its trajectory shall be good for; null is what holds everywhere."""
+
+    name: str | None = None  # of the trajectory's file
+    home: list[float] | None = None  # [rad or m]
+    regions: list[Region] | None = None  # to keep out of, beside the workspace's own
+    velocity: Share = 1.0  # share of the velocity limits that may be used
+    torque: Share = 1.0  # share of the torque limits
+    period: Seconds | None = None
+    clearance: NonNegative = 0.0  # [m] that is proven to be kept
+    aim: Literal["condition", "diagonal", "determinant", "variance"] = "condition"
+    noise: list[Positive] | None = None  # of each joint's torque [N·m or N]
+    links: dict[str, NonNegative] | None = None  # whose parameters' variances count, for the aim variance
+
+
+@dataclass(frozen=True)
+class Several:
+    """The situations of a file."""
+
+    situations: list[Asked]
+
+
+@dataclass(frozen=True)
+class Designs:
+    """What is asked of the designer, and what an answer may take."""
+
+    ask: Asked
+    file: str | None  # YAML file with a list of situations in place of the one
+    evaluations: Count | None
+    deadline: Seconds | None
+
+    def __post_init__(self) -> None:
+        if self.evaluations is None and self.deadline is None:
+            raise ConfigError("design needs evaluations or a deadline")
+
+
+@dataclass(frozen=True)
 class Column:
     """Settings under which the paper's comparison is made once more; null: the run's own."""
 

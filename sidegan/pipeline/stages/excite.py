@@ -1,5 +1,6 @@
 """Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -59,13 +60,12 @@ def _write(task: Task, motion: Motion, folder: Path) -> None:
     digits = len(str(len(motion.position)))
     for k in range(len(motion.position)):
         one = Motion(motion.time, *(x[k : k + 1] for x in motion[1:]))
-        write_bytes(folder / f"{k + 1:0{digits}}.csv", _csv(task, one))
-    write_bytes(folder / WHOLE, _csv(task, concatenate(motion)))
+        write_bytes(folder / f"{k + 1:0{digits}}.csv", trajectory_csv(task.arm.joint_names, one))
+    write_bytes(folder / WHOLE, trajectory_csv(task.arm.joint_names, concatenate(motion)))
 
 
-def _csv(task: Task, motion: Motion) -> bytes:
+def trajectory_csv(names: Sequence[str], motion: Motion) -> bytes:
     """Time [s], then position, velocity and acceleration of every joint [rad or m, s]."""
-    names = task.arm.joint_names
     columns = ["time", *(f"{kind}_{name}" for kind in ("q", "dq", "ddq") for name in names)]
     rows = torch.cat([motion.time[:, None], *(x[0] for x in motion[1:])], 1)
     return pd.DataFrame(rows.numpy(), columns=columns).to_csv(index=False, float_format="%.9g").encode()
