@@ -41,8 +41,9 @@ class Prover:
         from sidegan.validity.fused import model_of
 
         self.numbers, self._cells, self._kernel, self._waves = numbers, cells, validity, waves
-        self._model = model_of(numbers.constraints)
-        self._work = cells.work_space(self._model)
+        self._base = self._model = model_of(numbers.constraints)
+        self._work = cells.work_space(self._base)
+        self._scene: Scene | None = None
         self._snap = array(numbers.unit.snap_bound()).reshape(-1)
         self._grids: dict[tuple[int, int], Array] = {}
 
@@ -50,7 +51,7 @@ class Prover:
         """The scene as the kernel takes it."""
         reach = self.numbers.reach[scene.shapes.guarded[:, 1]]
         most = reach.max(0, keepdims=True) if len(reach) else np.zeros((1, len(scene.home)))
-        return self._model._replace(
+        return self._base._replace(
             shapes=scene.shapes,
             home=scene.home,
             speed=scene.speed,
@@ -61,8 +62,11 @@ class Prover:
 
     def prove(self, scene: Scene, c: Array) -> Verdict:
         """Whether coefficients (J, K) [rad/s] are valid."""
-        model, period = self.model(scene), scene.period
+        if self._scene is not scene:
+            self._scene, self._model = scene, self.model(scene)
+        model, period = self._model, scene.period
         count, sampled = int(-(-period // COARSE)), max(2, int(period / COARSE))
+        count = count if c.any() else 1  # an arm that rests does so in a single cell
         jerk = np.abs(c @ self._grid(sampled, 3)[:, 0].T).max(1) / period**2
         jerk = jerk + np.abs(c) @ self._snap / period**3 * (period / sampled / 2)
         orders = period ** (1.0 - np.arange(3))[:, None]

@@ -14,7 +14,7 @@ from sidegan.designer.settings import DesignerSettings
 Array = np.ndarray
 
 _WEIGHT = 300.0  # of violations
-_CHUNK = 4  # evaluations between two looks at the clock
+_CHUNK = 6  # evaluations between two looks at the clock
 _CHECKPOINTS = (12, 24, 48, 80, 140, 200, 300, 500)  # evaluations of a pursuit after which what it found is proven
 _FULL = 0.99  # share of its limits that a joint uses at most
 _FIRST = 3  # proofs that have their time before there is an answer
@@ -22,6 +22,7 @@ _MEND, _MENDED = 8, 2  # evaluations with more in reserve where a proof fails, a
 _MORE = 0.01  # share of limits, and [m] of clearance, that is reserved besides what was lacking
 _SHRINK = (0.95, 0.88, 0.78, 0.65, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)  # towards home, where nothing else helps
 _LITTLE = 0.004  # share of limits, and [m], within which a smaller motion is not worth a proof
+_ALIKE = 0.01  # share by which coefficients may differ that have one goal
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
 
 
@@ -171,37 +172,40 @@ class Pursuit:
 
     def _settle(self, descent: Descent, mend: bool) -> None:
         """Take what a descent has found where it is better and proven, after mending or shrinking."""
-        if self._offer(descent, self._within(descent)) or (self.best is not None and not mend):
+        if self._offer(descent) or (self.best is not None and not mend):
             return
         for _ in range(_MENDED):
             if self._budget.left(2) < _MEND:
                 break
             descent.penalise(self._stricter())
             self._descend(descent, _MEND)
-            if self._offer(descent, self._within(descent)):
+            if self._offer(descent):
                 return
         if self.best is None:
             self._shrink(descent)
 
     def _shrink(self, descent: Descent) -> None:
         """Take what a descent has found closer to home until it is proven."""
-        c = self._within(descent)
+        c = self._numbers.within(self._scene, descent.coefficients, _FULL)
         descent.penalise(replace(self.penalties, reserve=_LITTLE, torque=_LITTLE, reach=_LITTLE))
         for share in _SHRINK:
             if self._budget.late:
                 break
-            if self._evaluate(descent, self._numbers.points(self._scene, share * c))[1] == 0 and self._offer(
-                descent, share * c
-            ):
+            goal, cost = self._evaluate(descent, self._numbers.points(self._scene, share * c))
+            if cost == 0 and self._take(share * c, goal):
                 break
         descent.penalise(self._penalties)
 
-    def _within(self, descent: Descent) -> Array:
-        return self._numbers.within(self._scene, descent.coefficients, _FULL)
+    def _offer(self, descent: Descent) -> bool:
+        """Take what a descent has found, within the limits; whether there is nothing left to be done."""
+        found = descent.coefficients
+        c, goal = self._numbers.within(self._scene, found, _FULL), descent.goal
+        if np.abs(found - c).max() > _ALIKE * np.abs(c).max():
+            goal = self._evaluate(descent, self._numbers.points(self._scene, c))[0]
+        return self._take(c, goal)
 
-    def _offer(self, descent: Descent, c: Array) -> bool:
+    def _take(self, c: Array, goal: float) -> bool:
         """Prove coefficients that are better than the best; whether there is nothing left to be done."""
-        goal = self._evaluate(descent, self._numbers.points(self._scene, c))[0]
         if not goal < self.goal - _BETTER:
             return True
         began = self._budget.time()

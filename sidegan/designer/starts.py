@@ -18,6 +18,7 @@ Array = np.ndarray
 
 _FORMAT = 1
 _PROBES = 64  # points of the workspace at which regions are felt
+_EFFORT, _WORTH = 0.2, 0.1  # how much effort and period, and what was reached, count beside homes and regions
 _NEAR, _FAR = -0.1, 0.3  # [m] distances from regions beyond which they are all alike
 _TENSORS = ("home", "felt", "effort", "coefficients", "goal")
 
@@ -40,7 +41,7 @@ class Starts:
         scale = (scene.above + scene.below) / 2
         apart = np.square((self.home - scene.home) / scale).sum(1)
         apart = apart + np.square((self.felt - felt) / _FAR).mean(1)
-        apart = apart + 0.2 * np.square(self.effort - effort_of(scene)).sum(1)
+        apart = apart + _EFFORT * np.square(self.effort - effort_of(scene)).sum(1) + _WORTH * self.goal
         return np.argsort(apart, kind="stable")[:count]
 
     def adapted(self, numbers: ArmNumbers, scene: Scene, index: int) -> Array:

@@ -1,5 +1,7 @@
 """The library of starts: the same for a seed, on disk and back, and what is not one is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -51,12 +53,12 @@ def test_a_file_of_another_arm_or_of_something_else_is_refused(file, designer, p
 def test_a_start_is_nearest_to_its_own_situation(starts, designer):
     own = designer.numbers.constraints.regions
     for index in range(len(starts)):
-        situation = Situation(starts.home[index].tolist())
-        scene = designer.numbers.scene(situation)
-        scene = type(scene)(**{**vars(scene), "situation": situation})
+        velocity, torque, period = np.exp(starts.effort[index])
+        situation = Situation(starts.home[index].tolist(), (), velocity, torque, period)
         felt = starts.felt[index]
         assert felt.shape == designer.probes.feel(own).shape
-        assert starts.nearest(scene, felt, 1)[0] == index
+        equally_good = replace(starts, goal=np.zeros(len(starts)))
+        assert equally_good.nearest(designer.numbers.scene(situation), felt, 1)[0] == index
 
 
 def test_an_adapted_start_keeps_the_limits(starts, designer):
