@@ -106,7 +106,7 @@ def _milliseconds(seconds: float) -> float:
 
 
 def design_evaluation(setting: Setting) -> Result:
-    """Milliseconds of one evaluation with gradient among a box, two walls and the desk, beside torch at batch 1."""
+    """Milliseconds of an evaluation with gradient among a box, walls and the desk, beside torch at batch 1."""
     designer, count = _bench(setting).designer(starts=False), setting.size(400)
     scene = designer.numbers.scene(Situation(regions=_MANY))
     descent = designer.descents.descent(scene, Aim(), _penalties(designer))
@@ -200,7 +200,11 @@ def design_next(setting: Setting) -> Result:
     problem = setting.problem
     noise = (_NOISE * problem.constraints.arm.torque_limit).tolist()
     gains: dict[str, list[float]] = {"ours": [], "chance": [], "condition": []}
-    designers = {"ours": bench.designer(), "chance": bench.designer(starts=False), "condition": bench.designer()}
+    designers = {
+        "ours": bench.designer(),
+        "chance": bench.designer(starts=False),
+        "condition": bench.designer(),
+    }
     for designer in designers.values():
         designer.ask(aim=Aim("determinant", noise=noise), evaluations=20)
     for c in _recorded(setting):

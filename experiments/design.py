@@ -70,9 +70,7 @@ def questions(task: Task) -> list[Asked]:
 
 def _meant(asked: Asked) -> tuple[Situation, Aim]:
     regions = [region.shape for region in asked.regions or ()]
-    place = Situation(
-        asked.home, regions, asked.velocity, asked.torque, asked.period, asked.clearance
-    )
+    place = Situation(asked.home, regions, asked.velocity, asked.torque, asked.period, asked.clearance)
     return place, Aim(asked.aim, None, asked.noise, asked.links)
 
 
@@ -84,7 +82,9 @@ def present(answers: list[Answer], folder: Path, tracker: Tracker) -> None:
     rows = {one.name: _row(one) for one in answers}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("situation").fillna("—")
     found = sum(one.design.coefficients is not None for one in answers)
-    caption = f"{found} of {len(answers)} situations have a proven trajectory, at {RATE:g} Hz in {folder / FOLDER}"
+    caption = (
+        f"{found} of {len(answers)} situations have a proven trajectory, at {RATE:g} Hz in {folder / FOLDER}"
+    )
     leave(folder, tracker, {"designs": (table, caption)})
 
 

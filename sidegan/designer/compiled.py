@@ -69,10 +69,10 @@ class CompiledDescents:
         """The same plan with other penalties."""
         samples, finer = self.settings.samples, self.settings.samples * self.settings.refine
         weight = penalties.weight if np.isfinite(plan.torques.torque).any() else 0.0
-        limits = {"reserve": penalties.reserve, "torque_reserve": penalties.torque}
+        bounds = plan.bounds._replace(weight=penalties.weight / finer, reserve=penalties.reserve)
         return plan._replace(
-            torques=plan.torques._replace(weight=weight / samples, **limits),
-            bounds=plan.bounds._replace(weight=penalties.weight / finer, **limits),
+            torques=plan.torques._replace(weight=weight / samples, torque_reserve=penalties.torque),
+            bounds=bounds,
             close=penalties.close / finer,
             reach=penalties.reach,
         )

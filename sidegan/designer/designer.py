@@ -13,7 +13,7 @@ from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
 from sidegan.designer.descent import Descents, Penalties
 from sidegan.designer.proof import CONSTRAINTS, Verdict
-from sidegan.designer.pursuit import Budget, Pace, Pursuit
+from sidegan.designer.pursuit import Budget, Pace, Proves, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
 from sidegan.designer.situation import Aim, Situation
@@ -101,6 +101,7 @@ class Designer:
         self.probes = Probes(self.numbers)
         self._pace = Pace()
         self.descents: Descents
+        self.prover: Proves
         if compiled():
             from sidegan.designer.compiled import CompiledDescents
             from sidegan.designer.proof import Prover

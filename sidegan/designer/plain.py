@@ -1,4 +1,4 @@
-"""The designer's arithmetic in plain torch: the readable reference, and what works where nothing is compiled."""
+"""The designer's arithmetic in plain torch: the reference, and what works where nothing is compiled."""
 
 from collections.abc import Callable
 
@@ -97,7 +97,7 @@ class PlainDescents:
         def function(states: tuple[Tensor, ...], q: Tensor, dq: Tensor) -> Tensor:
             uses = [2 * (q - (upper + lower) / 2).abs() / (upper - lower) + penalties.reserve]
             uses.append(dq.abs() / speed + penalties.reserve)
-            total = sum(((use - 1).clamp_min(0) ** 2).sum() / len(q) for use in uses)
+            total = torch.stack([((use - 1).clamp_min(0) ** 2).sum() / len(q) for use in uses]).sum()
             if bool(torch.isfinite(torque).any()):
                 used = body.torque(*states).abs() / torque + penalties.torque
                 total = total + ((used - 1).clamp_min(0) ** 2).sum() / len(used)
@@ -105,7 +105,7 @@ class PlainDescents:
             if len(constraints.pairs) + len(constraints.guarded):
                 lack = (penalties.reach - constraints.distances(q)).clamp_min(0)
                 total = total + penalties.close * (lack**2).sum() / len(q)
-            return torch.as_tensor(total)
+            return total
 
         return function
 
@@ -157,7 +157,9 @@ class PlainDescent:
     @property
     def x(self) -> Array:
         """Where it is, (J, K)."""
-        return self._x.copy() if self._search is None else self._search.x.numpy().reshape(self._x.shape).copy()
+        return (
+            self._x.copy() if self._search is None else self._search.x.numpy().reshape(self._x.shape).copy()
+        )
 
     @property
     def coefficients(self) -> Array:

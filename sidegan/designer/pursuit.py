@@ -15,7 +15,16 @@ Array = np.ndarray
 
 _WEIGHT = 300.0  # of violations
 _CHUNK = 6  # evaluations between two looks at the clock
-_CHECKPOINTS = (12, 24, 48, 80, 140, 200, 300, 500)  # evaluations of a pursuit after which what it found is proven
+_CHECKPOINTS = (
+    12,
+    24,
+    48,
+    80,
+    140,
+    200,
+    300,
+    500,
+)  # evaluations of a pursuit after which what it found is proven
 _FULL = 0.99  # share of its limits that a joint uses at most
 _FIRST = 3  # proofs that have their time before there is an answer
 _MEND, _MENDED = 8, 2  # evaluations with more in reserve where a proof fails, and how often
@@ -112,7 +121,7 @@ class Pursuit:
         return Penalties(_WEIGHT, settings.reserve, settings.reserve, settings.clearance)
 
     def run(self, descent: Descent, candidates: list[Array]) -> tuple[Array | None, Verdict | None]:
-        """The best proven coefficients (J, K) [rad/s], and the verdict on them, or on the last that failed."""
+        """The best proven coefficients (J, K) [rad/s], and the verdict on them or on the last that failed."""
         points = [self._numbers.points(self._scene, c) for c in candidates]
         order = self._sorted(descent, points)
         while self._left > 0 and not self._budget.late:

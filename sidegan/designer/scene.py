@@ -88,7 +88,7 @@ class ArmNumbers:
 
     @cached_property
     def ends(self) -> Array:
-        """Ends of the moving capsules' axes in the configurations that decide what is guarded, (2, C, N, 3)."""
+        """Ends of the moving capsules' axes where it is decided what is guarded, (2, C, N, 3)."""
         axes = np.stack([array(x) for x in random_axes(self.arm)])
         return np.ascontiguousarray(axes[:, :, self.moving].transpose(0, 2, 3, 1))
 
@@ -122,8 +122,8 @@ class ArmNumbers:
                 if not row.any():
                     raise InfeasibleError(f"no link is ever outside of {situation.regions[r]}")
                 excepted += [f"{names[self.moving[k]]} in region {first + r}" for k in np.nonzero(~row)[0]]
-            r, k = np.nonzero(leaves)
-            guarded = np.concatenate([base.guarded, np.stack([first + r, self.moving[k]], 1)])
+            which, inner = np.nonzero(leaves)
+            guarded = np.concatenate([base.guarded, np.stack([first + which, self.moving[inner]], 1)])
             base = base._replace(
                 guarded=np.ascontiguousarray(guarded),
                 regions=np.concatenate([base.regions, numbers]),
@@ -147,11 +147,12 @@ class ArmNumbers:
     def among(self, scene: Scene) -> Constraints:
         """The same scene as every other room knows it."""
         arm, half = self.arm, scene.situation.clearance / 2
-        limits = {"velocity_limit": torch.from_numpy(scene.speed), "torque_limit": torch.from_numpy(scene.torque)}
+        speed, torque = torch.from_numpy(scene.speed), torch.from_numpy(scene.torque)
         capsules = replace(arm.capsules, radius=arm.capsules.radius + half)
         regions = [_larger(region, half) for region in (*self.constraints.regions, *scene.situation.regions)]
         found = torch.from_numpy(scene.shapes.pairs), torch.from_numpy(scene.shapes.guarded)
-        return _Found(replace(arm, capsules=capsules, **limits), regions, self.constraints.torque, found)
+        arm = replace(arm, capsules=capsules, velocity_limit=speed, torque_limit=torque)
+        return _Found(arm, regions, self.constraints.torque, found)
 
     def family(self, scene: Scene) -> Trajectory:
         """The family of the scene's trajectories."""

@@ -62,9 +62,13 @@ class Aim:
 
     def __post_init__(self) -> None:
         if self.kind not in ("condition", "diagonal", "determinant", "variance"):
-            raise ConfigError(f"an aim is {self.kind!r}, expected condition, diagonal, determinant or variance")
+            raise ConfigError(
+                f"an aim is {self.kind!r}, expected condition, diagonal, determinant or variance"
+            )
         if self.prior is not None and self.kind in ("condition", "diagonal"):
-            raise ConfigError(f"a prior has no part in the aim {self.kind!r}: ask for determinant or variance")
+            raise ConfigError(
+                f"a prior has no part in the aim {self.kind!r}: ask for determinant or variance"
+            )
         if self.interest is not None and self.kind != "variance":
             raise ConfigError(f"links of interest have no part in the aim {self.kind!r}: ask for variance")
 

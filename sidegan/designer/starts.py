@@ -139,6 +139,4 @@ class Probes:
 
 def cat(parts: Sequence[Starts]) -> Starts:
     """Starts of one or more libraries, in order."""
-    return replace(
-        parts[0], **{name: np.concatenate([getattr(x, name) for x in parts]) for name in _TENSORS}
-    )
+    return replace(parts[0], **{name: np.concatenate([getattr(x, name) for x in parts]) for name in _TENSORS})

@@ -21,7 +21,9 @@ SITUATIONS = {
     "floor": Situation(regions=[Plane((0.0, 0.1, 1.0), 0.15)]),
     "walls": Situation(regions=WALLS, period=12.0),
     "box": Situation(HOME, regions=[BOX], velocity=0.8),
-    "boxes and walls": Situation(HOME, [BOX, *WALLS, Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))], 0.7, 0.8, 20.0),
+    "boxes and walls": Situation(
+        HOME, [BOX, *WALLS, Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))], 0.7, 0.8, 20.0
+    ),
     "clearance": Situation(regions=[BOX], clearance=0.02),
 }
 

@@ -43,7 +43,8 @@ def region_distances(region, geometry, data, guarded):
     for k in guarded:
         where = coal.Transform3s(data.oMg[k].rotation, data.oMg[k].translation)
         one = geometry.geometryObjects[k].geometry
-        distances.append(coal.distance(one, where, shape, placement, coal.DistanceRequest(), coal.DistanceResult()))
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        distances.append(coal.distance(one, where, shape, placement, request, result))
     return min(distances)
 
 

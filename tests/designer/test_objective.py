@@ -86,27 +86,26 @@ def test_the_gradient_is_that_of_finite_differences_for_every_aim(designer, name
     assert_gradient(descent, point(designer.numbers, scene, 2))
 
 
+def assert_plain_torch_agrees(numbers, settings, scene, x, aim):
+    gradients, values = [np.zeros_like(x), np.zeros_like(x)], []
+    engines = compiled_of(numbers, settings), PlainDescents(numbers, settings)
+    for descents, gradient in zip(engines, gradients):
+        values.append(descents.descent(scene, aim, PENALTIES).evaluate(x, gradient))
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-8, atol=1e-8)
+    scale = np.abs(gradients[1]).max()
+    np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-5, atol=1e-6 * scale)
+
+
 @pytest.mark.parametrize("regions", [(), (BOX,), WALLS, (BOX, *WALLS)], ids=["none", "box", "walls", "all"])
 def test_plain_torch_gives_the_same_value_and_gradient(designer, settings, regions):
     scene = designer.numbers.scene(Situation(regions=regions, velocity=0.8, torque=0.6, period=14.0))
     x = point(designer.numbers, scene, 3)
     for aim in aims(designer.numbers).values():
-        gradients, values = [np.zeros_like(x), np.zeros_like(x)], []
-        for descents, gradient in zip((designer.descents, PlainDescents(designer.numbers, settings)), gradients):
-            values.append(descents.descent(scene, aim, PENALTIES).evaluate(x, gradient))
-        np.testing.assert_allclose(values[0], values[1], rtol=1e-8, atol=1e-8)
-        scale = np.abs(gradients[1]).max()
-        np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-5, atol=1e-6 * scale)
+        assert_plain_torch_agrees(designer.numbers, settings, scene, x, aim)
 
 
 def test_an_arm_of_two_joints_and_few_parameters(planar, settings):
     numbers = ArmNumbers(Constraints(planar, [Plane((0, 0, 1), 0.1)]), Trajectory(2, 3, 8.0))
     scene = numbers.scene(Situation(regions=[Box((0.4, -1, 0), (1, 1, 1))]))
     for aim in aims(numbers).values():
-        x = point(numbers, scene, 4, use=0.8)
-        gradients, values = [np.zeros_like(x), np.zeros_like(x)], []
-        for descents, gradient in zip((compiled_of(numbers, settings), PlainDescents(numbers, settings)), gradients):
-            values.append(descents.descent(scene, aim, PENALTIES).evaluate(x, gradient))
-        np.testing.assert_allclose(values[0], values[1], rtol=1e-8, atol=1e-8)
-        scale = np.abs(gradients[1]).max()
-        np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-5, atol=1e-6 * scale)
+        assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 4, use=0.8), aim)

@@ -7,8 +7,6 @@ nearly everywhere, that is found out by vector instructions.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from sidegan.motion.compiled.chain import PLANE, Array, Chain, Shapes
 from sidegan.motion.compiled.distances import nearest_to_box, outwards
 from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, product, times, to_parent
@@ -32,6 +30,9 @@ PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint'
 A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and the middle between them
 
 
+Span = tuple[int, int]  # of times: the first, how many
+
+
 class Room(NamedTuple):
     """Room for the kernel at work: rows of lanes."""
 
@@ -42,9 +43,7 @@ class Room(NamedTuple):
 
 def room(capsules: int, joints: int) -> Room:
     """Room to work in; not to be shared among threads."""
-    return Room(
-        aligned(joints + 1, _FRAME * LANES), aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0]
-    )
+    return Room(aligned(joints + 1, _FRAME * LANES), aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
 
 
 @kernel
@@ -89,7 +88,7 @@ def _push(chain: Chain, work: Room, at: Block, point: Vector, force: Vector, pus
 
 
 @kernel
-def _pairs(chain: Chain, shapes: Shapes, span: tuple[int, int], reach: float, push: Array, work: Room) -> float:
+def _pairs(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, work: Room) -> float:
     """What pairs cost in a block of times."""
     start, count = span
     total, gap = 0.0, work.gap
@@ -116,7 +115,7 @@ def _pairs(chain: Chain, shapes: Shapes, span: tuple[int, int], reach: float, pu
 
 
 @kernel
-def _plane(chain: Chain, shapes: Shapes, g: int, span: tuple[int, int], reach: float, push: Array, work: Room) -> float:  # fmt: skip
+def _plane(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
     """What one capsule costs that comes close to a plane, in a block of times."""
     (start, count), total, gap = span, 0.0, work.gap
     r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
@@ -140,7 +139,7 @@ def _outside(x: float, half: float) -> float:
 
 
 @kernel
-def _box(chain: Chain, shapes: Shapes, g: int, span: tuple[int, int], reach: float, push: Array, work: Room) -> float:  # fmt: skip
+def _box(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
     """What one capsule costs that comes close to a box, in a block of times."""
     (start, count), total, gap, numbers = span, 0.0, work.gap, shapes.regions
     r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]

@@ -71,7 +71,9 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room)
 
 
 @inline
-def _plane(chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room) -> float:
+def _plane(
+    chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room
+) -> float:
     """What one capsule costs that comes close to a plane; adds the slope."""
     r, k = guard
     a, b, normal = row(work.ends[0], k), row(work.ends[1], k), row(shapes.regions, r)
@@ -84,7 +86,9 @@ def _plane(chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, s
 
 
 @inline
-def _box(chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room) -> float:
+def _box(
+    chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room
+) -> float:
     """What one capsule costs that comes close to a box; adds the slope."""
     r, k = guard
     numbers = shapes.regions

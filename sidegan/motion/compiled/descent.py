@@ -41,10 +41,11 @@ class Search(NamedTuple):
 
 def search(joints: int, functions: int, memory: int) -> Search:
     """Room for a search that has not begun."""
-    points, pairs = (np.zeros((joints, functions)) for _ in range(5)), (memory, joints * functions)
-    return Search(
-        *points, np.zeros(pairs), np.zeros(pairs), np.zeros(memory), np.zeros(memory), np.zeros(NUMBERS)
-    )
+    point, pairs = (joints, functions), (memory, joints * functions)
+    shapes: dict[str, tuple[int, ...]] = {}
+    shapes |= {"x": point, "gradient": point, "direction": point, "trial": point, "slope": point}
+    shapes |= {"s": pairs, "y": pairs, "rho": (memory,), "alpha": (memory,), "numbers": (NUMBERS,)}
+    return Search(**{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
 @kernel

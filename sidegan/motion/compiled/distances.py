@@ -77,7 +77,11 @@ def outwards(x: Vector, half: Vector) -> Vector:
     else:
         n = 0.0, 0.0, 1.0
     size = 1.0 / math.sqrt(dot(n, n))
-    return math.copysign(size * n[0], x[0]), math.copysign(size * n[1], x[1]), math.copysign(size * n[2], x[2])
+    return (
+        math.copysign(size * n[0], x[0]),
+        math.copysign(size * n[1], x[1]),
+        math.copysign(size * n[2], x[2]),
+    )
 
 
 @inline

@@ -138,7 +138,10 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
                 lanes.clear(work.lines[j])
             combine(x, subject.fine[order], first, count, work.lines, 0)
             for j in range(len(x)):
-                use = max(_highest(work.lines[j], count, 1.0) / above[j], _highest(work.lines[j], count, -1.0) / below[j])
+                use = max(
+                    _highest(work.lines[j], count, 1.0) / above[j],
+                    _highest(work.lines[j], count, -1.0) / below[j],
+                )
                 work.use[j] = max(work.use[j], use)
     for j in range(len(x)):
         factor = most / max(work.use[j], most)

@@ -61,16 +61,19 @@ class Room(NamedTuple):
 def room(size: int, smooth: Smooth) -> Room:
     """Room to work on p parameters."""
     count = min(size, smooth.lowest + smooth.highest)
+    rows, shifts = eigen.room(size, count)
     return Room(
-        *(np.zeros((size, size)) for _ in range(2)),
-        np.zeros((1, size, size)),
-        np.zeros((1, count)),
-        np.zeros(count),
-        np.zeros((1, count, size)),
-        np.zeros(1, bool),
-        *eigen.room(size, count),
-        np.zeros(size),
-        np.zeros((size, size)),
+        product=np.zeros((size, size)),
+        inner=np.zeros((size, size)),
+        whole=np.zeros((1, size, size)),
+        values=np.zeros((1, count)),
+        slopes=np.zeros(count),
+        vectors=np.zeros((1, count, size)),
+        sound=np.zeros(1, bool),
+        rows=rows,
+        shifts=shifts,
+        weights=np.zeros(size),
+        base=np.zeros((size, size)),
     )
 
 

@@ -38,4 +38,6 @@ class Near(NamedTuple):
     weight: float  # of the squares [1/m²]
     reach: float  # smallest distance that costs nothing [m]
     shapes: Shapes  # capsules and regions, for compiled kernels
-    distances: Callable[[Tensor], Tensor]  # for the plain code: all of them [m], (N, K), at positions (N, J); differentiable
+    distances: Callable[
+        [Tensor], Tensor
+    ]  # for the plain code: all of them [m], (N, K), at positions (N, J); differentiable

@@ -170,9 +170,9 @@ def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float,
         for i in range(len(plan.home)):
             for m in range(first[i], first[i + 1]):
                 work.sets[k, 10 * i + columns.kinds[m]] = work.goal.base[k, m]
-    weights = work.goal.weights[:count]
+    directions = work.sets, work.goal.weights[:count]
     cost = weighted_slopes(
-        plan.chain, plan.torques, work.states, plan.roots, work.sets, weights, work.slope, work.lanes
+        plan.chain, plan.torques, work.states, plan.roots, directions, work.slope, work.lanes
     )
     cost += _bound(plan.bounds, work.fine, work.push)
     cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)

@@ -45,15 +45,20 @@ def weighted_gram(
 
 @kernel
 def weighted_slopes(
-    chain: Chain, limits: Limits, states: Array, roots: Array, sets: Array, weights: Array, slope: Array,
+    chain: Chain,
+    limits: Limits,
+    states: Array,
+    roots: Array,
+    directions: tuple[Array, Array],
+    slope: Array,
     work: Room,
-) -> float:  # fmt: skip
+) -> float:
     """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what limits cost; the latter.
 
     The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), joints and time, with the weights (K,) of
     the sets and w of the joints.
     """
-    count, cost = states.shape[3], 0.0
+    (sets, weights), count, cost = directions, states.shape[3], 0.0
     rest(chain.gravity, work.links[0])
     step = step_of(count)
     for start in range(0, count, step):
