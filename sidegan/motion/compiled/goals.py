@@ -31,8 +31,8 @@ class Smooth(NamedTuple):
 class Goal(NamedTuple):
     """What is to be made small.
 
-    The condition number, or the ratio of the diagonal, of G; minus log det M, or the logarithm of the weighted
-    sum of the base parameters' variances in M⁻¹, for M = prior + amount · G in an orthonormal basis.
+    The condition number, or the ratio of the diagonal, of G; minus log det M, or the logarithm of the
+    weighted sum of the base parameters' variances in M⁻¹, for M = prior + amount · G in an orthonormal basis.
     """
 
     kind: int

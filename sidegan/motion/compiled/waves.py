@@ -8,7 +8,7 @@ from sidegan.motion.compiled.jit import inline, kernel
 
 @inline
 def _quintics(s: float, order: int) -> tuple[float, float]:
-    """Derivatives of the quintics with unit slope and unit curvature at both ends; see ``motion.trajectory``."""
+    """Derivatives of the quintics with unit slope and curvature at both ends; see ``motion.trajectory``."""
     if order == 0:
         cube = s * s * s
         return s + cube * (-10 + s * (15 - 6 * s)), s * s * (0.5 + s * (-1 + 0.5 * s))
@@ -22,7 +22,7 @@ def _quintics(s: float, order: int) -> tuple[float, float]:
 
 @kernel
 def waves(shares: Array, lowest: int, basis: Array) -> None:
-    """Write derivatives from ``lowest`` on, up to the third, at shares of a period of 1 s, (T, orders, 2 H)."""
+    """Write derivatives from ``lowest`` on, at most the third, at shares of 1 s, (T, orders, 2 H)."""
     for n in range(len(shares)):
         s = shares[n]
         sine, cosine = math.sin(2 * math.pi * s), math.cos(2 * math.pi * s)

@@ -10,7 +10,7 @@ from sidegan.motion.compiled.slopes import keep, pull, push
 
 @kernel
 def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
-    """Multiply the rows of a regressor's joints, as ``rows_of`` leaves them, by the roots of their weights."""
+    """Multiply the rows of a regressor's joints, as ``rows_of`` leaves them, by roots of their weights."""
     for i in range(len(roots)):
         for k in range(columns.first[i], columns.first[i + 1]):
             row = y[k]
