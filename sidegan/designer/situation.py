@@ -22,7 +22,8 @@ class Situation:
     velocity: float = 1.0  # share of the velocity limits that may be used
     torque: float = 1.0  # share of the torque limits that may be used
     period: float | None = None  # [s]
-    clearance: float = 0.0  # distance that is proven to be kept from regions and between links [m]
+    # distance that is proven to be kept from regions and between links [m], if more than the workspace's
+    clearance: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("velocity", "torque"):

@@ -86,7 +86,7 @@ class Asked:
     velocity: Share = 1.0  # share of the velocity limits that may be used
     torque: Share = 1.0  # share of the torque limits
     period: Seconds | None = None
-    clearance: NonNegative = 0.0  # [m] that is proven to be kept
+    clearance: NonNegative = 0.0  # [m] that is proven to be kept, if more than the workspace's
     aim: Literal["condition", "diagonal", "determinant", "variance"] = "condition"
     noise: list[Positive] | None = None  # of each joint's torque [N·m or N]
     links: dict[str, NonNegative] | None = None  # whose parameters' variances count, for the aim variance
