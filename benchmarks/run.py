@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 import torch
 
-from benchmarks import data, networks, physics, seeds
+from benchmarks import data, designer, networks, physics, seeds
 from benchmarks.setting import Setting
 from benchmarks.timing import ROWS, Result, row
 from sidegan.report import export
@@ -33,6 +33,12 @@ BENCHMARKS: dict[str, Callable[[Setting], Result]] = {
     "design": data.design,
     "evaluation": seeds.evaluation,
     "paper_seeds": seeds.paper_seeds,
+    "design_evaluation": designer.design_evaluation,
+    "design_setup": designer.design_setup,
+    "design_8ms": designer.design_8ms,
+    "design_12ms": designer.design_12ms,
+    "design_50ms_worst": designer.design_50ms_worst,
+    "design_next": designer.design_next,
 }
 
 

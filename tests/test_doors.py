@@ -41,6 +41,7 @@ ORDER = [
     "design",
     "library",
     "seeds",
+    "designer",
     "gan",
     "conditional",
     "plant",

@@ -108,6 +108,11 @@ SMALL = {
         "columns.steps_8.seeds.samples=20",
         "columns.steps_8.seeds.batch=20",
     ),
+    "design": (
+        "designer.library.count=3",
+        "designer.library.steps=20",
+        "design.evaluations=5",
+    ),
     "conditional": (
         "conditional.ranges.obstacle=null",
         "conditional.ranges.walls=null",

@@ -31,7 +31,8 @@ def _subject(problem: Problem) -> kernel.Subject:
     constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
     arm, base = constraints.arm, body.base
     limit, higher = arm.torque_limit, constraints.higher_rows
-    linear = [problem.room, arm.velocity_limit, *(higher if constraints.higher else [])]
+    linear = [torch.stack(problem.rooms)]
+    linear += [torch.stack([x, x]) for x in (arm.velocity_limit, *(higher if constraints.higher else []))]
 
     def functions(times: Tensor, orders: int) -> Tensor:
         return torch.stack([trajectory.basis(times, order).flatten(1).T for order in range(orders)])

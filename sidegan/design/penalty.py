@@ -9,7 +9,7 @@ from torch import Tensor
 from sidegan.motion.compiled.chain import array
 from sidegan.motion.compiled.limits import Limits, Near
 from sidegan.robot import HIGHER
-from sidegan.validity import Box, Constraints
+from sidegan.validity import Constraints
 
 _DISTANCE = 0.25  # [m] clearance that counts like a whole limit
 
@@ -60,9 +60,7 @@ class Penalty:
         limits = Limits(self.weight, self.limits, self.torque, *map(array, vectors))
         if not len(constraints.pairs) + len(constraints.guarded):
             return limits, None
-        boxes = any(isinstance(region, Box) for region in constraints.regions)
-        shapes = None if boxes else constraints.shapes
-        return limits, Near(self.weight / _DISTANCE**2, self.reach, shapes, constraints.distances)
+        return limits, Near(self.weight / _DISTANCE**2, self.reach, constraints.shapes, constraints.distances)
 
 
 def excess(violation: Tensor) -> Tensor:

@@ -61,7 +61,9 @@ class Problem:
         jerk: what is linear in the coefficients.
         """
         motion = self.trajectory.roll_out(c, self.finer_grid)
-        position = (motion.position - c.new_tensor(self.trajectory.home)).abs().amax(1) / self.room
+        away = motion.position - c.new_tensor(self.trajectory.home)
+        above, below = self.rooms
+        position = torch.maximum(away.amax(1) / above, -away.amin(1) / below)
         velocity = motion.velocity.abs().amax(1) / self.constraints.arm.velocity_limit
         use = torch.maximum(position, velocity)
         for name, limit in self.constraints.higher.items():
@@ -75,11 +77,11 @@ class Problem:
         return self.trajectory.grid(4 * self.samples)
 
     @property
-    def room(self) -> Tensor:
-        """How far each joint may go from home, to both sides [rad or m], (J,)."""
+    def rooms(self) -> tuple[Tensor, Tensor]:
+        """How far each joint may go up from home, and how far down [rad or m], (J,) each."""
         lower, upper = self.constraints.arm.position_lower, self.constraints.arm.position_upper
-        home = lower.new_tensor(self.trajectory.home)
-        return torch.maximum(torch.minimum(upper - home, home - lower), _LEAST_ROOM * (upper - lower))
+        home, least = lower.new_tensor(self.trajectory.home), _LEAST_ROOM * (upper - lower)
+        return torch.maximum(upper - home, least), torch.maximum(home - lower, least)
 
     def motion(self, c: Tensor) -> Motion:
         """Joint motion at the problem's time points, (B, samples, J)."""

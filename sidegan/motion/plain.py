@@ -74,14 +74,6 @@ def penalised_slopes(
     return cost.detach(), list(torch.autograd.grad(total, x, materialize_grads=True))
 
 
-@torch.enable_grad()
-def distance_slopes(near: Near, q: Tensor) -> tuple[Tensor, Tensor]:
-    """What small distances cost, (B,), and its gradient, (B, T, J), at positions (B, T, J)."""
-    q = q.detach().requires_grad_(True)
-    cost = _distance_cost(near, q)
-    return cost.detach(), torch.autograd.grad(cost.sum(), q)[0]
-
-
 def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
     """The ``low`` smallest and ``high`` largest of p > low + high eigenvalues, and eigenvectors."""
     values, vectors = eigh(x)

@@ -11,7 +11,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import Noise
 from sidegan.library.draw import Expansion
-from sidegan.pipeline.workspace import Workspace
+from sidegan.pipeline.workspace import Region, Workspace
 from sidegan.robot import Setup
 from sidegan.seeds.settings import Long, Seeds
 
@@ -74,6 +74,43 @@ class Robot(Setup):
     def setup(self) -> Setup:
         """What is said beside the description."""
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One situation, and what its trajectory shall be good for; null is what holds everywhere."""
+
+    name: str | None = None  # of the trajectory's file
+    home: list[float] | None = None  # [rad or m]
+    regions: list[Region] | None = None  # to keep out of, beside the workspace's own
+    velocity: Share = 1.0  # share of the velocity limits that may be used
+    torque: Share = 1.0  # share of the torque limits
+    period: Seconds | None = None
+    clearance: NonNegative = 0.0  # [m] that is proven to be kept, if more than the workspace's
+    aim: Literal["condition", "diagonal", "determinant", "variance"] = "condition"
+    noise: list[Positive] | None = None  # of each joint's torque [N·m or N]
+    links: dict[str, NonNegative] | None = None  # whose parameters' variances count, for the aim variance
+
+
+@dataclass(frozen=True)
+class Several:
+    """The situations of a file."""
+
+    situations: list[Asked]
+
+
+@dataclass(frozen=True)
+class Designs:
+    """What is asked of the designer, and what an answer may take."""
+
+    ask: Asked
+    file: str | None  # YAML file with a list of situations in place of the one
+    evaluations: Count | None
+    deadline: Seconds | None
+
+    def __post_init__(self) -> None:
+        if self.evaluations is None and self.deadline is None:
+            raise ConfigError("design needs evaluations or a deadline")
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from sidegan.base.typed import Count, Natural, build
 from sidegan.conditional.settings import ConditionalSettings
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
+from sidegan.designer.settings import DesignerSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
@@ -29,6 +30,7 @@ from sidegan.library.draw import Expansion
 from sidegan.pipeline.schema import (
     Beyond,
     Column,
+    Designs,
     Discussion,
     Elsewhere,
     Parallel,
@@ -114,6 +116,8 @@ class Config:
     ladder: dict[str, Variant] = _group("ladder")  # from the paper's recipe to ours, one change at a time
     beyond: Beyond = _group("beyond")
     conditional: ConditionalSettings = _group("conditional")
+    designer: DesignerSettings = _group("designer")
+    design: Designs = _group("design")
     recordings: list[str] = _group("recordings")  # files to identify from
     validation: list[str] = _group("validation")  # files that are held out
     recording: RecordingSettings = _group("recording")

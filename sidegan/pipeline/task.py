@@ -31,6 +31,7 @@ LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "histor
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
 _homes: dict[tuple[str, str], tuple[float, ...] | None] = {}  # found before, by arm and workspace
+_SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
 _SHARED = {"seeds", "paper_seeds", "halves", "long"}  # made once for all columns that have them
 
 
@@ -70,6 +71,12 @@ class Task:
         """The family of the short trajectories."""
         family = self.cfg.trajectory
         return Trajectory(self.arm.joints, family.harmonics, family.period, self.home)
+
+    @property
+    def _centred(self) -> bool:
+        """Whether home lies in the middle of the joints' limits."""
+        middle = (self.arm.position_lower + self.arm.position_upper) / 2
+        return bool((middle - middle.new_tensor(self.trajectory.home)).nan_to_num().abs().max() < _SAME)
 
     @cached_property
     def _workspace(self) -> Constraints:
@@ -156,6 +163,8 @@ class Task:
         """
         training = options.get("training")
         family = {**asdict(self.cfg.trajectory), "home": self.home}
+        if not self._centred:  # since 2 joints go as far as their limits on either side of home
+            family["rooms"] = 2
         shared = {"workspace": self.cfg.workspace.stamped(self.arm), "trajectory": family}
         column = None if maker in _SHARED else self.cfg.column
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings

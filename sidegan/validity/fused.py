@@ -30,7 +30,7 @@ class FusedSearch(Search):
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Tensor) -> None:
         super().__init__(constraints, trajectory, c)
         if constraints not in _models:
-            _models[constraints] = _model(constraints)
+            _models[constraints] = model_of(constraints)
         self.model = _models[constraints]._replace(home=np.array(trajectory.home))
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
@@ -85,7 +85,7 @@ def _cuts(which: Tensor) -> list[int]:
     return [0, *torch.searchsorted(which, starts).tolist(), len(which)]
 
 
-def _model(constraints: Constraints) -> kernel_cells.Model:
+def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
     arm, slack = constraints.arm, Slack(constraints)
     limit = arm.torque_limit
@@ -99,9 +99,9 @@ def _model(constraints: Constraints) -> kernel_cells.Model:
         "higher": constraints.higher_rows,
         "pair_reach": slack.pair_reach,
         "piece_reach": slack.piece_reach,
-        "pair_most": _most(slack.pair_reach),
+        "pair_most": largest_reach(slack.pair_reach),
         "region_reach": slack.region_reach,
-        "region_most": _most(slack.region_reach),
+        "region_most": largest_reach(slack.region_reach),
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
@@ -110,6 +110,6 @@ def _model(constraints: Constraints) -> kernel_cells.Model:
     )
 
 
-def _most(reach: Tensor) -> Tensor:
+def largest_reach(reach: Tensor) -> Tensor:
     """Largest reach of each joint, (1, J); zero where nothing is checked."""
     return torch.cat([reach, torch.zeros_like(reach.sum(0))[None]]).amax(0, keepdim=True)

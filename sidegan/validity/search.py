@@ -13,15 +13,15 @@ from sidegan.validity.constraints import Constraints
 
 Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
 
-_COARSE = 0.1  # [s] longest cell of the first pass
-_SPLIT = 4  # parts that a cell is cut into where it cannot be decided
-_LEVELS = 6  # passes: the last one's cells are 0.1 s / 4⁵ = 0.1 ms long
+COARSE = 0.1  # [s] longest cell of the first pass
+SPLIT = 4  # parts that a cell is cut into where it cannot be decided
+LEVELS = 6  # passes: the last one's cells are 0.1 s / 4⁵ = 0.1 ms long
 _STATES_AT_ONCE = 8_192  # bounds the memory of a pass to about 100 MB for seven joints
 
 
 def coarse_cells(trajectory: Trajectory) -> int:
     """Number of cells of the first pass over one trajectory."""
-    return int(-(-trajectory.period // _COARSE))
+    return int(-(-trajectory.period // COARSE))
 
 
 class Search:
@@ -29,7 +29,7 @@ class Search:
 
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Tensor) -> None:
         self.constraints, self.trajectory, self.c = constraints, trajectory, c
-        self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / _COARSE)))
+        self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Of the derivative after the next one, by what is limited: a margin drifts by the next one at first.
         self.bounds = {name: derivative_bound(trajectory, c, HIGHER[name] + 2) for name in constraints.higher}
         self.orders = max([3, *(HIGHER[name] + 2 for name in constraints.higher)])
@@ -48,14 +48,14 @@ class Search:
         count, device = coarse_cells(self.trajectory), self.c.device
         grid = torch.arange(len(self.c), device=device), torch.arange(count, device=device)
         cells = torch.cartesian_prod(*grid).reshape(-1, 2)
-        for level in range(_LEVELS):
-            cells = self.visit(cells, count, level == _LEVELS - 1)
+        for level in range(LEVELS):
+            cells = self.visit(cells, count, level == LEVELS - 1)
             cells = cells[self.valid[cells[:, 0]]]
             if not len(cells):
                 break
-            finer = cells[:, 1:] * _SPLIT + torch.arange(_SPLIT, device=device)
+            finer = cells[:, 1:] * SPLIT + torch.arange(SPLIT, device=device)
             cells = torch.stack([cells[:, :1].expand_as(finer), finer], -1).reshape(-1, 2)
-            count *= _SPLIT
+            count *= SPLIT
 
     def visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
         """Update the margins from cells (N, 2) of (trajectory, index); those undecided come back."""

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -6,6 +8,7 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient
+from sidegan.validity import Constraints
 
 
 def test_length_is_the_mean_square_of_the_shares_of_the_limits(planar_problem, random):
@@ -40,3 +43,25 @@ def test_a_long_trajectory_of_many_harmonics_becomes_well_conditioned(lwr_proble
     problem = Problem(lwr_problem.constraints, Trajectory(7, 60, 160.0), 240)
     batch = Gradient(60, attempts=5, reserve=0.05).optimise(problem, 1, np.random.SeedSequence(0))
     assert float(batch.fitness[0]) < 400  # in plain coefficients: 10⁶
+
+
+def test_a_joint_may_go_as_far_as_its_limits_on_either_side_of_home(planar):
+    high = planar.position_upper
+    problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0, (0.7 * high).tolist()), 24)
+    c = torch.randn(20, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * 1e-3
+    away = problem.trajectory.derivative(c, problem.finer_grid, 0) - 0.7 * high
+    expected = torch.maximum(away.amax(1) / (0.3 * high), -away.amin(1) / (1.7 * high))
+    slow = replace(planar, velocity_limit=torch.full_like(high, 1e9))
+    torch.testing.assert_close(replace(problem, constraints=Constraints(slow)).limit_use(c), expected)
+
+
+def test_coefficients_at_the_limits_of_an_arm_that_rests_beside_the_middle_are_not_made_smaller(planar):
+    high = planar.position_upper
+    problem = Problem(Constraints(planar), Trajectory(2, 3, 200.0, (0.5 * high).tolist()), 24)
+    c = torch.zeros(2, 2, 3, 2, dtype=torch.float64)
+    c[0, :, 0, 1], c[1, :, 0, 1] = 1e-3, -1e-3
+    c = c / problem.limit_use(c)[:, :, None, None]
+    q = problem.trajectory.derivative(c, problem.finer_grid, 0)
+    torch.testing.assert_close(
+        torch.maximum(q.amax(1)[0] / high, -q.amin(1)[1] / high), torch.ones(2).double()
+    )

@@ -115,7 +115,18 @@ def assert_plain_code_agrees(problem, c, penalty, monkeypatch):
 OBSTACLES = [Sphere((0.4, 0.2, 0.5), 0.2), Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1)]
 
 
-@pytest.mark.parametrize("regions", [[Plane((0, 0, 1), 0.1)], [Plane((0, 0.6, 0.8), -0.2)], OBSTACLES, []])
+@pytest.mark.parametrize(
+    "regions",
+    [
+        [Plane((0, 0, 1), 0.1)],
+        [Plane((0, 0.6, 0.8), -0.2)],
+        OBSTACLES,
+        [],
+        [Box((0.3, -0.2, 0.3), (0.6, 0.3, 0.6))],
+        [Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2)), Plane((1, 0, 0), -0.7)],
+        [*OBSTACLES, Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2))],
+    ],
+)
 def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch, regions):
     pytest.importorskip("numba")
     problem = Problem(Constraints(arm, regions), Trajectory(7), 40)
@@ -132,7 +143,7 @@ def test_the_compiled_penalty_knows_sliding_joints(joints, random, monkeypatch):
     assert_plain_code_agrees(problem, c, Penalty(10.0, distance=2.0), monkeypatch)
 
 
-def test_boxes_take_the_plain_code_for_distances(planar, random):
+def test_the_gradient_of_distances_from_boxes_is_exact(planar, random):
     problem = Problem(Constraints(planar, [Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0), 24)
     c = problem.start(3, random, 1.0)
     direction = torch.randn(c.shape, generator=random, dtype=torch.float64)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled.chain import BALL, CONVEX, PLANE, Array, Chain, Shapes
-from sidegan.motion.compiled.distances import lowest_crossing
+from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE, Array, Chain, Shapes
+from sidegan.motion.compiled.distances import lowest_crossing, nearest_to_box, outwards, point_to_box
 from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, times, to_parent
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import (
@@ -91,8 +91,8 @@ def _near_body(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vec
 
 
 @inline
-def _near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
-    """The same for any region but a box."""
+def near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """The same for any region but a box, which is left along two faces at once."""
     if shapes.kinds[r] == BALL:
         return _near_ball(row(shapes.regions, r), shapes.regions[r, 3], a, b)
     if shapes.kinds[r] == CONVEX:
@@ -102,22 +102,60 @@ def _near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, V
     return min(low, high) - shapes.regions[r, 3], a if low < high else b, normal
 
 
+@inline
+def _region(
+    chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room
+) -> float:
+    """What one capsule costs that comes close to a region, but for a box; adds the slope."""
+    r, k = guard
+    if shapes.kinds[r] != PLANE:
+        apart = less(row(work.ends[2], k), row(shapes.regions, r))
+        far = reach + shapes.size[k] + shapes.regions[r, 3]
+        if dot(apart, apart) >= far * far:
+            return 0.0
+    distance, point, away = near_region(shapes, r, row(work.ends[0], k), row(work.ends[1], k))
+    excess = reach - distance + shapes.radius[k]
+    if not excess > 0:
+        return 0.0
+    _push(chain, work, shapes.frame[k], point, times(-2 * excess, away), slope)
+    return excess * excess
+
+
+@inline
+def _box(
+    chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room
+) -> float:
+    """What one capsule costs that comes close to a box; adds the slope."""
+    r, k = guard
+    numbers = shapes.regions
+    centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
+    if point_to_box(less(row(work.ends[2], k), centre), half) >= reach + shapes.size[k]:
+        return 0.0
+    a, b = less(row(work.ends[0], k), centre), less(row(work.ends[1], k), centre)
+    distance, before, after, share = nearest_to_box(half, a, b)
+    excess = reach - distance + shapes.radius[k]
+    if not excess > 0:
+        return 0.0
+    along, size = less(b, a), -2 * excess
+    for part in range(2):
+        s, weight = (after, 1.0 - share) if part else (before, share)
+        if weight > 0:
+            x = add(a, times(s, along))
+            force = times(size * weight, outwards(x, half))
+            _push(chain, work, shapes.frame[k], add(x, centre), force, slope)
+    return excess * excess
+
+
 @kernel
 def _regions(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
     """What one state's regions cost; adds the slope."""
-    total, a, b, middle = 0.0, work.ends[0], work.ends[1], work.ends[2]
+    total = 0.0
     for p in range(len(shapes.guarded)):
-        r, k = shapes.guarded[p, 0], shapes.guarded[p, 1]
-        if shapes.kinds[r] != PLANE:
-            apart = less(row(middle, k), row(shapes.regions, r))
-            far = reach + shapes.size[k] + shapes.regions[r, 3]
-            if dot(apart, apart) >= far * far:
-                continue
-        distance, point, away = _near_region(shapes, r, row(a, k), row(b, k))
-        excess = reach - distance + shapes.radius[k]
-        if excess > 0:
-            total += excess * excess
-            _push(chain, work, shapes.frame[k], point, times(-2 * excess, away), slope)
+        guard = shapes.guarded[p, 0], shapes.guarded[p, 1]
+        if shapes.kinds[guard[0]] == BOX:
+            total += _box(chain, shapes, guard, reach, slope, work)
+        else:
+            total += _region(chain, shapes, guard, reach, slope, work)
     return total
 
 
@@ -127,7 +165,7 @@ def closeness(
 ) -> None:
     """Add the squares of how far distances fall below ``reach`` [m], summed over time, and their slopes.
 
-    No region is a box. Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
+    Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
     """
     for b in range(states.shape[1]):
         for t in range(states.shape[3]):

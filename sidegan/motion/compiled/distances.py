@@ -142,3 +142,89 @@ def to_region(shapes: Shapes, r: int, a: Vector, b: Vector, middle: Vector, far:
         return math.inf
     first, last = int(numbers[r, 4]), int(numbers[r, 5])
     return lowest_crossing(shapes.planes, first, last, a, b)[0]
+
+
+@inline
+def outwards(x: Vector, half: Vector) -> Vector:
+    """Unit direction in which the distance from a box at the origin grows fastest."""
+    beyond = abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2]
+    farthest = max(beyond[0], beyond[1], beyond[2])
+    if farthest > 0:
+        n = max(beyond[0], 0.0), max(beyond[1], 0.0), max(beyond[2], 0.0)
+    elif beyond[0] == farthest:
+        n = 1.0, 0.0, 0.0
+    elif beyond[1] == farthest:
+        n = 0.0, 1.0, 0.0
+    else:
+        n = 0.0, 0.0, 1.0
+    size = 1.0 / math.sqrt(dot(n, n))
+    return (
+        math.copysign(size * n[0], x[0]),
+        math.copysign(size * n[1], x[1]),
+        math.copysign(size * n[2], x[2]),
+    )
+
+
+@inline
+def _steepness(x: Vector, half: Vector, along: Vector) -> float:
+    """Half the growth of the squared distance from a box along a direction; zero inside of it."""
+    total = 0.0
+    for k in range(3):
+        total += math.copysign(max(abs(x[k]) - half[k], 0.0), x[k]) * along[k]
+    return total
+
+
+@inline
+def _nearest_outside(half: Vector, a: Vector, along: Vector) -> float:
+    """Where on a segment its squared distance from a box is least, as a share of its length.
+
+    The slope of the squared distance is piecewise linear and never falls: its zero lies between two of the
+    places where the segment passes a plane of a face.
+    """
+    low, high = 0.0, 1.0
+    below, above = _steepness(a, half, along), _steepness(add(a, along), half, along)
+    if below >= 0:
+        return 0.0
+    if above <= 0:
+        return 1.0
+    for k in range(6):
+        face = half[k % 3] if k < 3 else -half[k % 3]
+        if along[k % 3] == 0:
+            continue
+        s = (face - a[k % 3]) / along[k % 3]
+        if low < s < high:
+            slope = _steepness(add(a, times(s, along)), half, along)
+            if slope < 0:
+                low, below = s, slope
+            elif slope > 0:
+                high, above = s, slope
+            else:
+                return s
+    return low + (high - low) * below / (below - above)
+
+
+@inline
+def nearest_to_box(half: Vector, a: Vector, b: Vector) -> tuple[float, float, float, float]:
+    """Signed distance [m] of a segment from a box at the origin, and what its slope follows from.
+
+    These are two shares of the segment's length and the weight of the first: where the segment pierces the
+    box, the distance is least where two faces are equally near, and its slope is a mixture of theirs, with
+    which it does not change along the segment.
+    """
+    along = less(b, a)
+    s = _nearest_outside(half, a, along)
+    distance = point_to_box(add(a, times(s, along)), half)
+    if distance > TOUCHING:
+        return distance, s, s, 1.0
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if _slope(add(a, times(middle, along)), half, along) < 0:
+            low = middle
+        else:
+            high = middle
+    before, after = add(a, times(low, along)), add(a, times(high, along))
+    fall = max(-dot(outwards(before, half), along), 0.0)
+    rise = max(dot(outwards(after, half), along), 0.0)
+    share = rise / max(fall + rise, 1e-300)
+    return share * point_to_box(before, half) + (1.0 - share) * point_to_box(after, half), low, high, share

@@ -13,9 +13,10 @@ from sidegan.motion.compiled import eigen, lanes, regressor
 from sidegan.motion.compiled.chain import Array, Chain, Shapes
 from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import dot, less
+from sidegan.motion.compiled.goals import to_orthonormal
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
-from sidegan.motion.compiled.signals import combine, largest, within
+from sidegan.motion.compiled.signals import combine, highest, largest, within
 
 # Numbers of a trajectory.
 FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
@@ -37,7 +38,8 @@ class Subject(NamedTuple):
     upper: Array  # position limits, (J,)
     speed: Array  # velocity limits, (J,)
     higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
-    linear: Array  # way from home that a joint may go, velocity limits and, if any, the higher ones, (L, J)
+    # how far a joint may go up from home and down, velocity limits and, if any, the higher ones, (L, 2, J)
+    linear: Array
     torque: Array  # torque limits, (J,); infinite where nothing is limited
     basis: Array  # derivatives 0 to 2, or 3, of the K basis functions at the T samples, (3 or 4, K, T)
     fine: Array  # derivatives from 0 on at the samples that joints are scaled by, (L, K, S)
@@ -101,14 +103,18 @@ def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
     for j in range(len(x)):
         work.use[j] = _STILL
     for order in range(len(subject.fine)):
-        limit = subject.linear[order]
+        above, below = subject.linear[order, 0], subject.linear[order, 1]
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
             for j in range(len(x)):
                 lanes.clear(work.lines[j])
             combine(x, subject.fine[order], first, count, work.lines, 0)
             for j in range(len(x)):
-                work.use[j] = max(work.use[j], largest(work.lines[j], count) / limit[j])
+                use = max(
+                    highest(work.lines[j], count, 1.0) / above[j],
+                    highest(work.lines[j], count, -1.0) / below[j],
+                )
+                work.use[j] = max(work.use[j], use)
     for j in range(len(x)):
         factor = most / max(work.use[j], most)
         for k in range(x.shape[1]):
@@ -220,40 +226,18 @@ def _check_distances(subject: Subject, distance: float, work: Room, numbers: Arr
 
 
 @kernel
-def _to_orthonormal(subspace: Array, work: Room) -> float:
-    """Write Cᵀ G C divided by its largest element, which comes back."""
-    gram, product, inner, size = work.gram[0], work.product, work.inner, len(subspace)
-    for i in range(size):
-        lanes.clear(product[i])
-        lanes.clear(inner[i])
-        for k in range(size):
-            factor, column = gram[i, k], subspace[k]
-            for j in range(k + 1):
-                product[i, j] += factor * column[j]
-    for k in range(size):
-        for i in range(k + 1):
-            factor, part = subspace[k, i], product[k]
-            for j in range(i, size):
-                inner[i, j] += factor * part[j]
-    scale = 0.0
-    for i in range(size):
-        scale = max(scale, inner[i, i])  # positive semi-definite: no element is larger
-    for i in range(size):
-        for j in range(i, size):
-            inner[i, j] /= scale
-            inner[j, i] = inner[i, j]
-    return scale
-
-
-@kernel
 def _spectral_ratio(subject: Subject, work: Room) -> float:
     """Condition number of YᵀY in an orthonormal basis; infinite where a direction is not excited."""
     for i in range(work.gram.shape[1]):
         lanes.clear(work.gram[0, i])
     regressor.grams(subject.chain, work.states, subject.columns, work.gram, work.lanes, work.y)
-    scale = _to_orthonormal(subject.subspace, work)
+    inner, scale = work.inner, to_orthonormal(subject.subspace, work.gram[0], work.product, work.inner)
     if not (math.isfinite(scale) and scale > 0):
         return np.inf
+    for i in range(len(inner)):
+        for j in range(i, len(inner)):
+            inner[i, j] /= scale
+            inner[j, i] = inner[i, j]
     eigen.ends(work.inner, work.ends, work.rows, work.shifts)
     low, high = work.ends[0], work.ends[1]
     return high / low if low > len(work.inner) * _EPS * high else np.inf

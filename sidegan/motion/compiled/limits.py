@@ -37,5 +37,5 @@ class Near(NamedTuple):
 
     weight: float  # of the squares [1/m²]
     reach: float  # smallest distance that costs nothing [m]
-    shapes: Shapes | None  # regions and capsules; None where the plain code must take the distances
+    shapes: Shapes  # capsules and regions, for compiled kernels
     distances: Callable[[Tensor], Tensor]  # all of them [m], (N, K), at positions (N, J); differentiable

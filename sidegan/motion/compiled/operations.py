@@ -76,12 +76,7 @@ def penalised_slopes(
     body: "RigidBody", states: States, sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
 ) -> tuple[Tensor, list[Tensor]]:
     """Penalty, (B,), and gradients in the states, (B, T, J) each, of it and of Σ weight · |Y v|²."""
-    exact = None if near is None or near.shapes is None else near
-    value, slope = _slopes(body.chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, exact)
-    if near is not None and exact is None:
-        cost, push = plain.distance_slopes(near, states[0])
-        value, slope = value + cost, [slope[0] + push, *slope[1:]]
-    return value, slope
+    return _slopes(body.chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, near)
 
 
 def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
@@ -138,15 +133,14 @@ def _slopes(
     batch, count, joints = states[0].shape
     slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
     arrays = [array(x) for x in sets]
-    shapes = None if near is None else near.shapes
 
     def work(k: slice) -> None:
         motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))
         slopes.slopes(chain, limits, motion, mine, value[k], slope[:, k], lanes.room(joints))
-        if near is not None and shapes is not None:
+        if near is not None:
             cost, push = np.zeros(len(value[k])), np.zeros((len(value[k]), joints, count))
-            room = closeness.room(shapes, joints)
-            closeness.closeness(chain, shapes, motion, near.reach, cost, push, room)
+            room = closeness.room(near.shapes, joints)
+            closeness.closeness(chain, near.shapes, motion, near.reach, cost, push, room)
             value[k] += near.weight * cost
             slope[0, k] += near.weight * push
 

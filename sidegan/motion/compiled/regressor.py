@@ -63,7 +63,7 @@ def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
 
 
 @kernel
-def _rows(chain: Chain, states: Array, block: Block, columns: Columns, work: Room, y: Array) -> int:
+def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: Room, y: Array) -> int:
     """Write the base regressor of a block of states; how many lanes each joint takes.
 
     A column's row of y holds joint 0's lanes, then joint 1's, … up to the joint of its own link: the
@@ -100,7 +100,7 @@ def _four(s: Four, x: float, y: Four) -> Four:
 
 
 @kernel_in_any_order
-def _tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int, out: Array) -> None:
+def tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int, out: Array) -> None:
     """Add the products of up to four rows (first, end) with four others, from ``low`` to ``high``."""
     (i, ps), (j, qs) = p, q
     a0, a1, a2, a3 = y[i], y[min(i + 1, ps - 1)], y[min(i + 2, ps - 1)], y[min(i + 3, ps - 1)]
@@ -117,7 +117,7 @@ def _tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int,
 
 
 @kernel
-def _mirror(x: Array, factor: float) -> None:
+def mirror(x: Array, factor: float) -> None:
     """Multiply what is above the diagonal, and write it below too."""
     for p in range(len(x)):
         for q in range(p, len(x)):
@@ -135,12 +135,12 @@ def grams(chain: Chain, states: Array, columns: Columns, gram: Array, work: Room
     rest(chain.gravity, work.links[0])
     for b in range(states.shape[1]):
         for start in range(0, count, SPAN):
-            span = _rows(chain, states, (b, start, min(SPAN, count - start)), columns, work, y)
+            span = rows_of(chain, states, (b, start, min(SPAN, count - start)), columns, work, y)
             for i in range(states.shape[2]):
                 for p in range(first[i], first[i + 1], 4):
                     for q in range(p, size, 4):
-                        _tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram[b])
-        _mirror(gram[b], 1 / count)
+                        tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram[b])
+        mirror(gram[b], 1 / count)
 
 
 @kernel_in_any_order
@@ -160,7 +160,7 @@ def diagonal(chain: Chain, states: Array, columns: Columns, squares: Array, work
     count, first = states.shape[3], columns.first
     rest(chain.gravity, work.links[0])
     for start in range(0, count, SPAN):
-        span = _rows(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
+        span = rows_of(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
         for i in range(states.shape[2]):
             for p in range(first[i], first[i + 1]):
                 squares[p] += _square(y[p], (i + 1) * span) / count
@@ -179,13 +179,13 @@ def sums(
     for b in range(states.shape[1]):
         for start in range(0, count, SPAN):
             lanes = min(SPAN, count - start)
-            span = _rows(chain, states, (b, start, lanes), columns, work, y)
+            span = rows_of(chain, states, (b, start, lanes), columns, work, y)
             for j in range(joints):
                 for n in range(span):
                     y[size, j * span + n] = torque[b, j, start + n] if n < lanes else 0.0
             for j in range(joints):
                 for p in range(columns.first[j], size + 1, 4):
                     for q in range(p, size + 1, 4):
-                        _tile(y, (p, size + 1), (q, size + 1), j * span, (j + 1) * span, products[j])
+                        tile(y, (p, size + 1), (q, size + 1), j * span, (j + 1) * span, products[j])
     for j in range(joints):
-        _mirror(products[j], 1.0)
+        mirror(products[j], 1.0)

@@ -133,7 +133,7 @@ def _unmove(
 
 
 @kernel
-def _push(chain: Chain, v: Array, work: Room, width: int) -> None:
+def push(chain: Chain, v: Array, work: Room, width: int) -> None:
     """Add the slopes of sᵀ τ to the adjoints, where s stands in place of the torques τ."""
     clear(work.twist)
     for i in range(len(chain.prismatic)):
@@ -143,7 +143,7 @@ def _push(chain: Chain, v: Array, work: Room, width: int) -> None:
 
 
 @kernel
-def _pull(chain: Chain, work: Room, slope: Array, block: Block, width: int) -> None:
+def pull(chain: Chain, work: Room, slope: Array, block: Block, width: int) -> None:
     """Carry the adjoints down to the base; write the slopes of a block in q, dq and ddq."""
     links, adjoints = work.links, work.adjoints
     b, start, lanes = block
@@ -156,22 +156,22 @@ def _pull(chain: Chain, work: Room, slope: Array, block: Block, width: int) -> N
 
 
 @inline
-def _beyond(x: float, limit: float, reserve: float) -> float:
+def beyond(x: float, limit: float, reserve: float) -> float:
     """How far |x| exceeds the limit less the reserve, as a share of the limit and with x's sign; or zero."""
     return math.copysign(max(abs(x) / limit - (1.0 - reserve), 0.0), x)
 
 
 @kernel_in_any_order
-def _keep(limits: Limits, work: Room, lanes: int) -> float:
+def keep(limits: Limits, work: Room, lanes: int) -> float:
     """Penalty of a block; adds its slopes in q and dq to adjoints, puts those in torques in their place."""
     total = 0.0
     for i in range(len(limits.speed)):
         state, torque, adjoint = work.state[i], work.torque[i], work.adjoints[i + 1]
         middle, room, speed, most = limits.middle[i], limits.room[i], limits.speed[i], limits.torque[i]
         for n in range(min(lanes, LANES)):
-            q = _beyond(state[Q * LANES + n] - middle, room, limits.reserve)
-            dq = _beyond(state[DQ * LANES + n], speed, limits.reserve)
-            tau = _beyond(torque[n], most, limits.torque_reserve)
+            q = beyond(state[Q * LANES + n] - middle, room, limits.reserve)
+            dq = beyond(state[DQ * LANES + n], speed, limits.reserve)
+            tau = beyond(torque[n], most, limits.torque_reserve)
             adjoint[SQ * LANES + n] += 2.0 * limits.weight / room * q
             adjoint[SDQ * LANES + n] += 2.0 * limits.weight / speed * dq
             torque[n] = 2.0 * limits.weight / most * tau
@@ -210,9 +210,9 @@ def slopes(
             for k in range(sets.parameters.shape[1]):
                 forces(chain, sets.parameters[b, k], work, step)
                 _cotangents(sets, k, block, step, work.torque)
-                _push(chain, sets.parameters[b, k], work, step)
+                push(chain, sets.parameters[b, k], work, step)
             if limits.weight > 0:
                 forces(chain, limits.parameters, work, step)
-                value[b] += _keep(limits, work, block[2])
-                _push(chain, limits.parameters, work, step)
-            _pull(chain, work, slope, block, step)
+                value[b] += keep(limits, work, block[2])
+                push(chain, limits.parameters, work, step)
+            pull(chain, work, slope, block, step)

@@ -35,6 +35,7 @@ STAGES = {
     "few_seeds": "exact variants on ever fewer seeds",
     "transfer": "generators for another arm, tool or desk",
     "conditional": "one generator for many conditions",
+    "starts": "what designs start from, made once for an arm in its workspace",
     "excite": "trajectories to execute, as files",
     "check": "what recordings are worth",
     "identify": "a model of a real arm from recordings",

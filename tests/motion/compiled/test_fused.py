@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sidegan.motion import plain, threads
 from sidegan.motion.compiled.limits import Limits, Near
 from sidegan.motion.dynamics import RigidBody
-from sidegan.validity import Constraints, Plane
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import random_chain, random_states
 
 pytest.importorskip("numba")
@@ -75,12 +75,19 @@ def test_an_infinite_torque_limit_costs_nothing(arm):
         torch.testing.assert_close(one, other, rtol=1e-12, atol=1e-9)
 
 
-@pytest.mark.parametrize("boxes", [False, True])
-def test_distances_cost_what_the_plain_code_says(arm, boxes):
-    """Kernels know planes; where there are no shapes for them, the plain code takes the distances."""
+REGIONS = {
+    "plane": Plane((0.0, 0.0, 1.0), 0.1),
+    "box": Box((0.3, -0.2, 0.3), (0.6, 0.3, 0.6)),
+    "ball": Sphere((0.4, 0.2, 0.5), 0.2),
+    "body": Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1),
+}
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_distances_cost_what_the_plain_code_says(arm, region):
     body, states = RigidBody(arm), [x.reshape(2, 40, 7) for x in random_states(arm, 80)]
-    constraints = Constraints(arm, [Plane((0.0, 0.0, 1.0), 0.1)])
-    near = Near(3.0, 0.2, None if boxes else constraints.shapes, constraints.distances)
+    constraints = Constraints(arm, [REGIONS[region]])
+    near = Near(3.0, 0.2, constraints.shapes, constraints.distances)
     sets, weights, none = normal(2, 1, 70), 1e-6 * normal(2, 1), Limits.none(7)
     value, slopes = body.penalised_slopes(states, sets, weights, none, near)
     cost, expected = plain.penalised_slopes(body, states, sets, weights, none, near)

@@ -1,0 +1,141 @@
+"""The proof that one trajectory keeps every constraint over its whole period, without overhead.
+
+It is ``sidegan.validity.check``, cell by cell: the same kernel, the same cells.
+"""
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import torch
+
+from sidegan.designer.scene import ArmNumbers, Scene
+from sidegan.motion.compiled.chain import array
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import HIGHER
+from sidegan.validity import Constraints, check
+from sidegan.validity.search import COARSE, LEVELS, SPLIT
+
+Array = np.ndarray
+
+_KEPT = 64  # grids of cells: a few megabytes
+
+CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What a proof found: of every constraint the smallest margin, where and when it is."""
+
+    margins: Array  # [rad, rad/s, N·m, m, rad/s², rad/s³], (7,); infinite where there is no such constraint
+    elements: Array  # joint, pair or guarded capsule, (7,)
+    times: Array  # [s], (7,)
+
+    @property
+    def valid(self) -> bool:
+        """Whether everything provably holds."""
+        return bool((self.margins >= 0).all())
+
+
+class CheckProver:
+    """Proofs of single trajectories by ``sidegan.validity.check``: whatever is limited."""
+
+    def __init__(self, numbers: ArmNumbers) -> None:
+        self._numbers = numbers
+        self._scene: Scene | None = None
+        self._question: tuple[Constraints, Trajectory] | None = None
+
+    def prove(self, scene: Scene, c: Array) -> Verdict:
+        """Whether coefficients (J, K) [rad/s] are valid."""
+        if self._question is None or self._scene is not scene:
+            self._scene, self._question = scene, (self._numbers.among(scene), self._numbers.family(scene))
+        constraints, family = self._question
+        found = check(constraints, family, torch.from_numpy(c).reshape(1, *family.shape))
+        tables, missing = (found.margins, found.elements, found.times), (np.inf, 0, 0.0)
+        columns = [
+            [float(table[name][0]) if name in table else other for name in CONSTRAINTS]
+            for table, other in zip(tables, missing)
+        ]
+        return Verdict(np.array(columns[0]), np.array(columns[1]).astype(int), np.array(columns[2]))
+
+
+class Prover:
+    """The same by the check's own kernel, without overhead; accelerations and jerks must be free."""
+
+    def __init__(self, numbers: ArmNumbers) -> None:
+        from sidegan.motion.compiled import cells, validity
+        from sidegan.motion.compiled.waves import waves
+        from sidegan.validity.fused import model_of
+
+        self.numbers, self._cells, self._kernel, self._waves = numbers, cells, validity, waves
+        self._model_of = model_of
+        self._models: WeakKeyDictionary[Constraints, cells.Model] = WeakKeyDictionary()
+        self._model = self._base(numbers.constraints.clearance)
+        self._work = cells.work_space(self._model)
+        self._scene: Scene | None = None
+        self._snap = array(numbers.unit.snap_bound()).reshape(-1)
+        self._grids: dict[tuple[int, int], Array] = {}
+
+    def _base(self, clearance: float) -> "cells.Model":  # type: ignore[name-defined]  # noqa: F821
+        known = self.numbers.constraints if self.numbers.same_pairs else self.numbers.keeping(clearance)
+        if known not in self._models:
+            self._models[known] = self._model_of(known)
+        return self._models[known]
+
+    def model(self, scene: Scene) -> "cells.Model":  # type: ignore[name-defined]  # noqa: F821
+        """The scene as the kernel takes it."""
+        reach = self.numbers.reach[scene.shapes.guarded[:, 1]]
+        most = reach.max(0, keepdims=True) if len(reach) else np.zeros((1, len(scene.home)))
+        return self._base(scene.clearance)._replace(
+            shapes=scene.shapes,
+            home=scene.home,
+            speed=scene.speed,
+            torque=scene.torque,
+            region_reach=reach,
+            region_most=most,
+        )
+
+    def prove(self, scene: Scene, c: Array) -> Verdict:
+        """Whether coefficients (J, K) [rad/s] are valid."""
+        if self._scene is not scene:
+            self._scene, self._model = scene, self.model(scene)
+        model, period = self._model, scene.period
+        count, sampled = int(-(-period // COARSE)), max(2, int(period / COARSE))
+        count = count if c.any() else 1  # an arm that rests does so in a single cell
+        jerk = np.abs(c @ self._grid(sampled, 3)[:, 0].T).max(1) / period**2
+        jerk = jerk + np.abs(c) @ self._snap / period**3 * (period / sampled / 2)
+        orders = period ** (1.0 - np.arange(3))[:, None]
+        shape, free = (1, len(CONSTRAINTS)), np.zeros((2, 0, 0))
+        smallest = self._kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, int), np.zeros(shape))
+        index, basis = np.arange(count), self._grid(count, 0)
+        for level in range(LEVELS):
+            half = period / count / 2
+            times = (index + 0.5) * (2 * half)
+            motions = self._cells.Motions(c[None], jerk[None], free, basis * orders, times, half)
+            undecided = np.empty(len(index), bool)
+            which = np.zeros(len(index), int)
+            last = level == LEVELS - 1
+            cells = self._kernel.Cells(which, np.arange(len(index)), last, undecided)
+            self._kernel.visit(model, self._work, motions, cells, smallest)
+            left = index[undecided]
+            if last or not len(left) or not (smallest.margin[0] >= 0).all():
+                break
+            index = (left[:, None] * SPLIT + np.arange(SPLIT)).reshape(-1)
+            count *= SPLIT
+            basis = self._basis((index + 0.5) / count)
+        return Verdict(*(x[0] for x in smallest))
+
+    def _grid(self, count: int, lowest: int) -> Array:
+        """Derivatives at the centres of so many cells: 0 to 2, (count, 3, K), or 3 alone, (count, 1, K)."""
+        key = count, lowest
+        if key not in self._grids:
+            if len(self._grids) >= _KEPT:
+                self._grids.clear()
+            self._grids[key] = self._basis((np.arange(count) + 0.5) / count, lowest)
+        return self._grids[key]
+
+    def _basis(self, shares: Array, lowest: int = 0) -> Array:
+        """The same at shares of the period."""
+        basis = np.empty((len(shares), 3 if lowest == 0 else 1, len(self._snap)))
+        self._waves(shares, lowest, basis)
+        return basis

@@ -1,0 +1,239 @@
+"""How a budget is spent: which start is pursued for how long, and when what was found is proven."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from sidegan.designer.descent import Descent, Penalties
+from sidegan.designer.proof import Verdict
+from sidegan.designer.scene import ArmNumbers, Scene
+from sidegan.designer.settings import DesignerSettings
+
+Array = np.ndarray
+
+_WEIGHT = 300.0  # of violations
+_CHUNK = 6  # evaluations between two looks at the clock
+_CHECKPOINTS = (
+    12,
+    24,
+    48,
+    80,
+    140,
+    200,
+    300,
+    500,
+)  # evaluations of a pursuit after which what it found is proven
+_FULL = 0.99  # share of its limits that a joint uses at most
+_FIRST = 3  # proofs that have their time before there is an answer
+_MEND, _MENDED = 8, 2  # evaluations with more in reserve where a proof fails, and how often
+_MORE = 0.01  # share of limits, and [m] of clearance, that is reserved besides what was lacking
+_SHRINK = (0.95, 0.88, 0.78, 0.65, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)  # towards home, where nothing else helps
+_LITTLE = 0.004  # share of limits, and [m], within which a smaller motion is not worth a proof
+_ALIKE = 0.01  # share by which coefficients may differ that have one goal
+_BETTER = 1e-3  # by which a goal must be better to be worth a proof
+
+
+class Proves(Protocol):
+    """Who proves trajectories."""
+
+    def prove(self, scene: Scene, c: Array) -> Verdict:
+        """Whether coefficients (J, K) [rad/s] are valid."""
+
+
+@dataclass
+class Pace:
+    """How long things take here, as far as is known [s]."""
+
+    evaluation: float = 4e-4
+    proof: float = 1.5e-3
+
+
+class Budget:
+    """Evaluations and time that are left."""
+
+    def __init__(
+        self, clock: Callable[[], float], pace: "Pace", evaluations: int | None, deadline: float | None
+    ) -> None:
+        self._clock, self._began = clock, clock()
+        self._most, self._deadline, self._pace = evaluations, deadline, pace
+        self.evaluations = self.proofs = 0
+
+    @property
+    def seconds(self) -> float:
+        """What was spent [s]."""
+        return self._clock() - self._began
+
+    def left(self, proofs: int = 0) -> int:
+        """Evaluations that are left when so many proofs have their time."""
+        many = 10**9 if self._most is None else self._most - self.evaluations
+        if self._deadline is not None:
+            rest = self._deadline - self.seconds - proofs * self._pace.proof
+            many = min(many, int(rest / self._pace.evaluation))
+        return max(0, many)
+
+    @property
+    def late(self) -> bool:
+        """Whether there is no time for another proof."""
+        return self._deadline is not None and self.seconds + self._pace.proof > self._deadline
+
+    def evaluated(self, count: int, seconds: float) -> None:
+        """Take note of evaluations."""
+        self.evaluations += count
+        self._pace.evaluation += 0.2 * (seconds / max(1, count) - self._pace.evaluation)
+
+    def proven(self, seconds: float) -> None:
+        """Take note of a proof."""
+        self.proofs += 1
+        self._pace.proof += 0.2 * (seconds - self._pace.proof)
+
+    def time(self) -> float:
+        """What the clock says [s]."""
+        return self._clock()
+
+
+class Pursuit:
+    """The search for one answer."""
+
+    def __init__(
+        self,
+        numbers: ArmNumbers,
+        settings: DesignerSettings,
+        prover: Proves,
+        scene: Scene,
+        budget: Budget,
+    ) -> None:
+        self._numbers, self._settings, self._prover = numbers, settings, prover
+        self._scene, self._budget = scene, budget
+        self._gradient = np.zeros_like(scene.size)
+        self._random = np.random.default_rng(0)
+        self.best: Array | None = None
+        self.verdict: Verdict | None = None
+        self.goal = np.inf
+        self._penalties = self.penalties
+        self._last: Verdict | None = None
+
+    @property
+    def penalties(self) -> Penalties:
+        """What a search begins with."""
+        settings = self._settings
+        return Penalties(_WEIGHT, settings.reserve, settings.reserve, settings.clearance)
+
+    def run(self, descent: Descent, candidates: list[Array]) -> tuple[Array | None, Verdict | None]:
+        """The best proven coefficients (J, K) [rad/s], and the verdict on them or on the last that failed."""
+        points = [self._numbers.points(self._scene, c) for c in candidates]
+        order = self._sorted(descent, points)
+        while self._left > 0 and not self._budget.late:
+            x = order.pop(0) if order else self._start()
+            self._penalties = self.penalties
+            descent.penalise(self._penalties)
+            descent.place(x)
+            self._pursue(descent)
+        return self.best, self.verdict
+
+    @property
+    def _left(self) -> int:
+        """Evaluations that are left when what they find shall be proven, or made smaller until it is."""
+        return self._budget.left(_FIRST if self.best is None else 1)
+
+    def _sorted(self, descent: Descent, points: list[Array]) -> list[Array]:
+        """Points in the order of what they are worth as they are."""
+        values = []
+        for x in points:
+            if self._budget.left(2) <= 2:
+                break
+            began = self._budget.time()
+            values.append(sum(self._evaluate(descent, x)))
+            self._budget.evaluated(1, self._budget.time() - began)
+        order = np.argsort(values, kind="stable")
+        return [points[k] for k in order] + points[len(values) :]
+
+    def _evaluate(self, descent: Descent, x: Array) -> tuple[float, float]:
+        return descent.evaluate(x, self._gradient)
+
+    def _start(self) -> Array:
+        """A random point."""
+        x = self._random.standard_normal(self._scene.size.shape)
+        c = (x * self._scene.size) @ self._numbers.turn.T
+        return x * (0.7 / self._numbers.use(self._scene, c))[:, None]
+
+    def _pursue(self, descent: Descent) -> None:
+        """Descend from one start, and prove what comes of it every now and then."""
+        done = 0
+        patience = self._settings.patience
+        for checkpoint in [*(x for x in _CHECKPOINTS if x < patience), patience]:
+            while done < checkpoint:
+                count = min(_CHUNK, checkpoint - done, self._left)
+                if count == 0:
+                    break
+                self._descend(descent, count)
+                done += count
+            last = self._left == 0
+            self._settle(descent, mend=last or checkpoint == patience)
+            if last or self._budget.late:
+                return
+
+    def _descend(self, descent: Descent, count: int) -> None:
+        began = self._budget.time()
+        descent.run(count)
+        self._budget.evaluated(count, self._budget.time() - began)
+
+    def _settle(self, descent: Descent, mend: bool) -> None:
+        """Take what a descent has found where it is better and proven, after mending or shrinking."""
+        if self._offer(descent) or (self.best is not None and not mend):
+            return
+        for _ in range(_MENDED):
+            if self._budget.left(2) < _MEND:
+                break
+            descent.penalise(self._stricter())
+            self._descend(descent, _MEND)
+            if self._offer(descent):
+                return
+        if self.best is None:
+            self._shrink(descent)
+
+    def _shrink(self, descent: Descent) -> None:
+        """Take what a descent has found closer to home until it is proven."""
+        c = self._numbers.within(self._scene, descent.coefficients, _FULL)
+        descent.penalise(replace(self.penalties, reserve=_LITTLE, torque=_LITTLE, reach=_LITTLE))
+        for share in _SHRINK:
+            if self._budget.late:
+                break
+            goal, cost = self._evaluate(descent, self._numbers.points(self._scene, share * c))
+            if cost == 0 and self._take(share * c, goal):
+                break
+        descent.penalise(self._penalties)
+
+    def _offer(self, descent: Descent) -> bool:
+        """Take what a descent has found, within the limits; whether there is nothing left to be done."""
+        found = descent.coefficients
+        c, goal = self._numbers.within(self._scene, found, _FULL), descent.goal
+        if np.abs(found - c).max() > _ALIKE * np.abs(c).max():
+            goal = self._evaluate(descent, self._numbers.points(self._scene, c))[0]
+        return self._take(c, goal)
+
+    def _take(self, c: Array, goal: float) -> bool:
+        """Prove coefficients that are better than the best; whether there is nothing left to be done."""
+        if not goal < self.goal - _BETTER:
+            return True
+        began = self._budget.time()
+        verdict = self._prover.prove(self._scene, c)
+        self._budget.proven(self._budget.time() - began)
+        if verdict.valid:
+            self.best, self.goal = c, goal
+        if verdict.valid or self.best is None:
+            self.verdict = verdict
+        self._last = verdict
+        return verdict.valid
+
+    def _stricter(self) -> Penalties:
+        """Penalties with more in reserve of what the last proof found lacking."""
+        assert self._last is not None  # a proof has failed
+        lack = np.maximum(-self._last.margins, 0.0)
+        before, joint = self._penalties, self._last.elements[2]
+        torque = before.torque + (lack[2] / self._scene.torque[joint] + _MORE if lack[2] > 0 else 0.0)
+        apart = max(lack[3], lack[4])
+        reach = before.reach + (apart + _MORE if apart > 0 else 0.0)
+        self._penalties = Penalties(2 * before.weight, before.reserve + _MORE, torque, reach)
+        return self._penalties

@@ -1,0 +1,227 @@
+"""Compiled penalty of one trajectory for capsules that come too close to each other or to a region.
+
+The same as ``closeness``, many times of the trajectory at once: where everything is far apart, which is
+nearly everywhere, that is found out by vector instructions.
+"""
+
+import math
+from typing import NamedTuple
+
+from sidegan.motion.compiled.chain import BOX, PLANE, Array, Chain, Shapes
+from sidegan.motion.compiled.closeness import near_region
+from sidegan.motion.compiled.distances import nearest_to_box, outwards
+from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, product, times, to_parent
+from sidegan.motion.compiled.jit import inline, kernel
+from sidegan.motion.compiled.lanes import (
+    COS,
+    LANES,
+    SIN,
+    Block,
+    Lanes,
+    Q,
+    aligned,
+    load,
+    load_turn,
+    step_of,
+    store,
+)
+from sidegan.motion.compiled.links import TOUCHING, Joint, joint, nearest, placement, row
+
+PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
+A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and the middle between them
+
+
+Span = tuple[int, int]  # of times: the first, how many
+
+
+class Room(NamedTuple):
+    """Room for the kernel at work: rows of lanes."""
+
+    world: Array  # frames of the base and the joints, (J + 1, _FRAME · LANES)
+    ends: Array  # capsules, (C, _ENDS · LANES)
+    gap: Array  # (LANES,)
+
+
+def room(capsules: int, joints: int) -> Room:
+    """Room to work in; not to be shared among threads."""
+    return Room(aligned(joints + 1, _FRAME * LANES), aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
+
+
+@kernel
+def _place(j: Joint, state: Array, block: Block, base: Lanes, frame: Lanes) -> None:
+    """Write a joint's frame in the world, at many times, from its parent's."""
+    i, start, count = block
+    for n in range(min(count, LANES)):
+        at = start + n
+        r, shift = placement(j, state[SIN, 0, i, at], state[COS, 0, i, at], state[Q, 0, i, at])
+        turn = load_turn(base, n)
+        world = product(turn, r)
+        store(frame, 0, n, world[0])
+        store(frame, 3, n, world[1])
+        store(frame, 6, n, world[2])
+        store(frame, PLACE, n, add(load(base, PLACE, n), to_parent(turn, shift)))
+        store(frame, AXIS, n, to_parent(world, j.axis))
+
+
+@kernel
+def _place_capsule(shapes: Shapes, k: int, frame: Lanes, ends: Lanes, count: int) -> None:
+    """Write a capsule's ends in the world, at many times."""
+    one, two = row(shapes.ends[0], k), row(shapes.ends[1], k)
+    for n in range(min(count, LANES)):
+        turn, place = load_turn(frame, n), load(frame, PLACE, n)
+        a, b = add(place, to_parent(turn, one)), add(place, to_parent(turn, two))
+        store(ends, A, n, a)
+        store(ends, B, n, b)
+        store(ends, MIDDLE, n, times(0.5, add(a, b)))
+
+
+@kernel
+def _push(chain: Chain, work: Room, at: Block, point: Vector, force: Vector, push: Array) -> None:
+    """Add the slope in the positions, (J, S), of what has the slope ``force`` in a point of a link."""
+    frame, start, n = at
+    for j in range(frame):
+        link = work.world[j + 1]
+        axis = load(link, AXIS, n)
+        if chain.prismatic[j]:
+            push[j, start + n] += dot(axis, force)
+        else:
+            push[j, start + n] += dot(cross(axis, less(point, load(link, PLACE, n))), force)
+
+
+@kernel
+def _pairs(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, work: Room) -> float:
+    """What pairs cost in a block of times."""
+    start, count = span
+    total, gap = 0.0, work.gap
+    for p in range(len(shapes.pairs)):
+        i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+        one, two = work.ends[i], work.ends[k]
+        for n in range(min(count, LANES)):
+            apart = less(load(one, MIDDLE, n), load(two, MIDDLE, n))
+            gap[n] = dot(apart, apart)
+        far = (reach + shapes.size[i] + shapes.size[k]) ** 2
+        for n in range(count):
+            if gap[n] < far:
+                a, b = nearest(load(one, A, n), load(one, B, n), load(two, A, n), load(two, B, n))
+                apart = less(a, b)
+                distance = math.sqrt(dot(apart, apart))
+                excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
+                if excess > 0:
+                    total += excess * excess
+                    if distance > TOUCHING:
+                        force = times(-2 * excess / distance, apart)
+                        _push(chain, work, (shapes.frame[i], start, n), a, force, push)
+                        _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
+    return total
+
+
+@kernel
+def _plane(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
+    """What one capsule costs that comes close to a plane, in a block of times."""
+    (start, count), total, gap = span, 0.0, work.gap
+    r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+    ends, normal = work.ends[k], row(shapes.regions, r)
+    for n in range(min(count, LANES)):
+        gap[n] = min(dot(normal, load(ends, A, n)), dot(normal, load(ends, B, n)))
+    most = reach + shapes.regions[r, 3] + shapes.radius[k]
+    for n in range(count):
+        if gap[n] < most:
+            excess, a, b = most - gap[n], load(ends, A, n), load(ends, B, n)
+            total += excess * excess
+            point = a if dot(normal, a) < dot(normal, b) else b
+            _push(chain, work, (shapes.frame[k], start, n), point, times(-2 * excess, normal), push)
+    return total
+
+
+@kernel
+def _round(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
+    """What one capsule costs that comes close to a ball or a convex body, in a block of times."""
+    (start, count), total, gap = span, 0.0, work.gap
+    r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+    ends, centre = work.ends[k], row(shapes.regions, r)
+    for n in range(min(count, LANES)):
+        apart = less(load(ends, MIDDLE, n), centre)
+        gap[n] = dot(apart, apart)
+    far = (reach + shapes.size[k] + shapes.regions[r, 3]) ** 2
+    for n in range(count):
+        if gap[n] < far:
+            distance, point, away = near_region(shapes, r, load(ends, A, n), load(ends, B, n))
+            excess = reach - distance + shapes.radius[k]
+            if excess > 0:
+                total += excess * excess
+                _push(chain, work, (shapes.frame[k], start, n), point, times(-2 * excess, away), push)
+    return total
+
+
+@inline
+def _outside(x: float, half: float) -> float:
+    beyond = max(abs(x) - half, 0.0)
+    return beyond * beyond
+
+
+@kernel
+def _box(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
+    """What one capsule costs that comes close to a box, in a block of times."""
+    (start, count), total, gap, numbers = span, 0.0, work.gap, shapes.regions
+    r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+    centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
+    ends = work.ends[k]
+    for n in range(min(count, LANES)):
+        x = less(load(ends, MIDDLE, n), centre)
+        gap[n] = _outside(x[0], half[0]) + _outside(x[1], half[1]) + _outside(x[2], half[2])
+    far = (reach + shapes.size[k]) ** 2
+    for n in range(count):
+        if gap[n] < far:
+            a, b = less(load(ends, A, n), centre), less(load(ends, B, n), centre)
+            distance, before, after, share = nearest_to_box(half, a, b)
+            excess, along = reach - distance + shapes.radius[k], less(b, a)
+            if excess > 0:
+                total += excess * excess
+                for part in range(2):
+                    s, weight = (after, 1.0 - share) if part else (before, share)
+                    if weight > 0:
+                        x = add(a, times(s, along))
+                        force = times(-2 * excess * weight, outwards(x, half))
+                        _push(chain, work, (shapes.frame[k], start, n), add(x, centre), force, push)
+    return total
+
+
+@kernel
+def keep_apart(
+    chain: Chain, shapes: Shapes, states: Array, weight: float, reach: float, push: Array, work: Room
+) -> float:
+    """Weight times the squares of how far distances fall below ``reach`` [m], summed over time.
+
+    States are (5, 1, J, S); the slopes in positions are added to push, (2, 1, J, S).
+    """
+    if weight == 0 or len(shapes.pairs) + len(shapes.guarded) == 0:
+        return 0.0
+    joints, samples, total = states.shape[2], states.shape[3], 0.0
+    step, base, slope = step_of(samples), work.world[0], push[0, 0]
+    for j in range(joints):  # the weight is that of the sum: what is there already waits
+        for n in range(samples):
+            slope[j, n] /= weight
+    for n in range(LANES):
+        for m in range(3):
+            for k in range(3):
+                base[(3 * m + k) * LANES + n] = 1.0 if m == k else 0.0
+            base[(PLACE + m) * LANES + n] = 0.0
+    for start in range(0, samples, step):
+        span = start, min(step, samples - start)
+        for i in range(joints):
+            _place(joint(chain, i), states, (i, start, span[1]), work.world[i], work.world[i + 1])
+        for k in range(len(shapes.frame)):
+            _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], span[1])
+        total += _pairs(chain, shapes, span, reach, slope, work)
+        for g in range(len(shapes.guarded)):
+            kind = shapes.kinds[shapes.guarded[g, 0]]
+            if kind == PLANE:
+                total += _plane(chain, shapes, g, span, reach, slope, work)
+            elif kind == BOX:
+                total += _box(chain, shapes, g, span, reach, slope, work)
+            else:
+                total += _round(chain, shapes, g, span, reach, slope, work)
+    for j in range(joints):
+        for n in range(samples):
+            slope[j, n] *= weight
+    return weight * total

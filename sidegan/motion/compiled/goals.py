@@ -1,0 +1,258 @@
+"""Compiled functions of a trajectory's information, and the directions that their slopes follow from.
+
+A function F of the Gram matrix G = YᵀWY / T has a slope S = dF/dG = Σ weight · v vᵀ, and its gradient is
+that of the energy Σ weight · |Y v|² / T: each function writes its vectors v and their weights.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.motion.compiled import eigen
+from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.jit import kernel
+from sidegan.motion.compiled.lanes import clear
+from sidegan.motion.compiled.matrices import add_to, all_eigenpairs, factorise, invert_factor, product
+
+CONDITION, DIAGONAL, DETERMINANT, VARIANCE = range(4)  # kinds of goals
+_TINY = 1e-300
+
+
+class Smooth(NamedTuple):
+    """A smooth ratio of the largest to the smallest of several values."""
+
+    lowest: int  # of the smallest, how many count
+    highest: int  # of the largest
+    sharpness: float
+    hopeless: float  # a larger ratio counts as that
+
+
+class Goal(NamedTuple):
+    """What is to be made small.
+
+    The condition number, or the ratio of the diagonal, of G; minus log det M, or the logarithm of the
+    weighted sum of the base parameters' variances in M⁻¹, for M = prior + amount · G in an orthonormal basis.
+    """
+
+    kind: int
+    smooth: Smooth
+    prior: Array  # information that there is already, in the orthonormal basis, (p, p)
+    amount: float  # what one unit of G is worth
+    interest: Array  # weight of each base parameter's variance, (p,)
+
+
+class Room(NamedTuple):
+    """Room for a goal at work; not to be shared among threads."""
+
+    product: Array  # (p, p)
+    inner: Array  # G in the orthonormal basis, (p, p)
+    whole: Array  # (1, p, p)
+    values: Array  # that a smooth ratio is of, ascending, (1, K)
+    slopes: Array  # (K,)
+    vectors: Array  # (1, K, p)
+    sound: Array  # (1,)
+    rows: Array  # of ``eigen``
+    shifts: Array  # of ``eigen``
+    weights: Array  # of the directions, (p,)
+    base: Array  # the directions over the base columns, (p, p)
+
+
+def room(size: int, smooth: Smooth) -> Room:
+    """Room to work on p parameters."""
+    count = min(size, smooth.lowest + smooth.highest)
+    rows, shifts = eigen.room(size, count)
+    return Room(
+        product=np.zeros((size, size)),
+        inner=np.zeros((size, size)),
+        whole=np.zeros((1, size, size)),
+        values=np.zeros((1, count)),
+        slopes=np.zeros(count),
+        vectors=np.zeros((1, count, size)),
+        sound=np.zeros(1, bool),
+        rows=rows,
+        shifts=shifts,
+        weights=np.zeros(size),
+        base=np.zeros((size, size)),
+    )
+
+
+@kernel
+def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -> float:
+    """Write Cᵀ G C for a lower triangular C, most of which is zero, and symmetric G; its largest element."""
+    size, largest = len(subspace), 0.0
+    for i in range(size):
+        clear(inner[i])
+    for k in range(size):
+        for i in range(k + 1):
+            if subspace[k, i] != 0:
+                add_to(inner[i], subspace[k, i], gram[k], size)
+    for i in range(size):
+        for j in range(size):
+            product[j, i] = inner[i, j]
+    for i in range(size):
+        clear(inner[i])
+    for k in range(size):
+        for i in range(k + 1):
+            if subspace[k, i] != 0:
+                add_to(inner[i], subspace[k, i], product[k], size)
+    for i in range(size):
+        largest = max(largest, inner[i, i])  # positive semi-definite: no element is larger
+        for j in range(i):
+            inner[i, j] = inner[j, i]
+    return largest
+
+
+@kernel
+def _smooth_ratio(smooth: Smooth, values: Array, slopes: Array) -> float:
+    """Smooth log ratio of the largest to the smallest of positive values, ascending; writes its slopes."""
+    count, sharp = len(values), smooth.sharpness
+    floor = max(values[count - 1] / smooth.hopeless, _TINY)
+    total = 0.0
+    for k in range(count):
+        values[k], slopes[k] = max(values[k], floor), 0.0
+    for side in range(2):
+        some = min(count, smooth.highest if side else smooth.lowest)
+        first, sign = (count - some, 1.0) if side else (0, -1.0)
+        most = sign * math.log(values[count - 1] if side else values[0])
+        sums = 0.0
+        for k in range(first, first + some):
+            sums += math.exp(sharp * (sign * math.log(values[k]) - most))
+        for k in range(first, first + some):
+            share = math.exp(sharp * (sign * math.log(values[k]) - most)) / sums
+            slopes[k] += sign * share / values[k]
+        total += most + math.log(sums) / sharp
+    return total
+
+
+@kernel
+def _take_ends(values: Array, size: int, low: int, k: int) -> int:
+    """Which of all values, in ascending order, the k-th of those at both ends is."""
+    return k if k < low else size - len(values) + k
+
+
+@kernel
+def _all_ends(smooth: Smooth, work: Room) -> None:
+    """The eigenpairs at both ends from all of them."""
+    inner, vectors, size = work.whole[0], work.product, len(work.whole[0])
+    all_eigenpairs(inner, vectors)
+    low = min(smooth.lowest, len(work.values[0]))
+    for k in range(len(work.values[0])):
+        rank = _take_ends(work.values[0], size, low, k)
+        for i in range(size):
+            smaller = 0
+            for m in range(size):
+                smaller += inner[m, m] < inner[i, i] or (inner[m, m] == inner[i, i] and m < i)
+            if smaller == rank:
+                work.values[0][k] = inner[i, i]
+                for m in range(size):
+                    work.vectors[0, k, m] = vectors[i, m]
+
+
+@kernel
+def _ends(smooth: Smooth, scale: float, work: Room) -> None:
+    """Eigenpairs at both ends of the spectrum of the inner matrix over its scale."""
+    size = len(work.inner)
+    for i in range(size):
+        for j in range(size):
+            work.whole[0][i, j] = work.inner[i, j] / scale
+    if size > len(work.values[0]):
+        low = min(smooth.lowest, len(work.values[0]))
+        eigen.extremes(work.whole, low, work.values, work.vectors, work.sound, work.rows, work.shifts)
+        if work.sound[0]:
+            return
+        for i in range(size):
+            for j in range(size):
+                work.whole[0][i, j] = work.inner[i, j] / scale
+    _all_ends(smooth, work)
+
+
+@kernel
+def _condition(goal: Goal, subspace: Array, scale: float, work: Room) -> float:
+    """Smooth log condition number; writes its directions."""
+    _ends(goal.smooth, scale, work)
+    value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
+    size = len(subspace)
+    for k in range(len(work.values[0])):
+        work.weights[k] = work.slopes[k] / scale
+        for i in range(size):
+            work.base[k, i] = product(subspace[i], work.vectors[0, k], i + 1)
+    return value
+
+
+@kernel
+def _diagonal(goal: Goal, gram: Array, work: Room) -> float:
+    """Smooth log ratio of the diagonal; writes its directions, which are base columns."""
+    size, low = len(gram), min(goal.smooth.lowest, len(work.values[0]))
+    for k in range(len(work.values[0])):
+        rank = _take_ends(work.values[0], size, low, k)
+        clear(work.base[k])
+        for i in range(size):
+            smaller = 0
+            for m in range(size):
+                smaller += gram[m, m] < gram[i, i] or (gram[m, m] == gram[i, i] and m < i)
+            if smaller == rank:
+                work.values[0][k] = gram[i, i]
+                work.base[k, i] = 1.0
+    value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
+    for k in range(len(work.values[0])):
+        work.weights[k] = work.slopes[k]
+    return value
+
+
+@kernel
+def _determinant(goal: Goal, subspace: Array, work: Room) -> float:
+    """Minus log det of the whole information; writes its directions."""
+    size, value = len(subspace), 0.0
+    for k in range(size):
+        value -= 2 * math.log(work.whole[0][k, k])
+        work.weights[k] = -goal.amount
+        for i in range(size):
+            work.base[k, i] = product(subspace[i], work.product[k], min(i, k) + 1)
+    return value
+
+
+@kernel
+def _variance(goal: Goal, subspace: Array, work: Room) -> float:
+    """Log of the weighted variances of base parameters; writes its directions."""
+    size, inverse, total = len(subspace), work.product, 0.0
+    for m in range(size):
+        if goal.interest[m] == 0:
+            work.weights[m] = 0.0
+            continue
+        half, whole = work.rows[0], work.rows[1]  # of M⁻¹ c for a row c of the subspace
+        clear(whole)
+        for i in range(size):
+            half[i] = product(inverse[i], subspace[m], min(i, m) + 1)
+            add_to(whole, half[i], inverse[i], i + 1)
+        work.weights[m] = -goal.interest[m]
+        total += goal.interest[m] * product(half, half, size)
+        for i in range(size):
+            work.base[m, i] = product(subspace[i], whole, i + 1)
+    for m in range(size):
+        work.weights[m] *= goal.amount / total
+    return math.log(total)
+
+
+@kernel
+def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float, int]:
+    """The goal at a Gram matrix of the base columns (p, p), and how many directions it wrote.
+
+    It is infinite, and without directions, where the matrix is not finite or not positive definite.
+    """
+    scale = to_orthonormal(subspace, gram, work.product, work.inner)
+    if not (math.isfinite(scale) and scale > 0):
+        return np.inf, 0
+    if goal.kind == CONDITION:
+        return _condition(goal, subspace, scale, work), len(work.values[0])
+    if goal.kind == DIAGONAL:
+        return _diagonal(goal, gram, work), len(work.values[0])
+    for i in range(len(gram)):
+        for j in range(len(gram)):
+            work.whole[0][i, j] = goal.prior[i, j] + goal.amount * work.inner[i, j]
+    if not factorise(work.whole[0]):
+        return np.inf, 0
+    invert_factor(work.whole[0], work.product)
+    if goal.kind == DETERMINANT:
+        return _determinant(goal, subspace, work), len(gram)
+    return _variance(goal, subspace, work), len(gram)

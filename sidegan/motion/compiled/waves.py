@@ -1,0 +1,45 @@
+"""The basis functions of modified Fourier trajectories at single times, compiled."""
+
+import math
+
+from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.jit import inline, kernel
+
+
+@inline
+def _quintics(s: float, order: int) -> tuple[float, float]:
+    """Derivatives of the quintics with unit slope and curvature at both ends; see ``motion.trajectory``."""
+    if order == 0:
+        cube = s * s * s
+        return s + cube * (-10 + s * (15 - 6 * s)), s * s * (0.5 + s * (-1 + 0.5 * s))
+    if order == 1:
+        square = s * s
+        return 1 + square * (-30 + s * (60 - 30 * s)), s * (1 + s * (-3 + 2 * s))
+    if order == 2:
+        return s * (-60 + s * (180 - 120 * s)), 1 + s * (-6 + 6 * s)
+    return -60 + s * (360 - 360 * s), -6 + 12 * s
+
+
+@kernel
+def waves(shares: Array, lowest: int, basis: Array) -> None:
+    """Write derivatives from ``lowest`` on, at most the third, at shares of 1 s, (T, orders, 2 H)."""
+    for n in range(len(shares)):
+        s = shares[n]
+        sine, cosine = math.sin(2 * math.pi * s), math.cos(2 * math.pi * s)
+        a, b = 0.0, 1.0  # sine and cosine of k turns
+        for k in range(basis.shape[2] // 2):
+            a, b = a * cosine + b * sine, b * cosine - a * sine
+            w = 2 * math.pi * (k + 1)
+            for m in range(basis.shape[1]):
+                order = lowest + m
+                slope, curve = _quintics(s, order)
+                if order == 0:
+                    one, two = a / w, (1 - b) / w
+                elif order == 1:
+                    one, two = b, a
+                elif order == 2:
+                    one, two = -a * w, b * w
+                else:
+                    one, two = -b * w * w, -a * w * w
+                basis[n, m, 2 * k] = one - slope
+                basis[n, m, 2 * k + 1] = two - w * curve

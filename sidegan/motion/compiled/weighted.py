@@ -1,0 +1,81 @@
+"""Compiled information of one trajectory whose joints count by weights, and the slopes of functions of it."""
+
+from sidegan.motion.compiled.chain import Array, Chain
+from sidegan.motion.compiled.jit import kernel
+from sidegan.motion.compiled.lanes import LANES, Room, enter, forces, rest, step_of
+from sidegan.motion.compiled.limits import Limits
+from sidegan.motion.compiled.regressor import SPAN, Columns, mirror, rows_of, tile
+from sidegan.motion.compiled.slopes import keep, pull, push
+
+
+@kernel
+def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
+    """Multiply the rows of a regressor's joints, as ``rows_of`` leaves them, by roots of their weights."""
+    for i in range(len(roots)):
+        for k in range(columns.first[i], columns.first[i + 1]):
+            row = y[k]
+            for j in range(i + 1):
+                factor = roots[j]
+                for n in range(j * span, (j + 1) * span):
+                    row[n] *= factor
+
+
+@kernel
+def weighted_gram(
+    chain: Chain, states: Array, columns: Columns, roots: Array, gram: Array, work: Room, y: Array
+) -> None:
+    """Write the Gram matrix YᵀWY / T, (p, p), of a trajectory's states (5, 1, J, T).
+
+    The weights W are of joints; given are their roots, (J,). There is room in y for the regressor.
+    """
+    count, size, first = states.shape[3], len(columns.kinds), columns.first
+    for p in range(size):
+        for q in range(size):
+            gram[p, q] = 0.0
+    rest(chain.gravity, work.links[0])
+    for start in range(0, count, SPAN):
+        span = rows_of(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
+        _weigh(columns, roots, span, y)
+        for i in range(len(roots)):
+            for p in range(first[i], first[i + 1], 4):
+                for q in range(p, size, 4):
+                    tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram)
+    mirror(gram, 1 / count)
+
+
+@kernel
+def weighted_slopes(
+    chain: Chain,
+    limits: Limits,
+    states: Array,
+    roots: Array,
+    directions: tuple[Array, Array],
+    slope: Array,
+    work: Room,
+) -> float:
+    """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what limits cost; the latter.
+
+    The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), joints and time, with the weights (K,) of
+    the sets and w of the joints.
+    """
+    (sets, weights), count, cost = directions, states.shape[3], 0.0
+    rest(chain.gravity, work.links[0])
+    step = step_of(count)
+    for start in range(0, count, step):
+        block = 0, start, min(step, count - start)
+        enter(chain, states, block, step, work)
+        for k in range(len(weights)):
+            if weights[k] == 0:
+                continue
+            forces(chain, sets[k], work, step)
+            for j in range(len(roots)):
+                torque, factor = work.torque[j], 2.0 * weights[k] * roots[j] * roots[j]
+                for n in range(min(step, LANES)):
+                    torque[n] *= factor
+            push(chain, sets[k], work, step)
+        if limits.weight > 0:
+            forces(chain, limits.parameters, work, step)
+            cost += keep(limits, work, block[2])
+            push(chain, limits.parameters, work, step)
+        pull(chain, work, slope, block, step)
+    return cost

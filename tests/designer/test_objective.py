@@ -1,0 +1,111 @@
+"""The compiled objective of one trajectory: finite differences and plain torch as oracles."""
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.design.information import information_of
+from sidegan.designer import Aim, Situation
+from sidegan.designer.descent import Penalties
+from sidegan.designer.plain import PlainDescents
+from sidegan.designer.scene import ArmNumbers
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Box, Constraints, Plane
+
+from .conftest import BOX, SITUATIONS, WALLS
+
+pytest.importorskip("numba")
+
+PENALTIES = Penalties(300.0, 0.1, 0.1, 0.2)
+NAMES = (
+    "condition",
+    "condition by noise",
+    "diagonal",
+    "determinant",
+    "determinant with a prior",
+    "variance",
+    "variance of a link",
+)
+
+
+def compiled_of(numbers, settings):
+    from sidegan.designer.compiled import CompiledDescents
+
+    return CompiledDescents(numbers, settings)
+
+
+def point(numbers, scene, seed, use=1.2):
+    x = np.random.default_rng(seed).standard_normal(scene.size.shape)
+    c = (x * scene.size) @ numbers.turn.T
+    return x * (use / numbers.use(scene, c))[:, None]
+
+
+def aims(numbers):
+    body = numbers.constraints.body
+    c = np.random.default_rng(0).standard_normal((1, *numbers.trajectory.shape))
+    prior = information_of(body, numbers.trajectory, torch.from_numpy(c)).matrices(slice(None))[0].numpy()
+    noise = np.linspace(0.5, 2.0, body.joints).tolist()
+    last = numbers.arm.link_names[-1]
+    return {
+        "condition": Aim(),
+        "condition by noise": Aim(noise=noise),
+        "diagonal": Aim("diagonal"),
+        "determinant": Aim("determinant", noise=noise),
+        "determinant with a prior": Aim("determinant", 100 * prior),
+        "variance": Aim("variance", prior),
+        "variance of a link": Aim("variance", noise=noise, interest={last: 2.0}),
+    }
+
+
+def assert_gradient(descent, x, tolerance=1e-4):
+    gradient, ignored = np.zeros_like(x), np.zeros_like(x)
+    assert np.isfinite(sum(descent.evaluate(x, gradient)))
+    random = np.random.default_rng(1)
+    for _ in range(3):
+        direction = random.standard_normal(x.shape)
+        up, down = (sum(descent.evaluate(x + s * direction, ignored)) for s in (1e-6, -1e-6))
+        scale = max(1.0, float(np.abs(gradient).max()))
+        assert (up - down) / 2e-6 == pytest.approx(
+            float((gradient * direction).sum()), rel=tolerance, abs=tolerance * scale
+        )
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_the_gradient_is_that_of_finite_differences_in_every_situation(designer, name):
+    scene = designer.numbers.scene(SITUATIONS[name])
+    descent = designer.descents.descent(scene, Aim(), PENALTIES)
+    x = point(designer.numbers, scene, 0)
+    assert descent.evaluate(x, np.zeros_like(x))[1] > 0  # something is violated
+    assert_gradient(descent, x)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_gradient_is_that_of_finite_differences_for_every_aim(designer, name):
+    scene = designer.numbers.scene(SITUATIONS["box"])
+    descent = designer.descents.descent(scene, aims(designer.numbers)[name], PENALTIES)
+    assert_gradient(descent, point(designer.numbers, scene, 2))
+
+
+def assert_plain_torch_agrees(numbers, settings, scene, x, aim):
+    gradients, values = [np.zeros_like(x), np.zeros_like(x)], []
+    engines = compiled_of(numbers, settings), PlainDescents(numbers, settings)
+    for descents, gradient in zip(engines, gradients):
+        values.append(descents.descent(scene, aim, PENALTIES).evaluate(x, gradient))
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-8, atol=1e-8)
+    scale = np.abs(gradients[1]).max()
+    np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-5, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize("regions", [(), (BOX,), WALLS, (BOX, *WALLS)], ids=["none", "box", "walls", "all"])
+def test_plain_torch_gives_the_same_value_and_gradient(designer, settings, regions):
+    scene = designer.numbers.scene(Situation(regions=regions, velocity=0.8, torque=0.6, period=14.0))
+    x = point(designer.numbers, scene, 3)
+    for aim in aims(designer.numbers).values():
+        assert_plain_torch_agrees(designer.numbers, settings, scene, x, aim)
+
+
+def test_an_arm_of_two_joints_and_few_parameters(planar, settings):
+    numbers = ArmNumbers(Constraints(planar, [Plane((0, 0, 1), 0.1)]), Trajectory(2, 3, 8.0))
+    scene = numbers.scene(Situation(regions=[Box((0.4, -1, 0), (1, 1, 1))]))
+    for aim in aims(numbers).values():
+        assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 4, use=0.8), aim)
