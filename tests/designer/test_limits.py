@@ -103,6 +103,16 @@ def test_what_is_inside_of_capsules_counts_as_in_the_check(full, settings, clear
     assert any(valid) and not all(valid)
 
 
+@pytest.mark.parametrize("clearance", [0.0, 0.02])
+def test_what_is_inside_of_capsules_grows_with_the_clearance(full, clearance):
+    pytest.importorskip("numba")
+    numbers = ArmNumbers(Constraints(full, [DESK]), Trajectory(7))
+    model = Prover(numbers).model(numbers.scene(Situation(regions=[BALL], clearance=clearance)))
+    usual = Constraints(full, [DESK, BALL], clearance=clearance)
+    assert_same(model.hulls, usual.pieces.hulls())
+    assert_same(model.shapes, usual.shapes)
+
+
 def test_an_arm_with_something_inside_of_capsules_is_designed_for(full, settings):
     designer = Designer(Constraints(full, [DESK]), Trajectory(7), settings)
     design = designer.ask(Situation(regions=[BALL], clearance=0.01), evaluations=60)
