@@ -33,14 +33,24 @@ def assert_valid(design, constraints):
     assert set(found.margins) == set(design.margins)
 
 
+def assert_same(shapes, expected):
+    for one, other in zip(shapes, expected):
+        np.testing.assert_allclose(one, other)
+
+
 @pytest.mark.parametrize("regions", OBSTACLES.values(), ids=OBSTACLES)
 def test_balls_and_convex_bodies_are_kept_out_of(arm, designer, regions):
     design = designer.ask(Situation(HOME, regions), evaluations=FEW)
     constraints = Constraints(arm, [DESK, *regions])
     assert_valid(design, constraints)
     assert constraints.guarded.tolist() == design.scene.shapes.guarded.tolist()
-    for one, other in zip(design.scene.shapes, constraints.shapes):
-        np.testing.assert_allclose(one, other)
+    assert_same(design.scene.shapes, constraints.shapes)
+
+
+def test_bodies_of_the_workspace_and_of_the_situation_stand_side_by_side(arm):
+    numbers = ArmNumbers(Constraints(arm, [DESK, BODY, BALL], clearance=0.01), Trajectory(7))
+    scene = numbers.scene(Situation(regions=[POLE, BOX, BODY]))
+    assert_same(scene.shapes, Constraints(arm, [DESK, BODY, BALL, POLE, BOX, BODY], clearance=0.01).shapes)
 
 
 @pytest.mark.parametrize("regions", OBSTACLES.values(), ids=OBSTACLES)
@@ -68,9 +78,10 @@ def test_the_clearance_of_the_workspace_is_kept_and_the_larger_one_counts(arm, s
 
 @pytest.fixture
 def full(arm):
-    """An arm with something inside of its capsules, which are too large."""
-    wide = replace(arm, capsules=replace(arm.capsules, radius=1.1 * arm.capsules.radius))
-    return filled(wide, 3)
+    """An arm with something inside of its capsules, which are much too large."""
+    capsules = filled(arm, 3).capsules
+    pieces = replace(capsules.pieces, exact=torch.zeros_like(capsules.pieces.exact))
+    return replace(arm, capsules=replace(capsules, radius=1.4 * capsules.radius, pieces=pieces))
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.02])
@@ -89,7 +100,17 @@ def test_what_is_inside_of_capsules_counts_as_in_the_check(full, settings, clear
         valid.append(one.valid)
         if one.valid:
             np.testing.assert_allclose(one.margins, other.margins, atol=1e-6)
-    assert any(valid)
+    assert any(valid) and not all(valid)
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.02])
+def test_what_is_inside_of_capsules_grows_with_the_clearance(full, clearance):
+    pytest.importorskip("numba")
+    numbers = ArmNumbers(Constraints(full, [DESK]), Trajectory(7))
+    model = Prover(numbers).model(numbers.scene(Situation(regions=[BALL], clearance=clearance)))
+    usual = Constraints(full, [DESK, BALL], clearance=clearance)
+    assert_same(model.hulls, usual.pieces.hulls())
+    assert_same(model.shapes, usual.shapes)
 
 
 def test_an_arm_with_something_inside_of_capsules_is_designed_for(full, settings):

@@ -205,7 +205,8 @@ def test_a_default_home_is_part_of_the_stamp_as_a_given_one_is(tmp_path):
 def test_a_clearance_is_part_of_the_stamp_where_there_is_one(tmp_path):
     none = Task(tiny(), Store(tmp_path))
     same, some, more = (Task(tiny(f"workspace.clearance={x}"), Store(tmp_path)) for x in (0, 0.02, 0.03))
-    assert "clearance" not in none.cfg.workspace.stamped and some.cfg.workspace.stamped["clearance"] == 0.02
+    stamps = [one.cfg.workspace.stamped(one.arm) for one in (none, some)]
+    assert "clearance" not in stamps[0] and stamps[1]["clearance"] == 0.02
     assert seed_set(none).digest == seed_set(same).digest
     assert len({seed_set(one).digest for one in (none, some, more)}) == 3
     assert some.constraints.clearance == 0.02 and "0.02 m kept clear" in some.constraints.described()
