@@ -33,12 +33,12 @@ TINY = (
     "selection.count=6",
     "library.batch=60",
     "identification.rate=20",
-    "controllers.rate=20",
 )
 
 
 # What keeps an experiment small besides; artifacts that several tests use are made with these settings alone.
 SMALL = {
+    "excite": ("controllers.rate=20",),
     "reproduction": (
         "trainings=[0,1]",
         "discussion.sizes=[20]",
