@@ -26,6 +26,7 @@ from sidegan.robot import HIGHER
 from sidegan.validity import check
 
 FOLDER, VIEW, SHAPES = "trajectories", "view.html", "shapes.npz"
+_LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 log = logging.getLogger(__name__)
 
 
@@ -131,9 +132,7 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
     """What each trajectory asks of the arm."""
     arm = task.arm
     torque = task.body.torque(*motion[1:])
-    clearance = [chosen.margins[name] for name in ("collision", "keep_out") if name in chosen.margins]
-    nearest = torch.stack(clearance).amin(0) if clearance else torch.full((len(chosen),), torch.nan)
-    nearest = nearest + task.constraints.clearance
+    nearest = _nearest(task, chosen) + task.constraints.clearance
     return pd.DataFrame(
         {
             "trajectory": range(1, len(chosen) + 1),
@@ -145,6 +144,22 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
             "energy [J]": [f"{x:.3g}" for x in _energy(task, motion).tolist()],
         }
     ).set_index("trajectory")
+
+
+def _nearest(task: Task, chosen: Library) -> Tensor:
+    """Smallest distance [m] that is kept along each trajectory, (N,); not a number where nothing is near.
+
+    Margins are lower bounds where capsules with hulls inside settled the check: distances are then looked at
+    along the way.
+    """
+    margins: dict[str, Tensor] = chosen.margins
+    if task.constraints.pieces.finer.any():
+        times = task.trajectory.times(_LOOKED_AT)
+        q = task.trajectory.derivative(chosen.coefficients, times, 0)
+        along = task.constraints.at_rest(q.flatten(0, 1))
+        margins = {name: x.reshape(len(q), -1).amin(1) for name, x in along.items() if x.numel()}
+    kept = [margins[name] for name in ("collision", "keep_out") if name in margins]
+    return torch.stack(kept).amin(0) if kept else torch.full((len(chosen),), torch.nan)
 
 
 def _higher_peaks(task: Task, chosen: Library) -> dict[str, list[str]]:
