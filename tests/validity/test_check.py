@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.motion.compiled import VARIABLE, compiled
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane, check
@@ -42,14 +41,7 @@ def random_coefficients(trajectory: Trajectory, batch: int, seed: int = 0) -> Te
     return torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
 
 
-@pytest.fixture(autouse=True, params=["compiled", "plain"])
-def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Every law holds for the compiled kernel and for torch alone."""
-    if request.param == "plain":
-        monkeypatch.setenv(VARIABLE, "torch")
-    elif not compiled():
-        pytest.skip("numba is not installed")
-    return request.param
+pytestmark = pytest.mark.usefixtures("engine")
 
 
 @pytest.fixture(params=["arm", "planar"])

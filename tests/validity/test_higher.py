@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.motion.compiled import VARIABLE, compiled
 from sidegan.motion.compiled.formulas import drift
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm, load_robot
@@ -21,16 +20,6 @@ from .critical import HIGHEST, limited, only, scaled_to
 BARE = load_robot("planar2")
 RATE = 10_000.0  # [Hz] of the samples that a proof is held against
 SAMPLES = 100_000
-
-
-@pytest.fixture(params=["compiled", "plain"])
-def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Every law holds for the compiled kernel and for torch alone."""
-    if request.param == "plain":
-        monkeypatch.setenv(VARIABLE, "torch")
-    elif not compiled():
-        pytest.skip("numba is not installed")
-    return request.param
 
 
 def peaks(trajectory: Trajectory, c: Tensor, order: int, count: int) -> Tensor:
@@ -149,7 +138,9 @@ def test_motion_that_takes_s_times_as_long_has_accelerations_of_one_over_s_squar
     other = check(Constraints(eased), slow, c / s).margins["acceleration"]
     both = (one > 0) & (other > 0)
     torch.testing.assert_close(other[both], one[both] / s**2, rtol=0.05, atol=0.05 / s**2)
-    assert torch.equal(one > 1e-3, other * s**2 > 1e-3)
+    # closer to the limit than this, the finest cells need not decide
+    clear = (one.abs() > 0.05) | (s**2 * other.abs() > 0.05)
+    assert torch.equal((one > 0)[clear], (other > 0)[clear])
 
 
 def test_jerk_steps_at_the_ends_and_nowhere_else() -> None:

@@ -4,14 +4,12 @@ The same as ``closeness``, many times of the trajectory at once: where everythin
 nearly everywhere, that is found out by vector instructions.
 """
 
-import math
 from typing import NamedTuple
 
-from sidegan.motion.compiled.chain import BOX, PLANE, Array, Chain, Shapes
-from sidegan.motion.compiled.closeness import near_region
-from sidegan.motion.compiled.distances import nearest_to_box, outwards
+from sidegan.motion.compiled.chain import BOX, Array, Chain, Shapes
+from sidegan.motion.compiled.closeness import Span, from_region, pull_of_pair, pull_of_region
 from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, product, times, to_parent
-from sidegan.motion.compiled.jit import inline, kernel
+from sidegan.motion.compiled.jit import kernel
 from sidegan.motion.compiled.lanes import (
     COS,
     LANES,
@@ -25,13 +23,10 @@ from sidegan.motion.compiled.lanes import (
     step_of,
     store,
 )
-from sidegan.motion.compiled.links import TOUCHING, Joint, joint, nearest, placement, row
+from sidegan.motion.compiled.links import Joint, joint, placement, row
 
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
 A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and the middle between them
-
-
-Span = tuple[int, int]  # of times: the first, how many
 
 
 class Room(NamedTuple):
@@ -102,87 +97,33 @@ def _pairs(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, 
         far = (reach + shapes.size[i] + shapes.size[k]) ** 2
         for n in range(count):
             if gap[n] < far:
-                a, b = nearest(load(one, A, n), load(one, B, n), load(two, A, n), load(two, B, n))
-                apart = less(a, b)
-                distance = math.sqrt(dot(apart, apart))
-                excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
+                axes = (load(one, A, n), load(one, B, n)), (load(two, A, n), load(two, B, n))
+                excess, a, b, force = pull_of_pair(shapes, (i, k), reach, axes[0], axes[1])
                 if excess > 0:
                     total += excess * excess
-                    if distance > TOUCHING:
-                        force = times(-2 * excess / distance, apart)
-                        _push(chain, work, (shapes.frame[i], start, n), a, force, push)
-                        _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
+                    _push(chain, work, (shapes.frame[i], start, n), a, force, push)
+                    _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
     return total
 
 
 @kernel
-def _plane(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
-    """What one capsule costs that comes close to a plane, in a block of times."""
+def _regions(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, work: Room) -> float:
+    """What regions cost in a block of times."""
     (start, count), total, gap = span, 0.0, work.gap
-    r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-    ends, normal = work.ends[k], row(shapes.regions, r)
-    for n in range(min(count, LANES)):
-        gap[n] = min(dot(normal, load(ends, A, n)), dot(normal, load(ends, B, n)))
-    most = reach + shapes.regions[r, 3] + shapes.radius[k]
-    for n in range(count):
-        if gap[n] < most:
-            excess, a, b = most - gap[n], load(ends, A, n), load(ends, B, n)
-            total += excess * excess
-            point = a if dot(normal, a) < dot(normal, b) else b
-            _push(chain, work, (shapes.frame[k], start, n), point, times(-2 * excess, normal), push)
-    return total
-
-
-@kernel
-def _round(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
-    """What one capsule costs that comes close to a ball or a convex body, in a block of times."""
-    (start, count), total, gap = span, 0.0, work.gap
-    r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-    ends, centre = work.ends[k], row(shapes.regions, r)
-    for n in range(min(count, LANES)):
-        apart = less(load(ends, MIDDLE, n), centre)
-        gap[n] = dot(apart, apart)
-    far = (reach + shapes.size[k] + shapes.regions[r, 3]) ** 2
-    for n in range(count):
-        if gap[n] < far:
-            distance, point, away = near_region(shapes, r, load(ends, A, n), load(ends, B, n))
-            excess = reach - distance + shapes.radius[k]
-            if excess > 0:
-                total += excess * excess
-                _push(chain, work, (shapes.frame[k], start, n), point, times(-2 * excess, away), push)
-    return total
-
-
-@inline
-def _outside(x: float, half: float) -> float:
-    beyond = max(abs(x) - half, 0.0)
-    return beyond * beyond
-
-
-@kernel
-def _box(chain: Chain, shapes: Shapes, g: int, span: Span, reach: float, push: Array, work: Room) -> float:
-    """What one capsule costs that comes close to a box, in a block of times."""
-    (start, count), total, gap, numbers = span, 0.0, work.gap, shapes.regions
-    r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-    centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
-    ends = work.ends[k]
-    for n in range(min(count, LANES)):
-        x = less(load(ends, MIDDLE, n), centre)
-        gap[n] = _outside(x[0], half[0]) + _outside(x[1], half[1]) + _outside(x[2], half[2])
-    far = (reach + shapes.size[k]) ** 2
-    for n in range(count):
-        if gap[n] < far:
-            a, b = less(load(ends, A, n), centre), less(load(ends, B, n), centre)
-            distance, before, after, share = nearest_to_box(half, a, b)
-            excess, along = reach - distance + shapes.radius[k], less(b, a)
-            if excess > 0:
-                total += excess * excess
-                for part in range(2):
-                    s, weight = (after, 1.0 - share) if part else (before, share)
-                    if weight > 0:
-                        x = add(a, times(s, along))
-                        force = times(-2 * excess * weight, outwards(x, half))
-                        _push(chain, work, (shapes.frame[k], start, n), add(x, centre), force, push)
+    for g in range(len(shapes.guarded)):
+        r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+        ends, far = work.ends[k], reach + shapes.size[k]
+        for n in range(min(count, LANES)):
+            gap[n] = from_region(shapes, r, load(ends, MIDDLE, n))
+        for n in range(count):
+            if gap[n] < far:
+                a, b = load(ends, A, n), load(ends, B, n)
+                excess, one, force, two, other = pull_of_region(shapes, (r, k), reach, a, b)
+                if excess > 0:
+                    total += excess * excess
+                    _push(chain, work, (shapes.frame[k], start, n), one, force, push)
+                    if shapes.kinds[r] == BOX:
+                        _push(chain, work, (shapes.frame[k], start, n), two, other, push)
     return total
 
 
@@ -213,14 +154,7 @@ def keep_apart(
         for k in range(len(shapes.frame)):
             _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], span[1])
         total += _pairs(chain, shapes, span, reach, slope, work)
-        for g in range(len(shapes.guarded)):
-            kind = shapes.kinds[shapes.guarded[g, 0]]
-            if kind == PLANE:
-                total += _plane(chain, shapes, g, span, reach, slope, work)
-            elif kind == BOX:
-                total += _box(chain, shapes, g, span, reach, slope, work)
-            else:
-                total += _round(chain, shapes, g, span, reach, slope, work)
+        total += _regions(chain, shapes, span, reach, slope, work)
     for j in range(joints):
         for n in range(samples):
             slope[j, n] *= weight

@@ -23,6 +23,9 @@ from sidegan.motion.compiled.links import (
     set_row,
 )
 
+Span = tuple[int, int]  # two indices
+Segment = tuple[Vector, Vector]  # the ends of a capsule's axis
+
 
 class Room(NamedTuple):
     """Room for the kernel at work: frames, the joints' axes (J, 3), the capsules' ends (3, C, 3)."""
@@ -48,6 +51,23 @@ def _push(chain: Chain, work: Room, frame: int, point: Vector, force: Vector, sl
             slope[j] += dot(cross(axis, less(point, row(work.world.place, j + 1))), force)
 
 
+@inline
+def pull_of_pair(
+    shapes: Shapes, pair: Span, reach: float, one: Segment, two: Segment
+) -> tuple[float, Vector, Vector, Vector]:
+    """How far two capsules fall short of ``reach`` [m], their nearest points, and a slope.
+
+    The slope is that of the square in the first point; in the second it is the opposite. It is nothing where
+    the axes cross.
+    """
+    i, k = pair
+    a, b = nearest(one[0], one[1], two[0], two[1])
+    gap = less(a, b)
+    distance = math.sqrt(dot(gap, gap))
+    excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
+    return excess, a, b, times(-2 * excess / distance if distance > TOUCHING else 0.0, gap)
+
+
 @kernel
 def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
     """What one state's pairs cost; adds the slope."""
@@ -57,16 +77,12 @@ def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room)
         apart, far = less(row(middle, i), row(middle, k)), reach + shapes.size[i] + shapes.size[k]
         if dot(apart, apart) >= far * far:
             continue
-        one, two = nearest(row(a, i), row(b, i), row(a, k), row(b, k))
-        gap = less(one, two)
-        distance = math.sqrt(dot(gap, gap))
-        excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
+        axes = (row(a, i), row(b, i)), (row(a, k), row(b, k))
+        excess, one, two, force = pull_of_pair(shapes, (i, k), reach, axes[0], axes[1])
         if excess > 0:
             total += excess * excess
-            if distance > TOUCHING:
-                force = times(-2 * excess / distance, gap)
-                _push(chain, work, shapes.frame[i], one, force, slope)
-                _push(chain, work, shapes.frame[k], two, times(-1.0, force), slope)
+            _push(chain, work, shapes.frame[i], one, force, slope)
+            _push(chain, work, shapes.frame[k], two, times(-1.0, force), slope)
     return total
 
 
@@ -91,8 +107,8 @@ def _near_body(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vec
 
 
 @inline
-def near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
-    """The same for any region but a box, which is left along two faces at once."""
+def _near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """The same for any region but a box, which may be left along two faces at once."""
     if shapes.kinds[r] == BALL:
         return _near_ball(row(shapes.regions, r), shapes.regions[r, 3], a, b)
     if shapes.kinds[r] == CONVEX:
@@ -103,47 +119,39 @@ def near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Ve
 
 
 @inline
-def _region(
-    chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room
-) -> float:
-    """What one capsule costs that comes close to a region, but for a box; adds the slope."""
-    r, k = guard
-    if shapes.kinds[r] != PLANE:
-        apart = less(row(work.ends[2], k), row(shapes.regions, r))
-        far = reach + shapes.size[k] + shapes.regions[r, 3]
-        if dot(apart, apart) >= far * far:
-            return 0.0
-    distance, point, away = near_region(shapes, r, row(work.ends[0], k), row(work.ends[1], k))
-    excess = reach - distance + shapes.radius[k]
-    if not excess > 0:
-        return 0.0
-    _push(chain, work, shapes.frame[k], point, times(-2 * excess, away), slope)
-    return excess * excess
+def from_region(shapes: Shapes, r: int, x: Vector) -> float:
+    """Distance [m] of a point from a region, or less."""
+    numbers, kind = shapes.regions, shapes.kinds[r]
+    if kind == PLANE:
+        return dot(row(numbers, r), x) - numbers[r, 3]
+    apart = less(x, row(numbers, r))
+    if kind == BOX:
+        return point_to_box(apart, (numbers[r, 3], numbers[r, 4], numbers[r, 5]))
+    return math.sqrt(dot(apart, apart)) - numbers[r, 3]
 
 
 @inline
-def _box(
-    chain: Chain, shapes: Shapes, guard: tuple[int, int], reach: float, slope: Array, work: Room
-) -> float:
-    """What one capsule costs that comes close to a box; adds the slope."""
+def pull_of_region(
+    shapes: Shapes, guard: Span, reach: float, a: Vector, b: Vector
+) -> tuple[float, Vector, Vector, Vector, Vector]:
+    """How far a capsule falls short of ``reach`` from a region [m], and two points with their slopes.
+
+    The slopes are those of the square; only in a box, which is left along two faces, are both something.
+    """
     r, k = guard
+    if shapes.kinds[r] != BOX:
+        distance, point, away = _near_region(shapes, r, a, b)
+        excess = reach - distance + shapes.radius[k]
+        return excess, point, times(-2 * excess, away), point, (0.0, 0.0, 0.0)
     numbers = shapes.regions
     centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
-    if point_to_box(less(row(work.ends[2], k), centre), half) >= reach + shapes.size[k]:
-        return 0.0
-    a, b = less(row(work.ends[0], k), centre), less(row(work.ends[1], k), centre)
-    distance, before, after, share = nearest_to_box(half, a, b)
+    inside, along = less(a, centre), less(b, a)
+    distance, before, after, share = nearest_to_box(half, inside, less(b, centre))
     excess = reach - distance + shapes.radius[k]
-    if not excess > 0:
-        return 0.0
-    along, size = less(b, a), -2 * excess
-    for part in range(2):
-        s, weight = (after, 1.0 - share) if part else (before, share)
-        if weight > 0:
-            x = add(a, times(s, along))
-            force = times(size * weight, outwards(x, half))
-            _push(chain, work, shapes.frame[k], add(x, centre), force, slope)
-    return excess * excess
+    one, two = add(inside, times(before, along)), add(inside, times(after, along))
+    force = times(-2 * excess * share, outwards(one, half))
+    other = times(-2 * excess * (1.0 - share), outwards(two, half))
+    return excess, add(one, centre), force, add(two, centre), other
 
 
 @kernel
@@ -151,11 +159,16 @@ def _regions(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Roo
     """What one state's regions cost; adds the slope."""
     total = 0.0
     for p in range(len(shapes.guarded)):
-        guard = shapes.guarded[p, 0], shapes.guarded[p, 1]
-        if shapes.kinds[guard[0]] == BOX:
-            total += _box(chain, shapes, guard, reach, slope, work)
-        else:
-            total += _region(chain, shapes, guard, reach, slope, work)
+        r, k = shapes.guarded[p, 0], shapes.guarded[p, 1]
+        if from_region(shapes, r, row(work.ends[2], k)) >= reach + shapes.size[k]:
+            continue
+        a, b = row(work.ends[0], k), row(work.ends[1], k)
+        excess, one, force, two, other = pull_of_region(shapes, (r, k), reach, a, b)
+        if excess > 0:
+            total += excess * excess
+            _push(chain, work, shapes.frame[k], one, force, slope)
+            if shapes.kinds[r] == BOX:
+                _push(chain, work, shapes.frame[k], two, other, slope)
     return total
 
 

@@ -50,10 +50,11 @@ def _slope(x: Vector, half: Vector, along: Vector) -> float:
 
 
 @inline
-def to_box(centre: Vector, half: Vector, a: Vector, b: Vector) -> float:
-    """Signed distance [m] of a segment to a box: convex along the segment, so halving finds the least."""
-    a, b = less(a, centre), less(b, centre)
-    along = less(b, a)
+def _valley(half: Vector, a: Vector, along: Vector) -> tuple[float, float]:
+    """Shares of a segment's length between which its distance from a box at the origin is least.
+
+    The distance is convex along the segment, so halving finds it.
+    """
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -61,6 +62,15 @@ def to_box(centre: Vector, half: Vector, a: Vector, b: Vector) -> float:
             low = middle
         else:
             high = middle
+    return low, high
+
+
+@inline
+def to_box(centre: Vector, half: Vector, a: Vector, b: Vector) -> float:
+    """Signed distance [m] of a segment to a box."""
+    a, b = less(a, centre), less(b, centre)
+    along = less(b, a)
+    low, high = _valley(half, a, along)
     before, after = add(a, times(low, along)), add(a, times(high, along))
     return min(point_to_box(before, half), point_to_box(after, half))
 
@@ -216,13 +226,7 @@ def nearest_to_box(half: Vector, a: Vector, b: Vector) -> tuple[float, float, fl
     distance = point_to_box(add(a, times(s, along)), half)
     if distance > TOUCHING:
         return distance, s, s, 1.0
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        if _slope(add(a, times(middle, along)), half, along) < 0:
-            low = middle
-        else:
-            high = middle
+    low, high = _valley(half, a, along)
     before, after = add(a, times(low, along)), add(a, times(high, along))
     fall = max(-dot(outwards(before, half), along), 0.0)
     rise = max(dot(outwards(after, half), along), 0.0)

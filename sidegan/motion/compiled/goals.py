@@ -78,24 +78,26 @@ def room(size: int, smooth: Smooth) -> Room:
 
 
 @kernel
+def _folded(subspace: Array, matrix: Array, out: Array) -> None:
+    """Write Cᵀ A for a lower triangular C, most of which is zero."""
+    size = len(subspace)
+    for i in range(size):
+        clear(out[i])
+    for k in range(size):
+        for i in range(k + 1):
+            if subspace[k, i] != 0:
+                add_to(out[i], subspace[k, i], matrix[k], size)
+
+
+@kernel
 def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -> float:
     """Write Cᵀ G C for a lower triangular C, most of which is zero, and symmetric G; its largest element."""
     size, largest = len(subspace), 0.0
-    for i in range(size):
-        clear(inner[i])
-    for k in range(size):
-        for i in range(k + 1):
-            if subspace[k, i] != 0:
-                add_to(inner[i], subspace[k, i], gram[k], size)
+    _folded(subspace, gram, inner)
     for i in range(size):
         for j in range(size):
             product[j, i] = inner[i, j]
-    for i in range(size):
-        clear(inner[i])
-    for k in range(size):
-        for i in range(k + 1):
-            if subspace[k, i] != 0:
-                add_to(inner[i], subspace[k, i], product[k], size)
+    _folded(subspace, product, inner)
     for i in range(size):
         largest = max(largest, inner[i, i])  # positive semi-definite: no element is larger
         for j in range(i):
@@ -126,27 +128,30 @@ def _smooth_ratio(smooth: Smooth, values: Array, slopes: Array) -> float:
 
 
 @kernel
-def _take_ends(values: Array, size: int, low: int, k: int) -> int:
-    """Which of all values, in ascending order, the k-th of those at both ends is."""
-    return k if k < low else size - len(values) + k
+def _end_of(matrix: Array, count: int, low: int, k: int) -> int:
+    """Where on the diagonal the k-th of ``count`` elements at both ends is, ascending: ``low`` at the low end."""
+    size = len(matrix)
+    rank = k if k < low else size - count + k
+    for i in range(size):
+        smaller = 0
+        for m in range(size):
+            smaller += matrix[m, m] < matrix[i, i] or (matrix[m, m] == matrix[i, i] and m < i)
+        if smaller == rank:
+            return i
+    return 0  # no number is in order: the goal is infinite then
 
 
 @kernel
 def _all_ends(smooth: Smooth, work: Room) -> None:
     """The eigenpairs at both ends from all of them."""
-    inner, vectors, size = work.whole[0], work.product, len(work.whole[0])
+    inner, vectors, count = work.whole[0], work.product, len(work.values[0])
     all_eigenpairs(inner, vectors)
-    low = min(smooth.lowest, len(work.values[0]))
-    for k in range(len(work.values[0])):
-        rank = _take_ends(work.values[0], size, low, k)
-        for i in range(size):
-            smaller = 0
-            for m in range(size):
-                smaller += inner[m, m] < inner[i, i] or (inner[m, m] == inner[i, i] and m < i)
-            if smaller == rank:
-                work.values[0][k] = inner[i, i]
-                for m in range(size):
-                    work.vectors[0, k, m] = vectors[i, m]
+    low = min(smooth.lowest, count)
+    for k in range(count):
+        i = _end_of(inner, count, low, k)
+        work.values[0][k] = inner[i, i]
+        for m in range(len(inner)):
+            work.vectors[0, k, m] = vectors[i, m]
 
 
 @kernel
@@ -183,19 +188,14 @@ def _condition(goal: Goal, subspace: Array, scale: float, work: Room) -> float:
 @kernel
 def _diagonal(goal: Goal, gram: Array, work: Room) -> float:
     """Smooth log ratio of the diagonal; writes its directions, which are base columns."""
-    size, low = len(gram), min(goal.smooth.lowest, len(work.values[0]))
-    for k in range(len(work.values[0])):
-        rank = _take_ends(work.values[0], size, low, k)
+    count = len(work.values[0])
+    low = min(goal.smooth.lowest, count)
+    for k in range(count):
         clear(work.base[k])
-        for i in range(size):
-            smaller = 0
-            for m in range(size):
-                smaller += gram[m, m] < gram[i, i] or (gram[m, m] == gram[i, i] and m < i)
-            if smaller == rank:
-                work.values[0][k] = gram[i, i]
-                work.base[k, i] = 1.0
+        i = _end_of(gram, count, low, k)
+        work.values[0][k], work.base[k, i] = gram[i, i], 1.0
     value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
-    for k in range(len(work.values[0])):
+    for k in range(count):
         work.weights[k] = work.slopes[k]
     return value
 
