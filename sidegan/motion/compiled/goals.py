@@ -129,7 +129,7 @@ def _smooth_ratio(smooth: Smooth, values: Array, slopes: Array) -> float:
 
 @kernel
 def _end_of(matrix: Array, count: int, low: int, k: int) -> int:
-    """Where on the diagonal the k-th of ``count`` elements at both ends is, ascending: ``low`` at the low end."""
+    """Where on the diagonal the k-th of ``count`` at both ends is, ascending: ``low`` at the low end."""
     size = len(matrix)
     rank = k if k < low else size - count + k
     for i in range(size):
