@@ -27,6 +27,7 @@ BENCHMARKS: dict[str, Callable[[Setting], Result]] = {
     "generation": networks.generation,
     "generate_validate": networks.generate_validate,
     "seeds": seeds.seeds,
+    "set_of_35": seeds.set_of_35,
     "training": networks.training,
     "rls": data.rls,
     "greedy": data.selection,

@@ -66,7 +66,7 @@ def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80
 def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
     """The paper's two mean distances, over batches, and two measures that modes cannot fool.
 
-    Of very large sets they are estimates from a sample, which is logged. A single trajectory has none of them.
+    Of very large sets they are estimates from a sample, which is logged. A single trajectory has none.
     """
     if len(c) < 2:
         return {}

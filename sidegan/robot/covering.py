@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from sidegan.robot.capsule_fit import (
     DIRECTIONS,
@@ -100,6 +99,8 @@ class _Cutter:
     """Triangles (N, 3, 3) in parts, and the capsules and hulls around these as they are cut further."""
 
     def __init__(self, triangles: Points) -> None:
+        from scipy.stats import qmc  # takes a second to import
+
         self.triangles, self.middles = triangles, triangles.mean(1)
         self.owner = np.zeros(len(triangles), dtype=int)
         low, high = triangles.min((0, 1)), triangles.max((0, 1))
