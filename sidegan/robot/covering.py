@@ -43,7 +43,7 @@ class Part:
 
 
 def cover(meshes: Sequence[Points], most: int) -> list[Part]:
-    """Parts of a link's meshes, at most so many, with capsules and hulls; each triangle is within one of each.
+    """Parts of a link's meshes, at most so many, with capsules and hulls that each triangle is within one of.
 
     Triangles go to parts as a whole: capsules and hulls are convex, and hold a triangle whose corners they
     hold. Several meshes are parts of their own, where they are not too many: who drew them cut where it

@@ -200,6 +200,15 @@ class TestKept:
         for name in ("corners", "start", "radius", "fitted", "core"):
             assert torch.equal(getattr(again.capsules.pieces, name), getattr(arm.capsules.pieces, name))
 
+    def test_notice_that_the_meshes_are_elsewhere(self, arm_file, tmp_path):
+        save_shapes(load_robot(arm_file), tmp_path / "shapes.npz")
+        (tmp_path / "box.stl").unlink()
+        arm_file.write_text(arm_file.read_text().replace('xyz="0.1 0 0"', 'xyz="0.1 0 0.02"', 1))
+        with pytest.raises(RobotError, match="meshes of link 'base' are elsewhere") as refused:
+            load_robot(arm_file, Setup(shapes=str(tmp_path / "shapes.npz")))
+        assert "robot.shapes=null" in str(refused.value)
+        assert load_robot(arm_file, Setup(shapes=None)).capsules.names == ()
+
     def test_of_an_arm_without_meshes_are_none(self, tmp_path):
         assert not save_shapes(load_robot("kuka_lwr4"), tmp_path / "shapes.npz")
         assert not (tmp_path / "shapes.npz").exists()
