@@ -125,9 +125,7 @@ def _load(file: Path) -> dict[str, Any]:
 def facts_of(task: Task) -> Facts:
     """What an independent check has to know beside the description."""
     arm, constraints = task.arm, task.constraints
-    exempt = [
-        list(one.links) for one in getattr(constraints, "exempt", ()) if one.why != "never touch"
-    ] or None
+    exempt = [list(one.links) for one in constraints.exempt if one.why != "never touch"] or None
     floors = [region for region in constraints.regions if isinstance(region, Plane)]
     limits = task.cfg.robot.limits
     stated = {

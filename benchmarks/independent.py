@@ -52,6 +52,8 @@ class Robot:
         whole = pin.buildModelFromUrdf(str(urdf))
         folders = [*facts.packages, *(str(folder) for folder in urdf.parents)]
         shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, None, folders)
+        owners = {one.name: whole.frames[one.parentFrame].name for one in shapes.geometryObjects}
+        _tell_apart(whole)
         stand = pin.neutral(whole)
         for name, value in facts.locked.items():
             if whole.existJointName(name):
@@ -59,7 +61,7 @@ class Robot:
         others = [k for k in range(1, whole.njoints) if whole.names[k] not in self.names]
         self.model, (self.geometry,) = pin.buildReducedModel(whole, [shapes], others, stand)
         self.data = self.model.createData()
-        self.owners = [self.model.frames[one.parentFrame].name for one in self.geometry.geometryObjects]
+        self.owners = [owners[one.name] for one in self.geometry.geometryObjects]
         self._keep_apart()
         self.moved = [self.model.idx_vs[self.model.getJointId(name)] for name in self.names]
 
@@ -111,7 +113,7 @@ class Robot:
 
     def colliding(self, configurations: Numbers) -> NDArray[np.bool_]:
         """Whether links collide, (T,)."""
-        data = self.geometry.createData()
+        data = _collision_data(self.geometry)
         manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, data)
         found = (
             pin.computeCollisions(self.model, self.data, manager, q, True)  # up to the first collision
@@ -121,7 +123,7 @@ class Robot:
 
     def touching(self, q: Numbers) -> str:
         """Which links collide in a configuration."""
-        data = self.geometry.createData()
+        data = _collision_data(self.geometry)
         pin.computeCollisions(self.model, self.data, self.geometry, data, q, False)
         pairs = zip(self.geometry.collisionPairs, data.collisionResults)
         return "; ".join(
@@ -146,6 +148,21 @@ class Robot:
                 place = self.data.oMi[shape.parentJoint] * shape.placement
                 lowest = min(lowest, place.translation[2] + support(place.rotation[2]))
         return lowest - self.facts.floor
+
+
+def _tell_apart(model: pin.Model) -> None:
+    """Give links other names than joints: Pinocchio cannot reduce models in which a name means both."""
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            frame.name = f"link {frame.name}"
+
+
+def _collision_data(geometry: pin.GeometryModel) -> pin.GeometryData:
+    """Room for collisions with their contacts: without these coal 3.0 misses some of two cylinders."""
+    data = geometry.createData()
+    for request in data.collisionRequests:
+        request.enable_contact = True
+    return data
 
 
 def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers) -> None:
