@@ -51,7 +51,7 @@ class EstimationSettings:
     method: Literal["ols", "weighted", "huber", "tls", "rls", "ridge", "essential"]
     settings: dict[str, float]  # of the method
     pull: Literal["logdet", "euclid"]
-    strength: Positive
+    strength: Positive | None  # of the pull; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]
     library: str | None  # of trajectories to recommend from

@@ -98,8 +98,8 @@ def _show(task: Task, tracker: Tracker) -> None:
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
     log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
-    for reason in verdict["reasons"]:
-        log.info("  %s", reason)
+    for line in (verdict["advice"], *verdict["reasons"]):
+        log.info("  %s", line)
     log.info("report: %s", target / REPORT)
 
 

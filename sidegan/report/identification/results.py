@@ -11,11 +11,12 @@ from torch import Tensor
 
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
-from sidegan.report.identification.content import Origin, content
+from sidegan.report.identification.content import Origin, advice, content
 from sidegan.report.identification.page import write_report
 from sidegan.robot import Drives, write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
@@ -111,7 +112,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
         "consistent links": _LINKS,
         "description with these links and friction": urdf,
         "the same for MuJoCo, with rotors": mjcf,
-        "the same as a Python class": _CLASS,
+        f"the model to use ({identified.use}) as a Python class": _CLASS,
         "check of the recordings": CHECK,
         "verdict for machines": VERDICT,
     }
@@ -146,6 +147,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "std": chosen.deviation.tolist(),
             "relative_std": chosen.relative_deviation.tolist(),
             "urdf": nominal,
+            "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
             "effect": trust.effect.tolist(),
             "weak": [name in trust.weak for name in chosen.names],
         }
@@ -168,21 +170,23 @@ def link_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """What a machine needs to decide whether to use the model; lists are in the order of the joints."""
-    trust, chosen = identified.trust, identified.chosen
+    trust, chosen, use = identified.trust, identified.chosen, identified.use
     return {
         "robot": identified.model.arm.name,
         "joints": list(identified.model.arm.joint_names),
         "method": chosen.method,
+        "use": use,
+        "advice": advice(identified),
         "verdict": trust.verdict,
         "reasons": trust.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
             "kind": identified.kind,
             "recordings": [recording.name for recording in identified.validation],
-            **_all_errors(identified.tests, chosen.method),
+            **_all_errors(identified.tests, use, chosen.method),
             "description": _errors(trust.nominal_score),
         },
-        "training": _all_errors(identified.trained, chosen.method),
+        "training": _all_errors(identified.trained, use, chosen.method),
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
@@ -193,10 +197,10 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     }
 
 
-def _all_errors(errors: dict[str, Score], method: str) -> dict[str, Any]:
-    """Errors of the chosen method, and of those that it is compared with."""
-    compared = {name: _errors(errors[other]) for name, other in _COMPARED.items()}
-    return {**_errors(errors[method]), **compared}
+def _all_errors(errors: dict[str, Score], use: str, method: str) -> dict[str, Any]:
+    """Errors of the model to use, and by name those of the methods that were compared."""
+    compared = {name: _errors(errors[other]) for name, other in ({method: method} | _COMPARED).items()}
+    return {**_errors(errors[use]), **compared}
 
 
 def _errors(errors: Score) -> dict[str, Any]:
@@ -210,7 +214,6 @@ def _errors(errors: Score) -> dict[str, Any]:
 def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     """The identified model in full, for programs."""
     model, chosen = identified.model, identified.chosen
-    terms = {kind: identified.standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
     return {
         "robot": model.arm.name,
         "joints": list(model.arm.joint_names),
@@ -222,8 +225,15 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
         "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
-        "consistent": {"inertial_parameters": identified.links.tolist(), "terms": terms},
+        "consistent": _standard(model, identified.standard),
+        "use": {"method": identified.use, **_standard(model, identified.used_standard)},
     }
+
+
+def _standard(model: TorqueModel, standard: Tensor) -> dict[str, Any]:
+    """Standard parameters (F,) as links and terms."""
+    terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
+    return {"inertial_parameters": standard[: 10 * model.joints].reshape(-1, 10).tolist(), "terms": terms}
 
 
 def _numbers(values: Tensor) -> list[float | None]:
