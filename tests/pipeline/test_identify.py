@@ -251,6 +251,15 @@ def test_one_recording_is_tested_on_itself_and_a_library_gives_what_to_run_next(
     assert any("held out" in reason for reason in verdict["reasons"])
 
 
+def test_the_last_part_of_a_recording_can_be_held_out(files, tmp_path):
+    verdict, folder = identified(tmp_path, "robot=planar2", f"recordings=[{files[0]}]", "validation=0.3")
+    assert verdict["validation"]["kind"] == "held out" and verdict["validation"]["nmse_mean"] < 5e-3
+    assert verdict["validation"]["recordings"] == ["a.csv, last 30%"]
+    assert "validation=0.3" in (folder / "report.html").read_text()
+    with pytest.raises(ConfigError, match=r"validation is 1\.5, expected a list.*, or a number > 0 and < 1"):
+        configured(tmp_path, "validation=1.5")
+
+
 def test_a_bad_recording_leaves_nothing(files, tmp_path, planar):
     broken = tmp_path / "broken.csv"
     table = pd.read_csv(files[1])

@@ -166,7 +166,8 @@ def _findings(recording: CheckedRecording) -> list[Finding]:
     raw, name = recording.statistics, recording.name
     use = (
         f"{recording.role}: {raw.samples} samples in {raw.duration:.4g} s at {1 / raw.step:.4g} Hz; "
-        f"{recording.grid.statement}; {recording.kept} samples of {recording.moving:.4g} s in motion are used"
+        f"{'; '.join(recording.statements)}; {recording.kept} samples of {recording.moving:.4g} s in motion "
+        "are used"
     )
     if recording.derived:
         use += f"; {' and '.join(recording.derived)} derived"

@@ -50,7 +50,7 @@ def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
     """A row per recording: its clock, and what is kept of it."""
     rows = {}
     for recording in recordings:
-        raw, grid = recording.statistics, recording.grid
+        raw, grid, repeated = recording.statistics, recording.grid, recording.repeated
         rows[recording.name] = {
             "use": recording.role,
             "samples": raw.samples,
@@ -63,7 +63,8 @@ def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
             "bandwidth [Hz]": f"{grid.bandwidth:.3g}",
             "cut-off [Hz]": f"{grid.cutoff:.3g}",
             "kept": recording.kept,
-            "lag [ms]": f"{1e3 * recording.agreement.lag:.0f}",
+            "lag [ms]": f"{1e3 * recording.lag:.3g}",
+            "repetitions": "—" if repeated is None else f"{sum(repeated.counts.values())}",
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("recording")
 
@@ -85,6 +86,7 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "fastest": f"{fastest[j]:.3g}",
                     load: f"{effort.lower[j]:.3g} … {effort.upper[j]:.3g}",
                     "noise floor": f"{effort.noise[j]:.2g}",
+                    "between repetitions": "—" if recording.noise is None else f"{recording.noise[j]:.2g}",
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
                     "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
