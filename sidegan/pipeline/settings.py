@@ -21,6 +21,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import (
     EstimationSettings,
+    KnownLoad,
     Recursion,
     ReplicationSettings,
     StudySettings,
@@ -121,6 +122,9 @@ class Config:
     recordings: list[str] = _group("recordings")  # files to identify from
     # files that are held out, or which share of every recording, its last part
     validation: list[str] | Open = _group("validation")
+    loaded: list[str] = _group("loaded")  # files of runs with a load
+    load: KnownLoad = _group("load")
+    known: str = _group("known")  # folder of the run that identified a model
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")

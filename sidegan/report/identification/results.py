@@ -22,7 +22,8 @@ from sidegan.robot import Drives, write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
 
 CHECK, VERDICT, REPORT = "check.json", "verdict.json", "report.html"
-_PARAMETERS, _MODEL, _LINKS = "parameters.csv", "parameters.json", "links.csv"
+PARAMETERS = "parameters.json"  # the model in full
+_TABLE, _LINKS = "parameters.csv", "links.csv"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 _UPPER = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
@@ -109,8 +110,8 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
     drives = drives_of(identified)
     files = {
-        "parameters with deviations": _PARAMETERS,
-        "parameters with covariance": _MODEL,
+        "parameters with deviations": _TABLE,
+        "parameters with covariance": PARAMETERS,
         "consistent links": _LINKS,
         "description with these links and friction": urdf,
         "the same for MuJoCo, with rotors": mjcf,
@@ -119,9 +120,9 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
         "verdict for machines": VERDICT,
     }
     write_checks(identified.recordings, folder)
-    write_bytes(folder / _PARAMETERS, parameters.to_csv(index=False).encode())
+    write_bytes(folder / _TABLE, parameters.to_csv(index=False).encode())
     write_bytes(folder / _LINKS, links.to_csv(index=False).encode())
-    write_json(folder / _MODEL, model_numbers(identified) | {"mjcf": mjcf})
+    write_json(folder / PARAMETERS, model_numbers(identified) | {"mjcf": mjcf})
     write_json(folder / VERDICT, verdict(identified))
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
@@ -224,6 +225,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
+        "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
         "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
