@@ -11,7 +11,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sidegan.base.typed import Count, Natural, build
+from sidegan.base.typed import Count, Natural, Open, build
 from sidegan.conditional.settings import ConditionalSettings
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
@@ -21,6 +21,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import (
     EstimationSettings,
+    KnownLoad,
     Recursion,
     ReplicationSettings,
     StudySettings,
@@ -119,7 +120,11 @@ class Config:
     designer: DesignerSettings = _group("designer")
     design: Designs = _group("design")
     recordings: list[str] = _group("recordings")  # files to identify from
-    validation: list[str] = _group("validation")  # files that are held out
+    # files that are held out, or which share of every recording, its last part
+    validation: list[str] | Open = _group("validation")
+    loaded: list[str] = _group("loaded")  # files of runs with a load
+    load: KnownLoad = _group("load")
+    known: str = _group("known")  # folder of the run that identified a model
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")
@@ -127,6 +132,11 @@ class Config:
     def has(self, *groups: str) -> bool:
         """Whether all of these settings are composed."""
         return not any(isinstance(getattr(self, name), Absent) for name in groups)
+
+    @property
+    def held_out(self) -> list[str]:
+        """Files to validate on."""
+        return self.validation if isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
         """All settings that are composed, as plain values."""
@@ -174,11 +184,11 @@ class Config:
 
     def _check_files(self) -> None:
         """Refuse a recording that is named twice, or that a model would be validated on after training."""
-        for name, files in (("recordings", self.recordings), ("validation", self.validation)):
+        for name, files in (("recordings", self.recordings), ("validation", self.held_out)):
             twice = [file for file in files if files.count(file) > 1]
             if twice:
                 raise ConfigError(f"{name} has {twice[0]} twice")
-        both = [file for file in self.validation if file in self.recordings]
+        both = [file for file in self.held_out if file in self.recordings]
         if both:
             raise ConfigError(f"validation has {both[0]}, which is in recordings: it would not be held out")
 

@@ -38,6 +38,7 @@ def parameters():
             "std": (0.01, 1e-3, 0.1),
             "relative_std": (0.008, 33.3, np.inf),
             "urdf": (1.2, 0.0, np.nan),
+            "consistent": (1.26, 2e-5, 1.9),
             "weak": (False, True, False),
         }
     )
@@ -54,6 +55,7 @@ def report():
         title="planar2",
         verdict="The model can be trusted.",
         level="good",
+        advice="Use the consistent model.",
         reasons=["It predicts what was held out."],
         facts={"validation nMSE": "0.0042"},
         joint_names=JOINTS,
@@ -105,6 +107,7 @@ def test_everything_is_told(report):
     _, text = read(report)
     for words in (
         "Identification of planar2", "The model can be trusted.", "It predicts what was held out.", "0.0042",
+        "Use the consistent model.", "1.26",
         "Run trajectory 12.", "a gap of 1 s", "shoulder", "elbow", "Izz1 + 0.16 m2", "3·10⁻⁵", "123", "0.8 %",
         "> 1000 %", "upper", "1.4", "verdict.json", "method: weighted", "python -m sidegan.pipeline.run",
         "Marked: 1 whose uncertainty matters", "mx2 and fv1 (0.95): their difference",
@@ -132,6 +135,7 @@ def test_words_from_outside_run_nothing(report):
         report,
         title=HOSTILE,
         verdict=HOSTILE,
+        advice=HOSTILE,
         reasons=[HOSTILE],
         facts={HOSTILE: HOSTILE},
         joint_names=(HOSTILE, "elbow"),

@@ -39,6 +39,9 @@ STAGES = {
     "excite": "trajectories to execute, as files",
     "check": "what recordings are worth",
     "identify": "a model of a real arm from recordings",
+    "payload": "what an arm carries",
+    "gains": "torque per motor current",
+    "recheck": "whether a model is still right",
     "table": "the experiment's tables, figures and pages",
 }
 
