@@ -180,7 +180,7 @@ def monday(found: Worth) -> dict[str, list[tuple[str, str]]]:
     """For each arm, contenders from the best on: the mean rank over judged regimes of the whole curve."""
     out = {}
     for arm in found.arms:
-        ranks = scores(found, arm, found.cfg.worth.judged).mean(1).sort_values()
+        ranks = scores(found, arm, found.cfg.worth.judged).mean(axis=1).sort_values()
         titles = {x: one.title for x, one in found.cfg.worth.contenders.items()}
         out[arm] = [(titles[str(name)], f"{x:.1f}") for name, x in ranks.items()]
     return out

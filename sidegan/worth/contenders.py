@@ -28,7 +28,8 @@ _REACH = 0.9  # of the tightest limit, that random motions and sines use
 _TINY = 0.03  # the same of motions that are known to be bad
 _TRIES = 2000
 _TASK_RATE = 20.0  # [Hz] of the states that tasks are designed for with
-_SHRINK = 0.9  # of an attempt that was invalid
+_SHRINK, _SHRINKS = 0.9, 5  # of an attempt that was invalid, and how often
+_FLAT = 1e-4  # of the samples: how strongly the fit of a sweep avoids large coefficients that cancel
 _STEPS = 60  # evaluations per optimised trajectory
 _RESERVE = 0.05  # of each limit, as ``excite`` keeps it
 
@@ -119,16 +120,20 @@ def _random(order: Order) -> SetOf:
     return SetOf(problem.trajectory, draws.coefficients)
 
 
-def _until_valid(order: Order, draw: Callable[[np.random.Generator], Tensor]) -> SetOf:
-    """Draws (n, J, H, 2), each scaled to the limits and then down until it is valid."""
+def _until_valid(order: Order, draw: Callable[[np.random.Generator, int], Tensor]) -> SetOf:
+    """Draws (J, H, 2) by number, each scaled to the limits and then down until it is valid."""
     problem, random = order.problem(), np.random.default_rng(order.seed)
-    for _ in range(_TRIES):
-        c = draw(random)
-        c = c * (_REACH / problem.limit_use(c).clamp_min(1e-3))[:, :, None, None] * (c != 0)
-        for _ in range(4):
+    chosen: list[Tensor] = []
+    for _ in range(_TRIES * order.count):
+        c = draw(random, len(chosen))[None]
+        c = c * (_REACH / problem.limit_use(c))[:, :, None, None] * (c != 0).any(-1, keepdim=True)
+        for _ in range(_SHRINKS):
             if bool(check(problem.constraints, problem.trajectory, c).valid.all()):
-                return SetOf(problem.trajectory, c)
+                chosen.append(c[0])
+                break
             c = _SHRINK * c
+        if len(chosen) == order.count:
+            return SetOf(problem.trajectory, torch.stack(chosen))
     raise InfeasibleError(f"{order.contender.title}: never valid in this workspace")
 
 
@@ -136,28 +141,30 @@ def _sinusoids(order: Order) -> SetOf:
     """A sine of its own frequency for each joint."""
     joints, harmonics, _ = order.family().shape
 
-    def draw(random: np.random.Generator) -> Tensor:
-        c = torch.zeros(1, joints, harmonics, 2, dtype=torch.float64)
-        which = random.permutation(joints) % harmonics
+    def draw(random: np.random.Generator, number: int) -> Tensor:
+        c = torch.zeros(joints, harmonics, 2, dtype=torch.float64)
+        which = random.permutation(max(joints, harmonics))[:joints] % harmonics
         phase = random.uniform(0, 2 * np.pi, joints)
-        c[0, range(joints), which] = torch.from_numpy(np.stack([np.cos(phase), np.sin(phase)], 1))
+        c[range(joints), which] = torch.from_numpy(np.stack([np.cos(phase), np.sin(phase)], 1))
         return c
 
     return _until_valid(order, draw)
 
 
 def _chirp(order: Order) -> SetOf:
-    """A sweep of frequencies on all joints, with phases of their own; fitted by the harmonics."""
+    """Sweeps of frequency on all joints, with phases of their own; fitted by the harmonics."""
     family = order.family()
     times = family.grid(20 * family.harmonics)
     basis = family.basis(times, 1).flatten(1)
-    low, high = order.option("low", 0.05), order.option("high", 0.6)
-    turns = low * times + (high - low) * times**2 / (2 * family.period)
+    low, high = order.option("low", 0.1), order.option("high", 0.5)
+    sweep = (high - low) / family.period
+    angle, rate = (2 * np.pi * x for x in (low * times + sweep * times**2 / 2, low + sweep * times))
+    flat = _FLAT * len(times) * torch.eye(basis.shape[1], dtype=torch.float64)
 
-    def draw(random: np.random.Generator) -> Tensor:
+    def draw(random: np.random.Generator, number: int) -> Tensor:
         phase = torch.from_numpy(random.uniform(0, 2 * np.pi, family.joints))
-        speed = torch.sin(2 * np.pi * turns[:, None] + phase)
-        return torch.linalg.lstsq(basis, speed).solution.T.reshape(1, *family.shape)
+        speed = rate[:, None] * torch.cos(angle[:, None] + phase)
+        return torch.linalg.solve(basis.T @ basis + flat, basis.T @ speed).T.reshape(family.shape)
 
     return _until_valid(order, draw)
 
@@ -166,9 +173,9 @@ def _single(order: Order) -> SetOf:
     """One joint at a time, the others at rest: known to be bad."""
     joints, harmonics, _ = order.family().shape
 
-    def draw(random: np.random.Generator) -> Tensor:
-        c = torch.zeros(joints, joints, harmonics, 2, dtype=torch.float64)
-        c[range(joints), range(joints)] = torch.from_numpy(random.standard_normal((joints, harmonics, 2)))
+    def draw(random: np.random.Generator, number: int) -> Tensor:
+        c = torch.zeros(joints, harmonics, 2, dtype=torch.float64)
+        c[number % joints] = torch.from_numpy(random.standard_normal((harmonics, 2)))
         return c
 
     return _until_valid(order, draw)
