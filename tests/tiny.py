@@ -108,6 +108,10 @@ SMALL = {
         "columns.steps_8.seeds.samples=20",
         "columns.steps_8.seeds.batch=20",
     ),
+    "worth": (
+        "worth.horizon=32",
+        "worth.resamples=50",
+    ),
     "design": (
         "designer.library.count=3",
         "designer.library.steps=20",
