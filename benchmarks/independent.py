@@ -2,8 +2,9 @@
 
 Nothing of sidegan takes part: Pinocchio and coal read the description with its original meshes, and the
 trajectories are CSV files (time, q_…, dq_…, ddq_…). Every sample is checked: position, velocity and effort,
-acceleration and jerk where limits are given, self-collision and the floor. What the description does not say
-stands in a JSON file of facts: where other joints stand, which links may touch, what the floor is.
+acceleration and jerk where limits are given, self-collision, the floor, planes and boxes. What the
+description does not say stands in a JSON file of facts: where other joints stand, which links may touch,
+what is around.
 """
 
 import argparse
@@ -37,6 +38,9 @@ class Facts:
     standing: list[str] = field(default_factory=list)  # links that need not be above the floor
     limits: dict[str, dict[str, Any]] = field(default_factory=dict)  # by kind and joint, before the file's
     packages: list[str] = field(default_factory=list)  # folders of ROS packages
+    # to stay on one side of: a unit normal, an offset [m], and the links that are spared
+    planes: list[dict[str, Any]] = field(default_factory=list)
+    boxes: list[dict[str, Any]] = field(default_factory=list)  # lower and upper corner [m], links spared
 
     @classmethod
     def read(cls, path: Path | None) -> "Facts":
@@ -63,6 +67,8 @@ class Robot:
         self.data = self.model.createData()
         self.owners = [owners[one.name] for one in self.geometry.geometryObjects]
         self._keep_apart()
+        for number, box in enumerate(facts.boxes):
+            self._keep_out_of(box, f"box {number}")
         self.moved = [self.model.idx_vs[self.model.getJointId(name)] for name in self.names]
 
     def _keep_apart(self) -> None:
@@ -73,6 +79,22 @@ class Robot:
             near = between == 1 and self.facts.exempt is None
             if between and not near and frozenset((self.owners[i], self.owners[k])) not in spared:
                 self.geometry.addCollisionPair(pin.CollisionPair(i, k))
+
+    def _keep_out_of(self, box: dict[str, Any], name: str) -> None:
+        """Add a box in the world, and pairs of it with every moving link that is not spared."""
+        lower, upper = np.array(box["lower"]), np.array(box["upper"])
+        place = pin.SE3(np.eye(3), (lower + upper) / 2)
+        moving = [
+            k
+            for k, shape in enumerate(self.geometry.geometryObjects)
+            if shape.parentJoint and self.owners[k] not in box.get("spared", [])
+        ]
+        added = self.geometry.addGeometryObject(
+            pin.GeometryObject(name, 0, 0, place, coal.Box(*(upper - lower)))
+        )
+        self.owners.append(name)
+        for k in moving:
+            self.geometry.addCollisionPair(pin.CollisionPair(k, added))
 
     def configurations(self, q: Numbers) -> Numbers:
         """Pinocchio's configurations of positions (T, J)."""
@@ -136,18 +158,25 @@ class Robot:
         """Smallest height above the floor [m] of any link that is to be above it."""
         if self.facts.floor is None:
             return np.inf
-        shapes = [
-            (shape, _support(shape.geometry))
+        floor = {"normal": (0.0, 0.0, 1.0), "offset": self.facts.floor, "spared": self.facts.standing}
+        return self.distance(configurations, [floor])
+
+    def distance(self, configurations: Numbers, planes: Sequence[dict[str, Any]]) -> float:
+        """Smallest distance from planes [m] of any moving link that they do not spare."""
+        watched = [
+            (shape, _support(shape.geometry), np.array(plane["normal"], float), plane["offset"])
+            for plane in planes
             for shape, owner in zip(self.geometry.geometryObjects, self.owners)
-            if shape.parentJoint and owner not in self.facts.standing
+            if shape.parentJoint and owner not in plane.get("spared", [])
         ]
-        lowest = np.inf
-        for q in configurations:
+        least = np.inf
+        for q in configurations if watched else ():
             pin.forwardKinematics(self.model, self.data, q)
-            for shape, support in shapes:
+            for shape, support, normal, offset in watched:
                 place = self.data.oMi[shape.parentJoint] * shape.placement
-                lowest = min(lowest, place.translation[2] + support(place.rotation[2]))
-        return lowest - self.facts.floor
+                away = place.translation @ normal + support(place.rotation.T @ normal)
+                least = min(least, away - offset)
+        return least
 
 
 def _tell_apart(model: pin.Model) -> None:
@@ -176,7 +205,7 @@ def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers
 
 
 def _support(shape: coal.CollisionGeometry) -> Any:
-    """How far down a shape reaches from its origin, as a function of the world's z in its frame."""
+    """How far a shape reaches against a direction from its origin, as a function of that in its frame."""
     match shape:
         case coal.Sphere():
             return lambda z: -shape.radius
@@ -208,15 +237,17 @@ def check_file(robot: Robot, path: Path) -> dict[str, Any]:
     }
     worst: dict[str, float] = {name: float(x.max()) for name, x in shares.items()}
     colliding = np.flatnonzero(robot.colliding(configurations))
-    found = {
+    found: dict[str, Any] = {
         **worst,
         "consistent": max(_apart(q, dq, step), _apart(dq, ddq, step)),
         "colliding": len(colliding),
         "pair": robot.touching(configurations[colliding[0]]) if len(colliding) else "",
         "height": robot.height(configurations),
+        "distance": robot.distance(configurations, robot.facts.planes),
     }
+    apart = min(found["height"], found["distance"])
     kept = all(share <= 1 + _ROUNDING for share in worst.values()) and found["consistent"] <= _CONSISTENT
-    return {**found, "valid": kept and not len(colliding) and found["height"] >= -_ROUNDING}
+    return {**found, "valid": kept and not len(colliding) and apart >= -_ROUNDING}
 
 
 def _apart(x: Numbers, rate: Numbers, step: Numbers) -> float:
@@ -259,7 +290,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.independent", description=__doc__)
     parser.add_argument("urdf", type=Path, help="the description")
     parser.add_argument("folder", type=Path, help="of the CSV files 01.csv, 02.csv …")
-    parser.add_argument("--facts", type=Path, help="JSON file: locked, exempt, floor, standing, limits")
+    parser.add_argument("--facts", type=Path, help="JSON file: locked, exempt, floor, standing, limits, …")
     options = parser.parse_args(arguments)
     found = check_folder(options.urdf.resolve(), options.folder, Facts.read(options.facts))
     sys.stdout.write(json.dumps(found, indent=1, allow_nan=True) + "\n")
