@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -20,6 +21,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 Numbers = NDArray[np.float64]
 
@@ -136,17 +138,18 @@ class Robot:
         """Smallest height above the floor [m] of any link that is to be above it."""
         if self.facts.floor is None:
             return np.inf
-        shapes = [
-            (shape, _support(shape.geometry))
-            for shape, owner in zip(self.geometry.geometryObjects, self.owners)
-            if shape.parentJoint and owner not in self.facts.standing
-        ]
-        lowest = np.inf
-        for q in configurations:
+        rows = np.empty((len(configurations), self.model.njoints, 4))  # the world's z in each joint's frame
+        for row, q in zip(rows, configurations):
             pin.forwardKinematics(self.model, self.data, q)
-            for shape, support in shapes:
-                place = self.data.oMi[shape.parentJoint] * shape.placement
-                lowest = min(lowest, place.translation[2] + support(place.rotation[2]))
+            for joint, place in enumerate(self.data.oMi):
+                row[joint, :3], row[joint, 3] = place.rotation[2], place.translation[2]
+        lowest = np.inf
+        for shape, owner in zip(self.geometry.geometryObjects, self.owners):
+            if shape.parentJoint and owner not in self.facts.standing:
+                up, height = rows[:, shape.parentJoint, :3], rows[:, shape.parentJoint, 3]
+                height = height + up @ shape.placement.translation
+                reached = _lowest(shape.geometry, up @ shape.placement.rotation)
+                lowest = min(lowest, float((height + reached).min()))
         return lowest - self.facts.floor
 
 
@@ -175,19 +178,21 @@ def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers
         configurations[:, at] = values
 
 
-def _support(shape: coal.CollisionGeometry) -> Any:
-    """How far down a shape reaches from its origin, as a function of the world's z in its frame."""
+def _lowest(shape: coal.CollisionGeometry, z: Numbers) -> Numbers:
+    """How far down a shape reaches from its origin [m], (T,), by the world's z in its frame, (T, 3)."""
     match shape:
         case coal.Sphere():
-            return lambda z: -shape.radius
+            return np.full(len(z), -shape.radius)
         case coal.Capsule():
-            return lambda z: -abs(z[2]) * shape.halfLength - shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - shape.radius
         case coal.Cylinder():
-            return lambda z: -abs(z[2]) * shape.halfLength - np.hypot(z[0], z[1]) * shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - np.hypot(z[:, 0], z[:, 1]) * shape.radius
         case coal.Box():
-            return lambda z: -float(np.abs(z) @ shape.halfSide)
+            return -np.abs(z) @ shape.halfSide
     points = np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices())
-    return lambda z: float((points @ z).min())
+    with suppress(QhullError, ValueError):  # else the points lie in a plane, and all of them count
+        points = points[ConvexHull(points).vertices]
+    return (points @ z.T).min(0)
 
 
 def check_file(robot: Robot, path: Path) -> dict[str, Any]:
@@ -208,7 +213,7 @@ def check_file(robot: Robot, path: Path) -> dict[str, Any]:
     }
     worst: dict[str, float] = {name: float(x.max()) for name, x in shares.items()}
     colliding = np.flatnonzero(robot.colliding(configurations))
-    found = {
+    found: dict[str, Any] = {
         **worst,
         "consistent": max(_apart(q, dq, step), _apart(dq, ddq, step)),
         "colliding": len(colliding),
