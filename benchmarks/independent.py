@@ -11,6 +11,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 Numbers = NDArray[np.float64]
 
@@ -163,19 +165,21 @@ class Robot:
 
     def distance(self, configurations: Numbers, planes: Sequence[dict[str, Any]]) -> float:
         """Smallest distance from planes [m] of any moving link that they do not spare."""
-        watched = [
-            (shape, _support(shape.geometry), np.array(plane["normal"], float), plane["offset"])
-            for plane in planes
-            for shape, owner in zip(self.geometry.geometryObjects, self.owners)
-            if shape.parentJoint and owner not in plane.get("spared", [])
-        ]
-        least = np.inf
-        for q in configurations if watched else ():
+        turns = np.empty((len(configurations), self.model.njoints, 3, 3))
+        places = np.empty((len(configurations), self.model.njoints, 3))
+        for turn, place, q in zip(turns, places, configurations):
             pin.forwardKinematics(self.model, self.data, q)
-            for shape, support, normal, offset in watched:
-                place = self.data.oMi[shape.parentJoint] * shape.placement
-                away = place.translation @ normal + support(place.rotation.T @ normal)
-                least = min(least, away - offset)
+            for joint, frame in enumerate(self.data.oMi):
+                turn[joint], place[joint] = frame.rotation, frame.translation
+        least = np.inf
+        for plane in planes:
+            normal = np.array(plane["normal"], float)
+            for shape, owner in zip(self.geometry.geometryObjects, self.owners):
+                if shape.parentJoint and owner not in plane.get("spared", []):
+                    along = np.einsum("i,tij->tj", normal, turns[:, shape.parentJoint])
+                    away = places[:, shape.parentJoint] @ normal + along @ shape.placement.translation
+                    away += _support(shape.geometry, along @ shape.placement.rotation)
+                    least = min(least, float(away.min()) - plane["offset"])
         return least
 
 
@@ -204,19 +208,21 @@ def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers
         configurations[:, at] = values
 
 
-def _support(shape: coal.CollisionGeometry) -> Any:
-    """How far a shape reaches against a direction from its origin, as a function of that in its frame."""
+def _support(shape: coal.CollisionGeometry, z: Numbers) -> Numbers:
+    """How far a shape reaches against directions from its origin [m], (T,), in its frame, (T, 3)."""
     match shape:
         case coal.Sphere():
-            return lambda z: -shape.radius
+            return np.full(len(z), -shape.radius)
         case coal.Capsule():
-            return lambda z: -abs(z[2]) * shape.halfLength - shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - shape.radius
         case coal.Cylinder():
-            return lambda z: -abs(z[2]) * shape.halfLength - np.hypot(z[0], z[1]) * shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - np.hypot(z[:, 0], z[:, 1]) * shape.radius
         case coal.Box():
-            return lambda z: -float(np.abs(z) @ shape.halfSide)
+            return -np.abs(z) @ shape.halfSide
     points = np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices())
-    return lambda z: float((points @ z).min())
+    with suppress(QhullError, ValueError):  # else the points lie in a plane, and all of them count
+        points = points[ConvexHull(points).vertices]
+    return (points @ z.T).min(0)
 
 
 def check_file(robot: Robot, path: Path) -> dict[str, Any]:
