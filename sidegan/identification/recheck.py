@@ -125,7 +125,8 @@ def _worth(change: Change, error: Tensor) -> bool:
 
 def _columns(model: TorqueModel) -> tuple[list[str], dict[str, list[int]]]:
     """Names of all changes' parameters, and which of them belong together."""
-    joints, names = model.arm.joint_names, []
+    joints = model.arm.joint_names
+    names: list[str] = []
     groups: dict[str, list[int]] = {"friction": [], "offsets": [], "load": []}
     for kind in (*_FRICTION, "offset"):
         group = groups["offsets" if kind == "offset" else "friction"]

@@ -1,7 +1,7 @@
 """What was sent to the arm, found again in its recording: repetitions, their mean, how far they differ."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -117,14 +117,20 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         means = {name: _mean(curve, begins, grid) for name, curve in curves.items()}
-        begun = torch.from_numpy(grid + begins[0])
-        found.append(replace(recording, time=begun, corrupt=(), **means))
+        position = means.pop("position")
+        found.append(_recorded(recording, torch.from_numpy(grid + begins[0]), position, means))
         if len(begins) > 1 and load in signals:
             errors.append(_differences(time, signals[load], curves[load], begins, grid))
     noise = torch.from_numpy(np.sqrt(np.concatenate(errors).mean(0))) if errors else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}
     found.sort(key=lambda one: float(one.time[0]))
     return found, Repeated(counts, noise, bandwidth_of(_recordings(recording, sent)))
+
+
+def _recorded(of: Recording, time: Tensor, position: Tensor, others: dict[str, Tensor]) -> Recording:
+    """A part of a recording with other samples."""
+    names = ("velocity", "acceleration", "torque", "current")
+    return Recording(of.name, of.joint_names, time, position, *(others.get(name) for name in names))
 
 
 def _mean(curve: PchipInterpolator, begins: Sequence[float], grid: Numbers) -> Tensor:
@@ -153,7 +159,7 @@ def _differences(
 def _recordings(recording: Recording, sent: Iterable[Sent]) -> list[Recording]:
     """What was sent, as if it had been recorded."""
     names = recording.joint_names
-    return [Recording(s.name, names, *(torch.from_numpy(x) for x in (s.time, s.position))) for s in sent]
+    return [Recording(s.name, names, torch.from_numpy(s.time), torch.from_numpy(s.position)) for s in sent]
 
 
 def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) -> dict[int, list[float]]:
