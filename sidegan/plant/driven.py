@@ -1,4 +1,4 @@
-"""An arm in MuJoCo that recorded torques drive, from recorded states on, with servos beside them or without."""
+"""An arm in MuJoCo that recorded torques drive, from recorded states on, with or without servos."""
 
 from collections.abc import Sequence
 from dataclasses import replace
