@@ -20,6 +20,7 @@ RIGHT, CHANGED, WRONG = "still right", "changed", "no longer right"
 
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _MORE = 1.5  # times the error at the time of the identification, beyond which something has changed
+_FINE = 0.02  # of a joint's torque, an error that is none whatever it was before
 _REST = 0.2  # of the error, that a change which explains it may leave
 _CLEAR = 4.0  # deviations from which a change is one
 _MATTERS = 0.2  # share of the squared error that a change explains at least
@@ -60,13 +61,17 @@ class Recheck:
         return self.errors.rmse / self.before
 
     @property
+    def limit(self) -> Tensor:
+        """Error up to which nothing has changed [N·m or N], (J,)."""
+        size = self.errors.rmse / self.errors.nmse.sqrt().clamp_min(1e-12)
+        return torch.maximum(_MORE * self.before, _FINE * size)
+
+    @property
     def verdict(self) -> str:
         """``"still right"``, ``"changed"`` (and by what) or ``"no longer right"``."""
-        if not (self.ratio > _MORE).any() and self.change is None:
-            return RIGHT
         if self.change is None:
-            return WRONG
-        enough = torch.maximum(_MORE * self.before, _REST * self.errors.rmse)
+            return WRONG if (self.errors.rmse > self.limit).any() else RIGHT
+        enough = torch.maximum(self.limit, _REST * self.errors.rmse)
         return WRONG if (self.change.left > enough).any() else CHANGED
 
     @property
@@ -74,8 +79,10 @@ class Recheck:
         """Why, a sentence each."""
         worse = [
             f"{name}: {ratio:.1f} times the error at the identification"
-            for name, ratio in zip(self.joint_names, self.ratio.tolist())
-            if ratio > _MORE
+            for name, ratio, more in zip(
+                self.joint_names, self.ratio.tolist(), (self.errors.rmse > self.limit).tolist()
+            )
+            if more
         ]
         told = []
         if self.change is not None:
@@ -125,7 +132,8 @@ def _worth(change: Change, error: Tensor) -> bool:
 
 def _columns(model: TorqueModel) -> tuple[list[str], dict[str, list[int]]]:
     """Names of all changes' parameters, and which of them belong together."""
-    joints, names = model.arm.joint_names, []
+    joints = model.arm.joint_names
+    names: list[str] = []
     groups: dict[str, list[int]] = {"friction": [], "offsets": [], "load": []}
     for kind in (*_FRICTION, "offset"):
         group = groups["offsets" if kind == "offset" else "friction"]

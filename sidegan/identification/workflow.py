@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from torch import Tensor
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
 from sidegan.identification.fit import reweighted
+from sidegan.identification.forward import Forward, forward_errors
 from sidegan.identification.linear import restricted
 from sidegan.identification.measurements import Measurements, Samples, halves_of, joined, pieces
 from sidegan.identification.model import Terms, TorqueModel
@@ -25,7 +26,7 @@ from sidegan.library.foreign import load_foreign
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.check import CheckedRecording
-from sidegan.robot import Arm
+from sidegan.robot import Arm, Drives, inconsistent_links
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
 _STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)  # velocities [rad/s or m/s] that the term's is chosen from
@@ -77,6 +78,30 @@ class IdentifiedArm:
         if self.use == CONSISTENT:
             return self.standard
         return nearest_standard(self.model, self.standard, self.used.parameters)
+
+    @cached_property
+    def drives(self) -> Drives:
+        """Friction and rotors of the consistent model; none of a kind that it has not."""
+        drives = vars(Drives.none(self.model.joints))
+        found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
+        return Drives(**{kind: found.get(kind, none).clamp_min(0.0) for kind, none in drives.items()})
+
+    @cached_property
+    def forward(self) -> dict[str, Forward]:
+        """The consistent model, and the description with its friction, simulated on what was held out.
+
+        Without anything held out on what it was identified from; a description that cannot exist is left out.
+        """
+        model, recordings = self.model, self.validation or self.training
+        segments = [segment for recording in recordings for segment in recording.segments]
+        offset = torch.zeros(model.joints, dtype=torch.float64)
+        if "offset" in model.kinds:
+            offset = self.standard[model.standard_slice("offset")]
+        arms = {CONSISTENT: replace(model.arm, inertial_parameters=self.links)}
+        if not inconsistent_links(model.arm):
+            arms["description"] = model.arm
+        found = {name: forward_errors(arm, self.drives, offset, segments) for name, arm in arms.items()}
+        return {name: one for name, one in found.items() if one is not None}
 
     @property
     def chosen(self) -> Estimate:

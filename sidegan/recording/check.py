@@ -137,12 +137,12 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
     first, last = _between(recording, 0, end - mixed), _between(recording, end, recording.kept)
     if min(sum(len(x.time) for x in part) for part in (first, last)) < _LEAST_PART:
         raise RecordingError(f"{recording.name} is too short to hold out {share:.0%} of it")
-    parts = ("training", first, f"first {1 - share:.0%}"), ("validation", last, f"last {share:.0%}")
-    made = []
-    for role, segments, which in parts:
+
+    def part(role: Role, segments: list[Segment], which: str) -> CheckedRecording:
         statistics = replace(recording.statistics, name=f"{recording.name}, {which}")
-        made.append(replace(recording, role=role, segments=segments, statistics=statistics))
-    return made[0], made[1]
+        return replace(recording, role=role, segments=segments, statistics=statistics)
+
+    return part("training", first, f"first {1 - share:.0%}"), part("validation", last, f"last {share:.0%}")
 
 
 def _between(recording: CheckedRecording, first: int, last: int) -> list[Segment]:
@@ -207,7 +207,7 @@ def check_recording(
     plausibility.refuse_wrong_units(statistics, arm, angle)
     plausibility.refuse_idle(statistics)
     parts, repeated = _parts(recording, arm, settings, statistics)
-    grid = grid_for(statistics, settings, repeated and repeated.bandwidth)
+    grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
 
     def kept(delay: float) -> list[Segment]:
         """Segments of all parts with this delay [s] taken off."""

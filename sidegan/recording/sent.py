@@ -1,7 +1,7 @@
 """What was sent to the arm, found again in its recording: repetitions, their mean, how far they differ."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -113,47 +113,37 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
     step = float(np.median(np.diff(time)))
     curves = {name: PchipInterpolator(time, x) for name, x in signals.items()}
     load = "torque" if "torque" in signals else "current"
-    found, errors = [], []
+    white = PchipInterpolator(time, np.random.default_rng(0).standard_normal(signals["position"].shape))
+    found, squares, free = [], np.zeros(len(recording.joint_names)), 0
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
-        means = {name: _mean(curve, begins, grid) for name, curve in curves.items()}
-        begun = torch.from_numpy(grid + begins[0])
-        found.append(replace(recording, time=begun, corrupt=(), **means))
-        if len(begins) > 1 and load in signals:
-            errors.append(_differences(time, signals[load], curves[load], begins, grid))
-    noise = torch.from_numpy(np.sqrt(np.concatenate(errors).mean(0))) if errors else None
+        each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
+        means = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
+        position = means.pop("position")
+        found.append(_recorded(recording, torch.from_numpy(grid + begins[0]), position, means))
+        if len(begins) > 1 and load in each:
+            # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
+            left = np.mean([white(grid + start) ** 2 for start in begins])
+            squares += ((each[load] - each[load].mean(0)) ** 2).sum((0, 1)) / left
+            free += (len(begins) - 1) * len(grid)
+    noise = torch.from_numpy(np.sqrt(squares / free)) if free else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}
     found.sort(key=lambda one: float(one.time[0]))
     return found, Repeated(counts, noise, bandwidth_of(_recordings(recording, sent)))
 
 
-def _mean(curve: PchipInterpolator, begins: Sequence[float], grid: Numbers) -> Tensor:
-    """Mean over repetitions that begin at some moments [s] of a signal, (S, J)."""
-    return torch.from_numpy(np.mean([curve(grid + start) for start in begins], 0))
-
-
-def _differences(
-    time: Numbers, x: Numbers, curve: PchipInterpolator, begins: Sequence[float], grid: Numbers
-) -> Numbers:
-    """Squares (S, J) whose mean is the variance of a sample of x (N, J) between repetitions.
-
-    A sample is compared with the mean of the other repetitions at its moment. What interpolation has left of
-    these others' own noise is seen in how they differ among themselves, and taken off.
-    """
-    each, others = np.stack([curve(grid + start) for start in begins]), len(begins) - 1
-    smooth = ((each - each.mean(0)) ** 2).sum((0, 1)) / (others * len(grid))
-    squares = []
-    for k, start in enumerate(begins):
-        inside = (time >= start) & (time < start + grid[-1])
-        moments = [time[inside] - start + begin for begin in np.delete(begins, k)]
-        squares.append((x[inside] - np.mean([curve(moment) for moment in moments], 0)) ** 2 - smooth / others)
-    return np.concatenate(squares)
+def _recorded(of: Recording, time: Tensor, position: Tensor, others: dict[str, Tensor]) -> Recording:
+    """A part of a recording with other samples."""
+    velocity, acceleration, torque, current = (
+        others.get(name) for name in ("velocity", "acceleration", "torque", "current")
+    )
+    return Recording(of.name, of.joint_names, time, position, velocity, acceleration, torque, current)
 
 
 def _recordings(recording: Recording, sent: Iterable[Sent]) -> list[Recording]:
     """What was sent, as if it had been recorded."""
     names = recording.joint_names
-    return [Recording(s.name, names, *(torch.from_numpy(x) for x in (s.time, s.position))) for s in sent]
+    return [Recording(s.name, names, torch.from_numpy(s.time), torch.from_numpy(s.position)) for s in sent]
 
 
 def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) -> dict[int, list[float]]:

@@ -99,6 +99,8 @@ def test_everything_is_left_in_the_runs_folder(once):
     assert {"verdict", "reasons", "condition_number", "validation", "training"} <= verdict.keys()
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
     assert verdict["condition_number"] > 1
+    forward = verdict["forward"]["consistent"]
+    assert np.array(forward["free"])[-1].max() < 0.1 and np.array(forward["held"])[-1].max() < 0.05  # rad
     checked = json.loads((folder / "check.json").read_text())
     assert [one["name"] for one in checked] == ["a.csv", "b.csv", "c.csv"]
     assert not list(folder.parents[1].glob("**/*.tmp")) and not list(folder.parents[1].glob("**/*.work"))

@@ -9,6 +9,7 @@ import pandas as pd
 import torch
 import yaml
 
+from sidegan.identification.forward import Forward
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
@@ -71,6 +72,7 @@ class Report:
     covariance: Numbers  # of the parameters' errors in their order, (P, P)
     condition_number: float  # of the weighted regressor
     friction: Friction | None  # curves and samples; None of a model without any
+    forward: Mapping[str, Forward]  # by model: errors when it is simulated; empty where recordings are short
     links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
     recommendations: Sequence[str]  # what to do next, a sentence each
     settings: str  # as text
@@ -120,6 +122,7 @@ def content(
         covariance=chosen.covariance.numpy(),
         condition_number=chosen.condition,
         friction=_friction(identified),
+        forward=identified.forward,
         links=links,
         recommendations=_recommendations(identified, origin.settings["identify"]["library"]),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),

@@ -18,7 +18,7 @@ from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
 from sidegan.report.identification.content import Origin, advice, content
 from sidegan.report.identification.page import write_report
-from sidegan.robot import Drives, write_mjcf, write_urdf
+from sidegan.robot import write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
 
 CHECK, VERDICT, REPORT = "check.json", "verdict.json", "report.html"
@@ -108,7 +108,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     arm = identified.model.arm
     parameters, links = parameter_table(identified), link_table(identified)
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
-    drives = drives_of(identified)
+    drives = identified.drives
     files = {
         "parameters with deviations": _TABLE,
         "parameters with covariance": PARAMETERS,
@@ -128,13 +128,6 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
     write_report(content(identified, origin, parameters, links, files), folder / REPORT)
-
-
-def drives_of(identified: IdentifiedArm) -> Drives:
-    """Friction and rotors of the consistent model; none of a kind that it has not."""
-    model, drives = identified.model, vars(Drives.none(identified.model.joints))
-    found = {kind: identified.standard[model.standard_slice(kind)].clamp_min(0.0) for kind in model.kinds}
-    return Drives(**{kind: found.get(kind, none) for kind, none in drives.items()})
 
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
@@ -190,6 +183,7 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
             "description": _errors(trust.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
+        "forward": {name: one.as_json() for name, one in identified.forward.items()},
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
