@@ -145,12 +145,10 @@ def goals(found: Worth) -> list[Goal]:
             if ours is None or theirs is None:
                 continue
             share = ratio(seconds[ours], seconds[theirs], settings.resamples)
-            reached = np.isfinite(np.median(seconds[ours]))
-            both = (_median(found, seconds[x]) for x in (ours, theirs))
-            titles = (settings.contenders[x].title for x in (ours, theirs))
-            out.append(
-                Goal(arm, regime, *titles, *both, share, bool(reached and share.median <= settings.goal))
-            )
+            mine, other = (_median(found, seconds[x]) for x in (ours, theirs))
+            met = bool(np.isfinite(mine.median) and share.median <= settings.goal)
+            titles = settings.contenders[ours].title, settings.contenders[theirs].title
+            out.append(Goal(arm, regime, titles[0], titles[1], mine, other, share, met))
     return out
 
 
@@ -239,7 +237,7 @@ def rankings(found: Worth) -> dict[str, float]:
     if not other or "misfit" not in regimes:
         return {}
     ranks = {arm: scores(found, arm, ["misfit", *other[:1]]) for arm in found.arms}
-    return {arm: float(one.corr().iloc[0, 1]) for arm, one in ranks.items()}
+    return {arm: float(np.corrcoef(one.to_numpy().T)[0, 1]) for arm, one in ranks.items()}
 
 
 def discerning(found: Worth) -> dict[str, bool]:
