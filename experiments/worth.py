@@ -1,5 +1,6 @@
 """What a motion is worth: robot seconds until the identified model predicts held-out tasks, by contender."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from sidegan.pipeline.stages.worth import arms, sets, worth
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
-from sidegan.worth import Estimate, estimate, ratio, seconds_within
+from sidegan.worth import Contender, Estimate, estimate, ratio, seconds_within
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
@@ -66,10 +67,14 @@ class Worth:
         times, errors, floors = self.values(arm, name, regime)
         return seconds_within(times, errors, (1 + within) * floors)
 
+    def after(self, arm: str, name: str, regime: str, time: float) -> np.ndarray:
+        """Error after a time [%], (plants, sets)."""
+        times, errors, _ = self.values(arm, name, regime)
+        return 100 * errors[..., int(np.abs(times - time).argmin())]
+
     def excess(self, arm: str, name: str, regime: str, time: float) -> np.ndarray:
         """Error above the floor after a time, in points of percent, (plants, sets)."""
-        times, errors, floors = self.values(arm, name, regime)
-        return 100 * (errors[..., int(np.abs(times - time).argmin())] - floors)
+        return self.after(arm, name, regime, time) - 100 * self.values(arm, name, regime)[2]
 
 
 def collect(task: Task) -> Worth:
@@ -88,7 +93,7 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
     for name, one in tables.items():
         show(one, f"Robot seconds, {name}")
     judged = goals(found)
-    tables["goals"] = goal_table(judged)
+    tables["goals"], tables["marks"] = goal_table(judged), marks(found)
     drawn = {f"curves-{arm}": curves(found, arm) for arm in found.arms}
     numbers = metrics(found)
     settings = found.cfg.worth
@@ -140,18 +145,16 @@ def goals(found: Worth) -> list[Goal]:
             if ours is None or theirs is None:
                 continue
             share = ratio(seconds[ours], seconds[theirs], settings.resamples)
-            reached = np.isfinite(np.median(seconds[ours]))
-            both = (_median(found, seconds[x]) for x in (ours, theirs))
-            titles = (settings.contenders[x].title for x in (ours, theirs))
-            out.append(
-                Goal(arm, regime, *titles, *both, share, bool(reached and share.median <= settings.goal))
-            )
+            mine, other = (_median(found, seconds[x]) for x in (ours, theirs))
+            met = bool(np.isfinite(mine.median) and share.median <= settings.goal)
+            titles = settings.contenders[ours].title, settings.contenders[theirs].title
+            out.append(Goal(arm, regime, titles[0], titles[1], mine, other, share, met))
     return out
 
 
 def _best(found: Worth, seconds: dict[str, np.ndarray], ours: bool, arm: str, regime: str) -> str | None:
     """The contender of one side with the smallest median; among those that never arrive, the closest."""
-    names = [x for x, one in found.cfg.worth.contenders.items() if one.ours == ours and not one.bad]
+    names = _sides(found.cfg.worth.contenders)[0 if ours else 1]
     if not names:
         return None
     end = found.cfg.worth.horizon
@@ -174,6 +177,38 @@ def goal_table(judged: list[Goal]) -> pd.DataFrame:
         for one in judged
     ]
     return pd.DataFrame(rows).set_index("arm")
+
+
+def marks(found: Worth) -> pd.DataFrame:
+    """Ours against the best that is not ours by other marks than the goal's, on every arm in every regime."""
+    settings = found.cfg.worth
+    places = [(arm, regime) for arm in found.arms for regime in settings.judged]
+    rows = [row for arm, regime in places for row in _marks(found, arm, regime)]
+    return pd.DataFrame(rows).set_index("arm")
+
+
+def _marks(found: Worth, arm: str, regime: str) -> list[dict[str, str]]:
+    settings, rows = found.cfg.worth, []
+    names = list(settings.contenders)
+    kinds = {f"s to {1 + LOOSER:g} × the floor": {x: found.seconds(arm, x, regime, LOOSER) for x in names}}
+    for time in (min(SOON, settings.horizon), settings.horizon):
+        kinds[f"error after {time:g} s [%]"] = {x: found.after(arm, x, regime, time) for x in names}
+    for kind, values in kinds.items():
+        medians = {x: float(np.median(value)) for x, value in values.items()}
+        ours, theirs = (min(side, key=medians.__getitem__) for side in _sides(settings.contenders))
+        share = ratio(values[ours], values[theirs], settings.resamples)
+        row = {"arm": arm, "regime": regime, "mark": kind}
+        for side, x in (("ours", ours), ("best that is not", theirs)):
+            row[side] = settings.contenders[x].title
+            row[f"by {side}"] = _shown(_median(found, values[x]))
+        rows.append(row | {"ratio": _shown(share, unit="×", nothing="none arrives")})
+    return rows
+
+
+def _sides(contenders: Mapping[str, Contender]) -> tuple[list[str], list[str]]:
+    """Names of contenders that are ours, and of those that are neither ours nor known to be bad."""
+    ours = [x for x, one in contenders.items() if one.ours]
+    return ours, [x for x, one in contenders.items() if not (one.ours or one.bad)]
 
 
 def monday(found: Worth) -> dict[str, list[tuple[str, str]]]:
@@ -202,7 +237,7 @@ def rankings(found: Worth) -> dict[str, float]:
     if not other or "misfit" not in regimes:
         return {}
     ranks = {arm: scores(found, arm, ["misfit", *other[:1]]) for arm in found.arms}
-    return {arm: float(one.corr().iloc[0, 1]) for arm, one in ranks.items()}
+    return {arm: float(np.corrcoef(one.to_numpy().T)[0, 1]) for arm, one in ranks.items()}
 
 
 def discerning(found: Worth) -> dict[str, bool]:

@@ -11,7 +11,7 @@ the last for what changes from one recording to the next, with m = Σ w Yᵀ b o
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
@@ -35,7 +35,7 @@ class Linear(Protocol):
         """Number of parameters P."""
 
     @property
-    def terms(self):  # type: ignore[no-untyped-def]
+    def terms(self) -> Any:
         """The terms, with ``signals(dq, ddq, stribeck)``."""
 
 

@@ -132,7 +132,6 @@ def designed(
 def _now(aim: Prediction) -> float:
     """The aim's value without another trajectory."""
     known = aim.known
-    none = Told(
-        *(torch.zeros_like(x)[None] for x in known[:2]), known.lasting.new_zeros(1, len(aim.tasks), 1)
-    )
+    nothing = (torch.zeros_like(x)[None] for x in (known.information, known.lasting))
+    none = Told(next(nothing), next(nothing), known.lasting.new_zeros(1, len(aim.tasks), 1))
     return float(aim.value(none)[0])

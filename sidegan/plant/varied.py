@@ -7,7 +7,7 @@ description says, the servos feed forward what the description says, and frictio
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -21,6 +21,9 @@ from sidegan.plant.friction import Array, Form, FrictionSettings, Law
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
 from sidegan.robot import Arm, require_consistent
+
+if TYPE_CHECKING:
+    import mujoco
 
 _STATES = 2_000  # random ones, for the scale of the joints' torques
 _STIFF = 1.5  # steps that friction near rest takes at least to stop a rotor: an explicit step stays stable
@@ -95,7 +98,7 @@ class VariedPlant:
         self._gains = (largest + self.rotor) * speed**2, 2 * (largest + self.rotor) * speed
 
     @cached_property
-    def model(self):  # type: ignore[no-untyped-def]
+    def model(self) -> "mujoco.MjModel":
         """MuJoCo's model: links and rotors alone, no contacts and no limits."""
         from mujoco import mjtDisableBit, mjtIntegrator
 
@@ -127,7 +130,7 @@ class VariedPlant:
             raise ShapeError(f"the motion is not at the plant's {self.settings.rate:g} Hz")
         ahead = self.feed_forward(motion) if feed_forward is None else feed_forward
         ahead = ahead + self.rotor * motion.acceleration.numpy()
-        q, torque, friction = self._simulate(*(x.numpy() for x in motion[1:3]), ahead)
+        q, torque, friction = self._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
         late = np.abs(q - motion.position.numpy()).max((0, 1)) if np.isfinite(q).all() else [np.inf]
         if max(late) > self.settings.tolerance:
             raise InfeasibleError(f"joints of a plant do not follow: they are up to {max(late):.3g} rad off")
@@ -143,7 +146,7 @@ class VariedPlant:
         state[:, 1 : 1 + joints], state[:, 1 + joints : 1 + 2 * joints] = q[:, 0], dq[:, 0]
         (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
         out = np.empty((3, batch, count, joints))
-        friction, past, push = np.zeros((batch, joints)), state[:, 1 + joints : 1 + 2 * joints], 0.0
+        friction, push, past = np.zeros((batch, joints)), np.zeros((batch, joints)), dq[:, 0]
         with rollout.Rollout(nthread=0) as step:
             for i in range(count):
                 own, speed = state[:, 1 : 1 + joints], state[:, 1 + joints : 1 + 2 * joints]

@@ -1,6 +1,6 @@
 """Robot seconds, and intervals over plants and sets."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,9 @@ def seconds_within(times: Array, errors: Array, most: Array) -> Array:
     """
     above = np.log(errors) - np.log(most)[..., None]
     out = above > 0
-    last = np.asarray(out.shape[-1] - 1 - np.argmax(out[..., ::-1], -1))  # the last time that is too large
+    last: Any = out.shape[-1] - 1 - np.argmax(out[..., ::-1], -1)  # the last time that is too large
     never, always = out[..., -1], ~out.any(-1)
-    low: NDArray[np.int64] = np.minimum(last, len(times) - 2)
+    low: Any = np.minimum(last, len(times) - 2)
     a, b = (np.take_along_axis(above, k[..., None], -1)[..., 0] for k in (low, low + 1))
     share = np.where(a - b > 0, a / np.where(a - b > 0, a - b, 1.0), 1.0)
     crossing = np.exp(np.log(times[low]) + np.clip(share, 0, 1) * np.log(times[low + 1] / times[low]))
@@ -42,7 +42,7 @@ def resampled(values: Array, count: int, random: np.random.Generator) -> Array:
     plants, sets = values.shape[:2]
     medians = []
     for _ in range(count):
-        rows = random.integers(plants, size=plants)
+        rows: Any = random.integers(plants, size=plants)
         columns = random.integers(sets, size=(plants, sets))
         medians.append(np.median(values[rows[:, None], columns].reshape(-1, *values.shape[2:]), 0))
     return np.stack(medians)

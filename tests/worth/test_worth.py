@@ -17,7 +17,6 @@ from sidegan.worth import MAKERS, Judge, estimate, legs, make_set
 from sidegan.worth.contenders import Order
 from sidegan.worth.curves import _disturbed, mean_error
 from sidegan.worth.tasks import states
-from tests.tiny import tiny
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +110,9 @@ def test_noise_and_drift_have_their_sizes(task):
     assert np.abs(np.diff(slow[:, 0], axis=0)[::2]).max() < 1e-12  # and within a recording of two
 
 
-def test_known_bad_sets_come_last_with_intervals_apart(arm):
+def test_known_bad_sets_come_last_with_intervals_apart(task, arm):
     """On the LWR, with misfits and drift: what the study is for is to tell motions apart."""
-    settings = tiny(experiment="worth").worth
+    settings = task.cfg.worth
     few = {name: replace(one, count=4) for name, one in settings.tasks.items()}
     settings = replace(settings, tasks=few)
     limited = replace(arm, acceleration_limit=settings.acceleration * arm.velocity_limit)
@@ -138,18 +137,9 @@ def test_known_bad_sets_come_last_with_intervals_apart(arm):
 
 
 @pytest.fixture(scope="module")
-def small(task):
-    """The task with three contenders and without the second family of misfits."""
-    study = task.cfg.worth
-    contenders = {name: study.contenders[name] for name in ("random_8", "prediction", "tiny")}
-    regimes = {name: study.regimes[name] for name in study.judged}
-    return task.with_settings(worth=replace(study, contenders=contenders, regimes=regimes))
-
-
-@pytest.fixture(scope="module")
 def run(small, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    run_stages(replace(small.cfg, stages=["worth", "table"]), folder, "worth")
+    run_stages(small.cfg, folder, "worth")
     return folder
 
 

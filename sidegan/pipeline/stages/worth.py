@@ -107,9 +107,9 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
         build.report(number + 1, settings.sets)
     build.costs["cpu_seconds"] = time.process_time() - began
     build.costs["cpu_seconds_per_set"] = float(np.mean([x["seconds"] for x in made]))
-    content = {key: [x[one] for x in made] for key, one in (("families", "family"), ("coefficients",) * 2)}
-    write_torch(build.folder / SETS, content)
-    seconds = [len(c) * f["period"] for f, c in zip(content["families"], content["coefficients"])]
+    families, coefficients = ([x[key] for x in made] for key in ("family", "coefficients"))
+    write_torch(build.folder / SETS, {"families": families, "coefficients": coefficients})
+    seconds = [len(c) * f["period"] for f, c in zip(families, coefficients)]
     write_json(build.folder / REPORT, {"sets": len(made), "seconds": float(np.mean(seconds))})
 
 
