@@ -42,15 +42,15 @@ class Part:
 
 
 def cover(meshes: Sequence[Points], most: int) -> list[Part]:
-    """Parts of a link's meshes, at most so many, with capsules and hulls that each triangle is within one of.
+    """Parts of a link's meshes with capsules and hulls that each triangle is within one of.
 
     Triangles go to parts as a whole: capsules and hulls are convex, and hold a triangle whose corners they
-    hold. Several meshes are parts of their own, where they are not too many: who drew them cut where it
+    hold. Several meshes are parts of their own, where there are at most so many: who drew them cut where it
     bends. Parts are cut by planes, where that makes the union of the capsules and the hulls smallest.
 
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
-        most: number of parts.
+        most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
     """
     edge = float(np.ptp(np.concatenate(meshes).reshape(-1, 3), axis=0).max()) / _FINE
     groups = [
@@ -59,7 +59,7 @@ def cover(meshes: Sequence[Points], most: int) -> list[Part]:
     fine, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     cutter = _Cutter([_sample(group) for group in groups])
     middles = fine.mean(1)
-    for _ in range(most - len(groups)):
+    for _ in range(most - 1):
         cut = cutter.cut()
         if cut is None:
             break

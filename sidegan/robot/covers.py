@@ -18,7 +18,7 @@ from sidegan.robot.covering import cover
 from sidegan.robot.hull import thinned
 
 VERSION = 1  # raise it when covers of the same mesh become others
-SEVERAL = 2  # the same of links with several meshes
+SEVERAL = 3  # the same of links with several meshes
 VARIABLE = "SIDEGAN_CACHE"  # environment variable that names the folder of the cache
 
 _FINE = 3e-4  # [m] by which hulls may be larger than they need be, for fewer corners

@@ -42,6 +42,7 @@ class Constraints:
         pairs: checked capsule pairs, (P, 2).
         pieces: distances of what is inside of these capsules.
         exempt: pairs of links that are not kept apart, and why.
+        often: such that are, and touch in most random configurations.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
         excepted: what could be checked and is not, by constraint.
@@ -64,6 +65,7 @@ class Constraints:
         self.excepted: dict[str, tuple[str, ...]] = {}
         found = self._pairs()
         self.pairs, self._links = found.checked, found.links
+        self.often = found.often
         self.exempt = (*found.neighbours, *found.named, *found.never)
         if found.named:
             self.excepted["collision"] = tuple(" – ".join(one.links) for one in found.named)

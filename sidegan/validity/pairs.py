@@ -1,6 +1,6 @@
 """Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -19,6 +19,7 @@ from sidegan.validity.proof import never_touching
 SAMPLES = 4_000  # random configurations that capsules are tried in
 _INSIDE = 1_000  # of them that what is inside of capsules is tried in
 _FEW = 3  # pairs that may all touch always: a short arm has no others
+_OFTEN = 0.5  # share of the configurations from which on touching is suspicious
 _SHOWN = 6  # pairs of links that a message names
 
 Links = tuple[str, str]
@@ -46,6 +47,7 @@ class Pairs:
     neighbours: tuple[Exemption, ...]  # a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user, the description or the SRDF names
     never: tuple[Exemption, ...]  # that provably cannot touch
+    often: tuple[Exemption, ...]  # that are kept apart, and touch in most configurations
 
 
 _found: WeakKeyDictionary[Arm, Pairs] = WeakKeyDictionary()
@@ -131,6 +133,7 @@ def _find(arm: Arm) -> Pairs:
         neighbours=tuple(Exemption(links, "neighbours") for links in _marked(of, near)),
         named=tuple(Exemption(links, said[links], touching.share(links)) for links in _marked(of, named)),
         never=tuple(Exemption(links, "never touch") for links in _marked(of, open_) if links not in left),
+        often=tuple(touching.often(_marked(of, open_))),
     )
 
 
@@ -173,6 +176,16 @@ class _Touching:
                 touch[asked] = True
         return float(touch.double().mean() * (~apart).double().mean())
 
+    def often(self, links: Iterable[Links]) -> Iterator[Exemption]:
+        """Those of some pairs of links that touch in most configurations."""
+        for pair in links:
+            mine = [k for k, one in enumerate(self.of) if one == pair]
+            if float((~self.apart[mine].all(0)).double().mean()) < _OFTEN:
+                continue
+            share = self.share(pair)
+            if share >= _OFTEN:
+                yield Exemption(pair, "kept apart", share)
+
     def gap(self, links: Links) -> float:
         """Distance of two links that half of the configurations exceed [m]."""
         mine = [k for k, pair in enumerate(self.of) if pair == links]
@@ -208,6 +221,16 @@ def _refuse(arm: Arm, touching: _Touching, links: Iterable[Links]) -> None:
     raise InfeasibleError(
         f"links of {arm.name} that touch in every one of {SAMPLES:,} random configurations: {names}; correct "
         f"their shapes, or, if nothing is wrong with their touching, {allowed(stuck, arm.setup.may_touch)} "
+        "leaves these pairs unchecked"
+    )
+
+
+def tell_often(arm: Arm, often: Sequence[Exemption]) -> str:
+    """What to say of links that are kept apart and touch in most configurations."""
+    named = allowed([one.links for one in often], arm.setup.may_touch)
+    return (
+        "links that are kept apart and touch in most configurations: "
+        f"{listed(list(map(str, often)), _SHOWN)}; where one runs inside of the other by design, {named} "
         "leaves these pairs unchecked"
     )
 
