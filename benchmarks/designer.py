@@ -1,5 +1,6 @@
 """Benchmarks of the designer on one thread, in CPU time, over situations that nobody has seen."""
 
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,10 +13,9 @@ import torch
 import yaml
 
 from benchmarks.setting import DESK, Setting
+from benchmarks.situations import MIXES, Draw
 from benchmarks.timing import Result, Timing, medians
 from sidegan.base.typed import build
-from sidegan.conditional.settings import Ranges
-from sidegan.conditional.space import ConditionSpace
 from sidegan.design.excitation import excite
 from sidegan.design.information import information_of
 from sidegan.design.objective import value_and_gradient
@@ -23,23 +23,22 @@ from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.designer import Aim, Design, Designer, DesignerSettings, Situation, Starts, make_starts
 from sidegan.designer.descent import Penalties
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Plane, Region
 
 _CONF = Path(__file__).resolve().parents[1] / "conf"
-# What situations request, as many of each.
-_MIXES: tuple[tuple[str, ...] | None, ...] = (
-    ("home",), ("effort",), ("obstacle",), ("plane", "walls"), ("home", "obstacle"),
-    ("home", "effort", "obstacle"), ("home", "effort", "plane", "walls", "obstacle"), None,
-)  # fmt: skip
 _COUNT = 200
 _QUICK_LIBRARY = {"count": 6, "steps": 40}
-_MANY = [Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)), Plane((1.0, 0.0, 0.0), -0.8), Plane((0.0, 1.0, 0.0), -0.8)]
+_MANY: list[Region] = [
+    Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)),
+    Plane((1.0, 0.0, 0.0), -0.8),
+    Plane((0.0, 1.0, 0.0), -0.8),
+]
 _NOISE = 0.01  # of torque limits
 _NEXT = 40  # trajectories after which the next one is designed
 
 
 @dataclass(frozen=True)
-class _Bench:
+class Bench:
     """The designer and what it is asked."""
 
     setting: Setting
@@ -59,6 +58,14 @@ class _Bench:
         seed = np.random.SeedSequence(0)
         return make_starts(problem.constraints, problem.trajectory, self.settings, seed)
 
+    @property
+    def size(self) -> int:
+        """Bytes of the library's file."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "starts.pt"
+            self.starts.save(path, self.designer().numbers)
+            return path.stat().st_size
+
     def designer(self, starts: bool = True) -> Designer:
         """A designer that reads the CPU's clock, with the library or from random points."""
         problem, library = self.setting.problem, self.starts if starts else None
@@ -69,18 +76,8 @@ class _Bench:
     @cached_property
     def situations(self) -> list[Situation]:
         """Feasible situations of every mix."""
-        problem = self.setting.problem
-        ranges = build(Ranges, _yaml("conditional/_base")["ranges"])
-        space = ConditionSpace(problem.constraints, problem.trajectory, ranges)
-        found: list[Situation] = []
-        each = max(1, self.setting.size(_COUNT) // len(_MIXES))
-        for number, kinds in enumerate(_MIXES):
-            drawn = space.draw(each, torch.Generator().manual_seed(999 + number), kinds)
-            for row in map(drawn.row, range(each)):
-                home, period = row.home[0].tolist(), float(row.period[0])
-                limits = float(row.velocity[0]), float(row.torque[0])
-                found.append(Situation(home, row.regions(), *limits, period))
-        return found
+        each = max(1, self.setting.size(_COUNT) // len(MIXES))
+        return Draw(self.setting.problem, 999).mixed(each)
 
     def condition(self, design: Design) -> float:
         """Condition number of an answer; infinite where there is none."""
@@ -90,11 +87,11 @@ class _Bench:
         return float(excite(body, design.trajectory, design.coefficients[None], 100).eigenvalue_fitness[0])
 
 
-_benches: dict[Setting, _Bench] = {}
+_benches: dict[Setting, Bench] = {}
 
 
-def _bench(setting: Setting) -> _Bench:
-    return _benches.setdefault(setting, _Bench(setting))
+def _bench(setting: Setting) -> Bench:
+    return _benches.setdefault(setting, Bench(setting))
 
 
 def _yaml(name: str) -> dict[str, Any]:

@@ -2,14 +2,16 @@
 
 Nothing of sidegan takes part: Pinocchio and coal read the description with its original meshes, and the
 trajectories are CSV files (time, q_…, dq_…, ddq_…). Every sample is checked: position, velocity and effort,
-acceleration and jerk where limits are given, self-collision and the floor. What the description does not say
-stands in a JSON file of facts: where other joints stand, which links may touch, what the floor is.
+acceleration and jerk where limits are given, self-collision, the floor, planes and boxes. What the
+description does not say stands in a JSON file of facts: where other joints stand, which links may touch,
+what is around.
 """
 
 import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -20,6 +22,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 Numbers = NDArray[np.float64]
 
@@ -37,6 +40,9 @@ class Facts:
     standing: list[str] = field(default_factory=list)  # links that need not be above the floor
     limits: dict[str, dict[str, Any]] = field(default_factory=dict)  # by kind and joint, before the file's
     packages: list[str] = field(default_factory=list)  # folders of ROS packages
+    # to stay on one side of: a unit normal, an offset [m], and the links that are spared
+    planes: list[dict[str, Any]] = field(default_factory=list)
+    boxes: list[dict[str, Any]] = field(default_factory=list)  # lower and upper corner [m], links spared
 
     @classmethod
     def read(cls, path: Path | None) -> "Facts":
@@ -52,6 +58,8 @@ class Robot:
         whole = pin.buildModelFromUrdf(str(urdf))
         folders = [*facts.packages, *(str(folder) for folder in urdf.parents)]
         shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, None, folders)
+        owners = {one.name: whole.frames[one.parentFrame].name for one in shapes.geometryObjects}
+        _tell_apart(whole)
         stand = pin.neutral(whole)
         for name, value in facts.locked.items():
             if whole.existJointName(name):
@@ -59,8 +67,10 @@ class Robot:
         others = [k for k in range(1, whole.njoints) if whole.names[k] not in self.names]
         self.model, (self.geometry,) = pin.buildReducedModel(whole, [shapes], others, stand)
         self.data = self.model.createData()
-        self.owners = [self.model.frames[one.parentFrame].name for one in self.geometry.geometryObjects]
+        self.owners = [owners[one.name] for one in self.geometry.geometryObjects]
         self._keep_apart()
+        for number, box in enumerate(facts.boxes):
+            self._keep_out_of(box, f"box {number}")
         self.moved = [self.model.idx_vs[self.model.getJointId(name)] for name in self.names]
 
     def _keep_apart(self) -> None:
@@ -71,6 +81,22 @@ class Robot:
             near = between == 1 and self.facts.exempt is None
             if between and not near and frozenset((self.owners[i], self.owners[k])) not in spared:
                 self.geometry.addCollisionPair(pin.CollisionPair(i, k))
+
+    def _keep_out_of(self, box: dict[str, Any], name: str) -> None:
+        """Add a box in the world, and pairs of it with every moving link that is not spared."""
+        lower, upper = np.array(box["lower"]), np.array(box["upper"])
+        place = pin.SE3(np.eye(3), (lower + upper) / 2)
+        moving = [
+            k
+            for k, shape in enumerate(self.geometry.geometryObjects)
+            if shape.parentJoint and self.owners[k] not in box.get("spared", [])
+        ]
+        added = self.geometry.addGeometryObject(
+            pin.GeometryObject(name, 0, 0, place, coal.Box(*(upper - lower)))
+        )
+        self.owners.append(name)
+        for k in moving:
+            self.geometry.addCollisionPair(pin.CollisionPair(k, added))
 
     def configurations(self, q: Numbers) -> Numbers:
         """Pinocchio's configurations of positions (T, J)."""
@@ -111,7 +137,7 @@ class Robot:
 
     def colliding(self, configurations: Numbers) -> NDArray[np.bool_]:
         """Whether links collide, (T,)."""
-        data = self.geometry.createData()
+        data = _collision_data(self.geometry)
         manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, data)
         found = (
             pin.computeCollisions(self.model, self.data, manager, q, True)  # up to the first collision
@@ -121,7 +147,7 @@ class Robot:
 
     def touching(self, q: Numbers) -> str:
         """Which links collide in a configuration."""
-        data = self.geometry.createData()
+        data = _collision_data(self.geometry)
         pin.computeCollisions(self.model, self.data, self.geometry, data, q, False)
         pairs = zip(self.geometry.collisionPairs, data.collisionResults)
         return "; ".join(
@@ -134,18 +160,42 @@ class Robot:
         """Smallest height above the floor [m] of any link that is to be above it."""
         if self.facts.floor is None:
             return np.inf
-        shapes = [
-            (shape, _support(shape.geometry))
-            for shape, owner in zip(self.geometry.geometryObjects, self.owners)
-            if shape.parentJoint and owner not in self.facts.standing
-        ]
-        lowest = np.inf
-        for q in configurations:
+        floor = {"normal": (0.0, 0.0, 1.0), "offset": self.facts.floor, "spared": self.facts.standing}
+        return self.distance(configurations, [floor])
+
+    def distance(self, configurations: Numbers, planes: Sequence[dict[str, Any]]) -> float:
+        """Smallest distance from planes [m] of any moving link that they do not spare."""
+        turns = np.empty((len(configurations), self.model.njoints, 3, 3))
+        places = np.empty((len(configurations), self.model.njoints, 3))
+        for turn, place, q in zip(turns, places, configurations):
             pin.forwardKinematics(self.model, self.data, q)
-            for shape, support in shapes:
-                place = self.data.oMi[shape.parentJoint] * shape.placement
-                lowest = min(lowest, place.translation[2] + support(place.rotation[2]))
-        return lowest - self.facts.floor
+            for joint, frame in enumerate(self.data.oMi):
+                turn[joint], place[joint] = frame.rotation, frame.translation
+        least = np.inf
+        for plane in planes:
+            normal = np.array(plane["normal"], float)
+            for shape, owner in zip(self.geometry.geometryObjects, self.owners):
+                if shape.parentJoint and owner not in plane.get("spared", []):
+                    along = np.einsum("i,tij->tj", normal, turns[:, shape.parentJoint])
+                    away = places[:, shape.parentJoint] @ normal + along @ shape.placement.translation
+                    away += _support(shape.geometry, along @ shape.placement.rotation)
+                    least = min(least, float(away.min()) - plane["offset"])
+        return least
+
+
+def _tell_apart(model: pin.Model) -> None:
+    """Give links other names than joints: Pinocchio cannot reduce models in which a name means both."""
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            frame.name = f"link {frame.name}"
+
+
+def _collision_data(geometry: pin.GeometryModel) -> pin.GeometryData:
+    """Room for collisions with their contacts: without these coal 3.0 misses some of two cylinders."""
+    data = geometry.createData()
+    for request in data.collisionRequests:
+        request.enable_contact = True
+    return data
 
 
 def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers) -> None:
@@ -158,19 +208,21 @@ def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers
         configurations[:, at] = values
 
 
-def _support(shape: coal.CollisionGeometry) -> Any:
-    """How far down a shape reaches from its origin, as a function of the world's z in its frame."""
+def _support(shape: coal.CollisionGeometry, z: Numbers) -> Numbers:
+    """How far a shape reaches against directions from its origin [m], (T,), in its frame, (T, 3)."""
     match shape:
         case coal.Sphere():
-            return lambda z: -shape.radius
+            return np.full(len(z), -shape.radius)
         case coal.Capsule():
-            return lambda z: -abs(z[2]) * shape.halfLength - shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - shape.radius
         case coal.Cylinder():
-            return lambda z: -abs(z[2]) * shape.halfLength - np.hypot(z[0], z[1]) * shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - np.hypot(z[:, 0], z[:, 1]) * shape.radius
         case coal.Box():
-            return lambda z: -float(np.abs(z) @ shape.halfSide)
+            return -np.abs(z) @ shape.halfSide
     points = np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices())
-    return lambda z: float((points @ z).min())
+    with suppress(QhullError, ValueError):  # else the points lie in a plane, and all of them count
+        points = points[ConvexHull(points).vertices]
+    return (points @ z.T).min(0)
 
 
 def check_file(robot: Robot, path: Path) -> dict[str, Any]:
@@ -191,15 +243,17 @@ def check_file(robot: Robot, path: Path) -> dict[str, Any]:
     }
     worst: dict[str, float] = {name: float(x.max()) for name, x in shares.items()}
     colliding = np.flatnonzero(robot.colliding(configurations))
-    found = {
+    found: dict[str, Any] = {
         **worst,
         "consistent": max(_apart(q, dq, step), _apart(dq, ddq, step)),
         "colliding": len(colliding),
         "pair": robot.touching(configurations[colliding[0]]) if len(colliding) else "",
         "height": robot.height(configurations),
+        "distance": robot.distance(configurations, robot.facts.planes),
     }
+    apart = min(found["height"], found["distance"])
     kept = all(share <= 1 + _ROUNDING for share in worst.values()) and found["consistent"] <= _CONSISTENT
-    return {**found, "valid": kept and not len(colliding) and found["height"] >= -_ROUNDING}
+    return {**found, "valid": kept and not len(colliding) and apart >= -_ROUNDING}
 
 
 def _apart(x: Numbers, rate: Numbers, step: Numbers) -> float:
@@ -242,7 +296,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.independent", description=__doc__)
     parser.add_argument("urdf", type=Path, help="the description")
     parser.add_argument("folder", type=Path, help="of the CSV files 01.csv, 02.csv …")
-    parser.add_argument("--facts", type=Path, help="JSON file: locked, exempt, floor, standing, limits")
+    parser.add_argument("--facts", type=Path, help="JSON file: locked, exempt, floor, standing, limits, …")
     options = parser.parse_args(arguments)
     found = check_folder(options.urdf.resolve(), options.folder, Facts.read(options.facts))
     sys.stdout.write(json.dumps(found, indent=1, allow_nan=True) + "\n")

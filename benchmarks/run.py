@@ -39,6 +39,7 @@ BENCHMARKS: dict[str, Callable[[Setting], Result]] = {
     "design_12ms": designer.design_12ms,
     "design_50ms_worst": designer.design_50ms_worst,
     "design_next": designer.design_next,
+    "set_of_35": seeds.set_of_35,
 }
 
 

@@ -42,7 +42,8 @@ __all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "R
 Report = dict[str, Any]
 
 _LEADING = {"readings", "covariances", "elsewhere", "subsets"}  # frames of the first column of a group
-_OPTIMISERS = {"gradient": "gradient", "paper": "gaco, compass search"}  # of seeds, for people
+# Of seeds, for people.
+_OPTIMISERS = {"gradient": "gradient", "paper": "gaco, compass search", "compiled": "gradient, one by one"}
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,23 @@ The words of a claim and its criterion are in ``paper.yaml``; what measures it i
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import pandas as pd
 
 from experiments import claims_identification, claims_training
-from experiments.artifacts import Group
-from experiments.finding import Finding
+from experiments.artifacts import SEEDS, Group
+from experiments.finding import SIDE_GANS, Finding
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
 
 _SIGNS = {HOLDS: "🟢", PART: "🟡", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
 _PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
 CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
+# Claims about what valid generated trajectories add to the seeds.
+_ADDED = {"diverse_union", "generated_beat_seeds", "real_generated_beat_seeds", "smallest_norm"}
+_ADDED |= set(claims_identification.OF_WHOLE_SETS)
 
 
 class Claim(NamedTuple):
@@ -37,13 +41,31 @@ def claims(groups: Mapping[str, Group]) -> list[Claim]:
     """Every claim, in the order of the paper."""
     judged = []
     for key, words in PAPER["claims"].items():
-        findings = {name: CRITERIA[key](group) for name, group in groups.items()}
+        findings = {name: _found(key, group) for name, group in groups.items()}
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
         text, criterion, why = (words[part].format(**numbers) for part in ("claim", "criterion", "why"))
         judged.append(Claim(key, text, words["where"], words["paper"], criterion, why, findings))
     return judged
+
+
+def _found(key: str, group: Group) -> Finding:
+    """What was measured of a claim; of one about what is added to the seeds, also where nothing is."""
+    finding, barren = CRITERIA[key](group), barren_variants(group)
+    if key not in _ADDED or not barren:
+        return finding
+    nothing = f"no valid draw of {' or '.join(f'{name} (of {n:,})' for name, n in barren.items())}"
+    added = "nothing is added to the seeds" if set(SIDE_GANS) <= set(barren) else finding.ours
+    verdict = NOT if set(SIDE_GANS) <= set(barren) else finding.verdict
+    return replace(finding, verdict=verdict, ours=f"{nothing}: {added}")
+
+
+def barren_variants(group: Group) -> dict[str, int]:
+    """Variants of which no training made anything valid, and how many trajectories were drawn of each."""
+    frame = group.frame("generators")
+    parts = frame[frame.name != SEEDS].groupby("name", sort=False)
+    return {str(name): int(part.drawn.sum()) for name, part in parts if (part["count"] == 0).all()}
 
 
 def table(judged: list[Claim], groups: Mapping[str, Group]) -> pd.DataFrame:

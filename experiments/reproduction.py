@@ -50,6 +50,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "confidence": CONFIDENCE,
         "claims": judged,
         "signed": claims.signed,
+        "barren": {name: claims.barren_variants(group) for name, group in groups.items()},
         "recursions": {
             name: readings.distances(group.frame("covariances")) for name, group in groups.items()
         },

@@ -47,6 +47,7 @@ ORDER = [
     "plant",
     "recording",
     "identification",
+    "worth",
     "controllers",
     "report",
     "pipeline",

@@ -12,6 +12,7 @@ from sidegan.base.storage import replacing
 from sidegan.controllers.course import Course
 from sidegan.errors import StorageError
 
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # four times as fast where it was built
 _SECOND = 10**9  # [ns]
 _DIGITS = 9  # significant ones of a number in text
 _TOPIC = "/{}/joint_trajectory"
@@ -33,8 +34,13 @@ def goal_text(course: Course) -> str:
         for time, (position, velocity, acceleration) in zip(course.time.tolist(), values)
     ]
     trajectory = {"joint_names": list(course.joint_names), "points": points}
-    return yaml.safe_dump(
-        {"trajectory": trajectory}, default_flow_style=None, sort_keys=False, width=1000, allow_unicode=True
+    return yaml.dump(
+        {"trajectory": trajectory},
+        Dumper=_DUMPER,
+        default_flow_style=None,
+        sort_keys=False,
+        width=1000,
+        allow_unicode=True,
     )
 
 

@@ -66,8 +66,10 @@ def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80
 def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
     """The paper's two mean distances, over batches, and two measures that modes cannot fool.
 
-    Of very large sets they are estimates from a sample, which is logged.
+    Of very large sets they are estimates from a sample, which is logged. A single trajectory has none.
     """
+    if len(c) < 2:
+        return {}
     if len(c) > _EXACT:
         log.info("diversity of %d trajectories is estimated from a sample of them", len(c))
     batch = max(2, len(c) // NOISE_BATCHES)

@@ -2,12 +2,14 @@
 
 from sidegan.designer.designer import Design, Designer, Spent
 from sidegan.designer.make import make_starts
+from sidegan.designer.many import Compiled
 from sidegan.designer.settings import DesignerSettings, LibrarySettings
 from sidegan.designer.situation import Aim, Situation
 from sidegan.designer.starts import Starts
 
 __all__ = [
     "Aim",
+    "Compiled",
     "Design",
     "Designer",
     "DesignerSettings",

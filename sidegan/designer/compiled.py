@@ -4,9 +4,8 @@ import numpy as np
 
 from sidegan.design.objective import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.problem import HOPELESS
-from sidegan.designer.descent import Penalties
+from sidegan.designer.descent import Grid, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.designer.settings import DesignerSettings
 from sidegan.designer.situation import Aim
 from sidegan.motion.compiled import descent, goals, plans
 from sidegan.motion.compiled.chain import array
@@ -29,15 +28,15 @@ _MEMORY = 25
 class CompiledDescents:
     """Descents for one arm in its workspace; not to be shared among threads."""
 
-    def __init__(self, numbers: ArmNumbers, settings: DesignerSettings) -> None:
-        self.numbers, self.settings = numbers, settings
+    def __init__(self, numbers: ArmNumbers, grid: Grid) -> None:
+        self.numbers, self.grid = numbers, grid
         body, arm = numbers.constraints.body, numbers.arm
         self._columns = columns_of_links(body.base.columns, body.joints)
         self._links = array(body.base.columns // 10)
         self._chain, self._subspace = body.chain, array(body.base.subspace)
         self._parameters = array(arm.inertial_parameters.flatten())
-        self._basis = numbers.basis(settings.samples, 3)
-        self._fine = numbers.basis(settings.samples * settings.refine, 2)
+        self._basis = numbers.basis(grid.samples, 3)
+        self._fine = numbers.basis(grid.samples * grid.refine, 2)
         self._room: plans.Room | None = None
 
     def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "CompiledDescent":
@@ -52,7 +51,7 @@ class CompiledDescents:
         numbers, joints = self.numbers, len(scene.home)
         size, names = len(self._subspace), numbers.arm.link_names
         interest = aim.interest_of(names, self._links)
-        amount = self.settings.rate * scene.period
+        amount = self.grid.rate * scene.period
         goal = goals.Goal(_KINDS[aim.kind], _SMOOTH, aim.prior_of(size), amount, interest)
         free = np.full(joints, np.inf)
         middle, room = (numbers.upper + numbers.lower) / 2, (numbers.upper - numbers.lower) / 2
@@ -67,7 +66,7 @@ class CompiledDescents:
 
     def penalised(self, plan: plans.Plan, penalties: Penalties) -> plans.Plan:
         """The same plan with other penalties."""
-        samples, finer = self.settings.samples, self.settings.samples * self.settings.refine
+        samples, finer = self.grid.samples, self.grid.samples * self.grid.refine
         weight = penalties.weight if np.isfinite(plan.torques.torque).any() else 0.0
         bounds = plan.bounds._replace(weight=penalties.weight / finer, reserve=penalties.reserve)
         return plan._replace(

@@ -13,6 +13,22 @@ Array = np.ndarray
 _DISTANCE = 0.15  # [m] clearance that counts like a whole limit
 
 
+class Grid(Protocol):
+    """Where trajectories are looked at."""
+
+    @property
+    def samples(self) -> int:
+        """Time points per period at which information and torques are taken."""
+
+    @property
+    def refine(self) -> int:
+        """Finer points for each of them, for limits and distances; odd."""
+
+    @property
+    def rate(self) -> float:
+        """At which torques are measured [Hz]: what a trajectory is worth beside what is known."""
+
+
 @dataclass(frozen=True)
 class Penalties:
     """How strongly violations count, and what is kept in reserve."""

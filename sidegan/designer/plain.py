@@ -9,9 +9,8 @@ from torch import Tensor
 from sidegan.design.lbfgs import BatchedLbfgs
 from sidegan.design.objective import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.problem import HOPELESS
-from sidegan.designer.descent import Penalties
+from sidegan.designer.descent import Grid, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.designer.settings import DesignerSettings
 from sidegan.designer.situation import Aim
 from sidegan.motion import plain
 from sidegan.motion.compiled.chain import array
@@ -32,10 +31,10 @@ def smooth_ratio(values: Tensor) -> Tensor:
 class PlainDescents:
     """Descents for one arm in its workspace."""
 
-    def __init__(self, numbers: ArmNumbers, settings: DesignerSettings) -> None:
-        self.numbers, self.settings = numbers, settings
-        self._basis = torch.from_numpy(numbers.basis(settings.samples, 3))
-        self._fine = torch.from_numpy(numbers.basis(settings.samples * settings.refine, 2))
+    def __init__(self, numbers: ArmNumbers, grid: Grid) -> None:
+        self.numbers, self.grid = numbers, grid
+        self._basis = torch.from_numpy(numbers.basis(grid.samples, 3))
+        self._fine = torch.from_numpy(numbers.basis(grid.samples * grid.refine, 2))
 
     def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "PlainDescent":
         """A descent in a scene."""
@@ -63,7 +62,7 @@ class PlainDescents:
         roots = torch.from_numpy(aim.roots_of(arm.joints))
         prior = torch.from_numpy(aim.prior_of(len(columns)))
         interest = torch.from_numpy(aim.interest_of(arm.link_names, array(columns // 10)))
-        amount = self.settings.rate * period
+        amount = self.grid.rate * period
 
         def function(states: tuple[Tensor, ...]) -> Tensor:
             y = (plain.regressor(body, states)[..., columns] * roots[:, None]).flatten(0, 1)

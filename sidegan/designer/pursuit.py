@@ -26,6 +26,7 @@ _CHECKPOINTS = (
     500,
 )  # evaluations of a pursuit after which what it found is proven
 _FULL = 0.99  # share of its limits that a joint uses at most
+_REACH = 0.7  # that a joint of a random start uses
 _FIRST = 3  # proofs that have their time before there is an answer
 _MEND, _MENDED = 8, 2  # evaluations with more in reserve where a proof fails, and how often
 _MORE = 0.01  # share of limits, and [m] of clearance, that is reserved besides what was lacking
@@ -154,9 +155,7 @@ class Pursuit:
 
     def _start(self) -> Array:
         """A random point."""
-        x = self._random.standard_normal(self._scene.size.shape)
-        c = (x * self._scene.size) @ self._numbers.turn.T
-        return x * (0.7 / self._numbers.use(self._scene, c))[:, None]
+        return self._numbers.start(self._scene, self._random, _REACH)
 
     def _pursue(self, descent: Descent) -> None:
         """Descend from one start, and prove what comes of it every now and then."""

@@ -193,6 +193,11 @@ class ArmNumbers:
         """Points in natural coordinates, (J, K), of coefficients (J, K)."""
         return c @ self.unturn.T / scene.size
 
+    def start(self, scene: Scene, random: np.random.Generator, reach: float) -> Array:
+        """A random point (J, K), each joint using ``reach`` of its tightest limit."""
+        x = random.standard_normal(scene.size.shape)
+        return x * (reach / self.use(scene, (x * scene.size) @ self.turn.T))[:, None]
+
     def use(self, scene: Scene, c: Array) -> Array:
         """Largest share of its position or velocity limit, or of higher ones, that each joint uses, (J,)."""
         position, velocity = c @ self.peaks[0] * scene.period, np.abs(c @ self.peaks[1]).max(1)

@@ -1,6 +1,7 @@
 """What happens around the jobs: threads, and of a sweep the parent run and the table over all jobs."""
 
 import logging
+import math
 import os
 import re
 from contextlib import suppress
@@ -26,6 +27,7 @@ PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may b
 STATUS = "status.json"
 
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
+OmegaConf.register_new_resolver("times", lambda *factors: math.prod(factors), replace=True)
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hydra
+from hydra._internal.hydra import Hydra
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
@@ -40,6 +41,7 @@ CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
+EVERYTHING = "--help-all"
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
@@ -135,9 +137,14 @@ def main() -> int:
     """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
     # Hydra copies its store of configurations, of which there is one, for every group that --help lists.
     ConfigStore.__deepcopy__ = lambda store, memo: store  # type: ignore[attr-defined]
+    # It composes everything a first time to read hydra.mode, which only the command line may set here.
+    if not any("hydra.mode" in argument for argument in sys.argv):
+        Hydra.get_mode = lambda *arguments, **named: None  # type: ignore[method-assign]
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
     # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if EVERYTHING in sys.argv:
+        sys.argv = [sys.argv[0], "--help", "hydra/help=everything"]
     try:
         _hydra_main()
         sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback

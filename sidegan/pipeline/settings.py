@@ -45,6 +45,7 @@ from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import RecordingSettings
 from sidegan.seeds.settings import Long, Seeds
+from sidegan.worth.settings import WorthSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
@@ -119,6 +120,7 @@ class Config:
     conditional: ConditionalSettings = _group("conditional")
     designer: DesignerSettings = _group("designer")
     design: Designs = _group("design")
+    worth: WorthSettings = _group("worth")  # of motions
     recordings: list[str] = _group("recordings")  # files to identify from
     # files that are held out, or which share of every recording, its last part
     validation: list[str] | Open = _group("validation")

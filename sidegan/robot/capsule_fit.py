@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
 Points = NDArray[np.float64]
@@ -108,6 +107,8 @@ def _along(points: Points, axis: Points) -> Points:
 
 def fit(points: Points) -> Segment:
     """A capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
+    from scipy.optimize import minimize  # takes half a second to import
+
     outer = corners(points)
     size = float(np.ptp(outer, axis=0).max()) + 1e-9
 

@@ -17,14 +17,15 @@ from sidegan.validity import Constraints
 class Seeds:
     """The conventional optimiser that makes the seed set."""
 
-    method: Literal["gradient", "paper"]
+    # compiled: as gradient, each start by itself, by ``sidegan.designer.Compiled`` where that serves
+    method: Literal["gradient", "paper", "compiled"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
     samples: Size  # time points per period
     batch: Size  # trajectories per task
-    steps: Count  # gradient: evaluations; paper: generations of the colony
+    steps: Count  # evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
-    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
+    reserve: Share | None = None  # not paper: share of each limit that seeds keep free
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
 
@@ -33,12 +34,14 @@ class Seeds:
             raise ConfigError("method paper needs ants and evaluations; choose it by seeds=paper")
         if self.method != "paper" and (self.ants, self.evaluations) != (None, None):
             raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
-        if (self.method == "gradient") == (self.reserve is None):
-            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
+        if (self.method == "paper") != (self.reserve is None):
+            raise ConfigError(
+                "methods gradient and compiled, and no others, need reserve; choose one by seeds=gradient"
+            )
 
     @property
     def optimiser(self) -> Method:
-        """The configured method."""
+        """The configured method; for ``compiled`` the batched search, which serves everywhere."""
         return self._optimiser(self.attempts)
 
     @property

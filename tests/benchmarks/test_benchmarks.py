@@ -33,7 +33,7 @@ def test_a_row_holds_what_others_read(result):
 def test_the_names_are_those_that_others_read(result):
     names = "regressor gradient validity generation generate_validate seeds training rls greedy design"
     names += " evaluation paper_seeds design_evaluation design_setup design_8ms design_12ms"
-    names += " design_50ms_worst design_next"
+    names += " design_50ms_worst design_next set_of_35"
     assert [row["name"] for row in result["rows"]] == names.split()
 
 

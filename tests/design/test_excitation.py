@@ -166,6 +166,11 @@ def test_effective_rank_does_not_depend_on_scale_or_basis() -> None:
     assert effective_rank(1e-7 * x @ turn - 5.0) == pytest.approx(effective_rank(x), rel=1e-6)
 
 
+def test_a_single_trajectory_has_nothing_to_differ_from() -> None:
+    one = torch.zeros(1, 2, 3, 2, dtype=torch.float64)
+    assert excitation.diversity(one, Excitation(torch.ones(1, 5), torch.ones(1, 8))) == {}
+
+
 @pytest.mark.parametrize("measure", [mean_distance, nearest_distance, effective_rank])
 def test_a_single_row_has_no_diversity(measure) -> None:
     with pytest.raises(ShapeError, match="at least 2 rows, got 1"):

@@ -117,6 +117,24 @@ def test_verdicts_follow_from_the_numbers(groups, artifacts, monkeypatch):
         assert verdict("short_beat_long") == expected
 
 
+def test_what_made_nothing_valid_adds_nothing_to_the_seeds(groups, artifacts, monkeypatch):
+    def barren(*names):
+        empty = artifacts.generators["name"].isin(names)
+        frame = artifacts.generators
+        frame = frame.assign(count=frame["count"].where(~empty, 0), drawn=frame.drawn.where(~empty, 500))
+        monkeypatch.setitem(artifacts.__dict__, "generators", frame)
+        ours = {"ours": Group("ours", "ours", {"ours": artifacts})}
+        return {claim.key: claim.findings["ours"] for claim in claims(ours)}
+
+    usual = barren()
+    one, all_three = barren("vanilla"), barren("vanilla", "eigen", "diagonal")
+    assert one["generated_improve"].verdict == usual["generated_improve"].verdict
+    assert "no valid draw of vanilla (of 1,000): " in one["generated_improve"].ours
+    for key in ("generated_improve", "smallest_norm", "real_generated_beat_seeds"):
+        assert all_three[key].verdict == NOT and "nothing is added to the seeds" in all_three[key].ours
+    assert all_three["short_beat_long"] == usual["short_beat_long"]
+
+
 def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
     frame = artifacts.subsets
     frame = frame[frame.kept]

@@ -138,8 +138,9 @@ def test_settings_give_the_optimiser_and_its_problem(planar_problem):
     [
         ("paper", {"ants": 30}, "method paper needs ants and evaluations"),
         ("gradient", {"reserve": 0.2, "ants": 30}, "ants and evaluations are of method paper"),
-        ("gradient", {}, "method gradient, and no other, needs reserve"),
-        ("paper", {"ants": 3, "evaluations": 9, "reserve": 0.2}, "method gradient, and no other"),
+        ("compiled", {}, "methods gradient and compiled, and no others, need reserve"),
+        ("gradient", {}, "methods gradient and compiled, and no others, need reserve"),
+        ("paper", {"ants": 3, "evaluations": 9, "reserve": 0.2}, "methods gradient and compiled"),
     ],
 )
 def test_settings_of_another_method_are_refused(method, options, message):

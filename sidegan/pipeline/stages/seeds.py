@@ -1,20 +1,31 @@
 """Stage seeds: the seed set, by the configured optimiser."""
 
+from dataclasses import replace
+
+from sidegan.base.parallel import cores
 from sidegan.base.storage import write_json
+from sidegan.designer import Compiled
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
-from sidegan.seeds import Tasks, make_seeds
+from sidegan.seeds import Method, Seeds, Tasks, make_seeds
+
+
+def method_settings(task: Task) -> Seeds:
+    """The settings of the seed set, by gradients of a batch where kernels do not serve this arm."""
+    settings = task.cfg.seeds
+    if settings.method == "compiled" and not Compiled.serves(task.arm):
+        return replace(settings, method="gradient")
+    return settings
 
 
 def seed_set(task: Task, title: str = "seeds") -> Artifact:
     """The seed set, or the configured half of it; each method is a maker of its own."""
-    settings = task.cfg.seeds
-    gradient = settings.method == "gradient"
-    maker = "seeds" if gradient else f"{settings.method}_seeds"
+    settings = method_settings(task)
+    maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
-    if gradient and settings.steps != task.cfg.scale.seed_steps:
+    if settings.method != "paper" and settings.steps != task.cfg.scale.seed_steps:
         label += f"-{settings.steps}steps"  # sets of other quality stand side by side
         title += f" {settings.steps} steps"
     whole = task.artifact(maker, label, _make, settings, title=title, alone=True)
@@ -25,15 +36,24 @@ def seed_set(task: Task, title: str = "seeds") -> Artifact:
 
 
 def _make(task: Task, build: Build) -> None:
-    settings = task.cfg.seeds
+    settings, workers = method_settings(task), task.cfg.parallel.workers
     problem = settings.problem(task.constraints, task.trajectory)
-    tasks = Tasks(settings.count, settings.batch, build.work, task.cfg.parallel.workers)
-    batch = make_seeds(problem, settings.optimiser, tasks, task.random("seeds"))
+    method, size = _method(settings, workers)
+    tasks = Tasks(settings.count, size, build.work, workers)
+    batch = make_seeds(problem, method, tasks, task.random("seeds"))
     library = measured(task.constraints, task.trajectory, batch.coefficients, settings.method)
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = batch.cpu_seconds
     attempts = {"attempts": batch.attempts, "failed": batch.failed, "faults": batch.faults}
     write_json(build.folder / REPORT, {**summary(library), **attempts})
+
+
+def _method(settings: Seeds, workers: int | None) -> tuple[Method, int]:
+    """The optimiser, and how many seeds are one task: all of them where it shares its work among threads."""
+    if settings.method != "compiled":
+        return settings.optimiser, settings.batch
+    threads = cores(workers)
+    return Compiled(settings.steps, settings.attempts, settings.reserve or 0.0, threads), settings.count
 
 
 def _halve(task: Task, build: Build) -> None:
