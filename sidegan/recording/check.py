@@ -28,6 +28,7 @@ log = logging.getLogger(__name__)
 Role = Literal["training", "validation"]
 _LEAST_NOISE = 1e-6  # of a joint's torque
 _LISTED = 100  # corrupt rows
+_WORTH = 1e-3  # [s]: a delay that is worth taking off
 _LEAST_PART = 20  # samples of a part of a recording
 
 
@@ -43,7 +44,8 @@ class CheckedRecording:
     agreement: Agreement  # of the torques with the arm's description
     excitation: Excitation  # of each base parameter
     warnings: list[str]  # what a person should look at
-    delay: Delay | None = None  # of the torques, where it was measured
+    delay: Delay | None = None  # of the torques, where it was not given
+    corrected: bool = False  # whether it was taken off
     repeated: Repeated | None = (
         None  # what of the trajectories that were sent was found, where they are known
     )
@@ -81,9 +83,15 @@ class CheckedRecording:
             said.append(self.repeated.statement)
         if self.delay is not None:
             size = f"{self.delay.seconds * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
-            done = "taken off" if self.delay.believed else "left as it is"
-            said.append(f"torques are {size} later than the motion: {done}")
+            said.append(f"torques are {size} later than the motion: {self._treated(self.delay)}")
         return said
+
+    def _treated(self, delay: Delay) -> str:
+        """What was done about a delay."""
+        if self.corrected:
+            return "taken off"
+        worth = delay.believed and abs(delay.seconds) > _WORTH
+        return "left as it is" + "; recording.delay=null takes it off" * worth
 
     @property
     def derived(self) -> list[str]:
@@ -213,17 +221,17 @@ def check_recording(
         """Segments of all parts with this delay [s] taken off."""
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
-    body, delay, segments = RigidBody(arm), None, kept(settings.delay or 0.0)
-    if settings.delay is None:
-        delay = delay_of(body, segments)
-        segments = kept(delay.seconds) if delay.believed else segments
+    body, segments = RigidBody(arm), kept(settings.delay or 0.0)
+    delay = None if settings.delay else delay_of(body, segments)
+    corrected = settings.delay is None and delay is not None and delay.believed
+    segments = kept(delay.seconds) if corrected and delay is not None else segments
     warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
     noise = None if repeated is None else repeated.noise
     excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains, noise))
     warnings += agreement.warnings(arm) + excitation.warnings()
-    found = segments, agreement, excitation, warnings, delay, repeated
+    found = segments, agreement, excitation, warnings, delay, corrected, repeated
     return CheckedRecording(role, arm.joint_names, statistics, grid, *found)
 
 

@@ -352,8 +352,8 @@ def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path, train, test):
     verdict, _ = identified(tmp_path, "robot=ur10e", urdf, f"recordings=[{train}]", f"validation=[{test}]")
     assert verdict["validation"]["nmse_mean"] <= 0.008
     assert verdict["validation"]["unweighted"]["nmse_mean"] <= 0.018
-    assert verdict["validation"]["consistent"]["nmse_mean"] <= 0.0031
-    assert verdict["validation"]["weighted"]["nmse_mean"] <= 0.0033
+    assert verdict["validation"]["consistent"]["nmse_mean"] <= 0.0028
+    assert verdict["validation"]["weighted"]["nmse_mean"] <= 0.0031
     assert verdict["use"] == "consistent" and verdict["verdict"] == "good"
 
 

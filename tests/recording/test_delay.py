@@ -36,7 +36,9 @@ def test_a_measured_delay_is_taken_off(planar):
     left = check_recording(recording, planar, of_file())
     better = check_recording(recording, planar, of_file(delay=None))
     given = check_recording(recording, planar, of_file(delay=0.02))
-    assert left.delay is None and given.delay is None and better.delay.believed
+    assert given.delay is None and better.delay.believed and better.corrected and not left.corrected
+    assert "recording.delay=null takes it off" in left.statements[-1]
+    assert "taken off" in better.statements[-1]
     off = [abs(delay_of(RigidBody(planar), checked.segments).seconds) for checked in (left, better, given)]
     assert off[0] > 0.015 and off[1] < 5e-4 and off[2] < 1e-3
 
