@@ -62,9 +62,10 @@ def sets(task: Task, name: str) -> Artifact:
     one = settings.contenders[name]
     own = {key: asdict(settings)[key] for key in _DESIGN}
     own |= {"count": settings.count(one), "contender": asdict(one), "acceleration": settings.acceleration}
-    own["contender"].pop("title")
+    for shown in ("title", "practice"):
+        own["contender"].pop(shown)
     make = partial(_make_sets, name=name)
-    return task.artifact("worth_set", name, make, own, title=f"worth_set/{name}", alone=True)
+    return task.artifact("worth_set", name, make, own, title=f"worth_set/{name}")
 
 
 def worth(task: Task, name: str) -> Artifact:
