@@ -11,7 +11,7 @@ from experiments import worth_tables
 from experiments.pages import Page, publish
 from experiments.worth_measures import Worth
 from sidegan.base.storage import write_json
-from sidegan.pipeline.stages.worth import arms, sets, worth
+from sidegan.pipeline.stages.worth import arms, groups, sets, worth
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
@@ -31,7 +31,8 @@ def collect(task: Task) -> Worth:
     parts, design = [], {}
     for arm, one in arms(task).items():
         for name in one.cfg.worth.contenders:
-            parts.append(one.frame(worth(one, name)).assign(arm=arm, contender=name))
+            for group in groups(one):
+                parts.append(one.frame(worth(one, name, group)).assign(arm=arm, contender=name))
             design[arm, name] = float(one.store.costs(sets(one, name)).get("cpu_seconds_per_set", np.nan))
     return Worth(task.cfg, pd.concat(parts, ignore_index=True), design)
 

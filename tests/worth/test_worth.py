@@ -11,7 +11,7 @@ from experiments import worth_measures as measures
 from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages.worth import arms, load, sets, worth
+from sidegan.pipeline.stages.worth import arms, groups, load, sets, worth
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
 from sidegan.worth import MAKERS, Judge, estimate, legs, make_set
@@ -163,6 +163,16 @@ def test_what_was_made_is_not_made_again(small, run):
     run_stages(replace(small.cfg, stages=["worth"]), run, "again")
     assert [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)] == before
     assert len(load(small, name)) == small.cfg.worth.sets
+
+
+def test_regimes_that_are_not_judged_are_artifacts_of_their_own(task):
+    study = task.cfg.worth
+    assert list(groups(task)) == ["", "others"]
+    judged = {name: study.regimes[name] for name in study.judged}
+    alone = task.with_settings(worth=replace(study, regimes=judged))
+    assert list(groups(alone)) == [""]
+    assert worth(alone, "chirp").digest == worth(task, "chirp").digest
+    assert worth(task, "chirp", "others").digest != worth(task, "chirp").digest
 
 
 def test_an_arm_whose_description_is_missing_is_left_out(task):
