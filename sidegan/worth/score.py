@@ -40,12 +40,9 @@ def resampled(values: Array, count: int, random: np.random.Generator) -> Array:
     Contenders along the last axes keep their plants: what they have in common does not widen their ratios.
     """
     plants, sets = values.shape[:2]
-    medians = []
-    for _ in range(count):
-        rows: Any = random.integers(plants, size=plants)
-        columns = random.integers(sets, size=(plants, sets))
-        medians.append(np.median(values[rows[:, None], columns].reshape(-1, *values.shape[2:]), 0))
-    return np.stack(medians)
+    rows = random.integers(plants, size=(count, plants, 1))
+    columns = random.integers(sets, size=(count, plants, sets))
+    return np.median(values[rows, columns].reshape(count, plants * sets, *values.shape[2:]), 1)
 
 
 def estimate(values: Array, count: int, seed: int = 0) -> Estimate:

@@ -53,6 +53,7 @@ class Contender:
     harmonics: Count
     seconds: Seconds  # of motion of its own in a set; then the set is repeated
     ours: bool = False  # whether it is what this study wants to show
+    practice: bool = False  # whether laboratories run it today: what the goal compares ours with
     bad: bool = False  # whether it is known to be bad: what tells whether the study can tell
     options: dict[str, float] | None = None  # of the maker
 

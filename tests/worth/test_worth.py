@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from experiments import worth as page
+from experiments import worth_measures as measures
 from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages.worth import arms, load, sets, worth
+from sidegan.pipeline.stages.worth import arms, groups, load, sets, worth
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
 from sidegan.worth import MAKERS, Judge, estimate, legs, make_set
@@ -110,6 +111,7 @@ def test_noise_and_drift_have_their_sizes(task):
     assert np.abs(np.diff(slow[:, 0], axis=0)[::2]).max() < 1e-12  # and within a recording of two
 
 
+@pytest.mark.slow
 def test_known_bad_sets_come_last_with_intervals_apart(task, arm):
     """On the LWR, with misfits and drift: what the study is for is to tell motions apart."""
     settings = task.cfg.worth
@@ -148,9 +150,9 @@ def test_the_page_tells_the_goal_first_and_has_a_metric_for_every_contender(smal
     assert (run / "worth.html").exists() and (run / "worth" / "metrics.json").exists()
     first = text.split("\n\n")[1]
     found = page.collect(small)
-    missed = [one for one in page.goals(found) if not one.met]
+    missed = [one for one in measures.goals(found) if not one.met and one.against == measures.PRACTICE]
     assert ("misses its goal" in first) == bool(missed)
-    numbers = page.metrics(found)[small.arm.name]
+    numbers = measures.metrics(found)[small.arm.name]
     assert set(numbers) == set(small.cfg.worth.contenders)
     assert set(numbers["tiny"]) == set(small.cfg.worth.regimes)
 
@@ -161,6 +163,16 @@ def test_what_was_made_is_not_made_again(small, run):
     run_stages(replace(small.cfg, stages=["worth"]), run, "again")
     assert [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)] == before
     assert len(load(small, name)) == small.cfg.worth.sets
+
+
+def test_regimes_that_are_not_judged_are_artifacts_of_their_own(task):
+    study = task.cfg.worth
+    assert list(groups(task)) == ["", "others"]
+    judged = {name: study.regimes[name] for name in study.judged}
+    alone = task.with_settings(worth=replace(study, regimes=judged))
+    assert list(groups(alone)) == [""]
+    assert worth(alone, "chirp").digest == worth(task, "chirp").digest
+    assert worth(task, "chirp", "others").digest != worth(task, "chirp").digest
 
 
 def test_an_arm_whose_description_is_missing_is_left_out(task):

@@ -29,8 +29,9 @@ from sidegan.worth.contenders import Order
 log = logging.getLogger(__name__)
 
 SETS = "sets.pt"
-_STUDY = ("plants", "sets", "horizon", "plant", "sensors", "regimes", "model", "believed", "tasks")
-_TRUTH = ("plants", "plant", "sensors", "regimes", "model", "tasks", "acceleration")
+JUDGED, OTHERS = "", "others"  # groups of regimes
+_STUDY = ("plants", "sets", "horizon", "plant", "sensors", "model", "believed", "tasks")
+_TRUTH = ("plants", "plant", "sensors", "model", "tasks", "acceleration")
 _DESIGN = ("sets", "plant", "model", "believed", "design_tasks", "misfits", "search")
 
 
@@ -62,24 +63,41 @@ def sets(task: Task, name: str) -> Artifact:
     one = settings.contenders[name]
     own = {key: asdict(settings)[key] for key in _DESIGN}
     own |= {"count": settings.count(one), "contender": asdict(one), "acceleration": settings.acceleration}
-    own["contender"].pop("title")
+    for shown in ("title", "practice"):
+        own["contender"].pop(shown)
     make = partial(_make_sets, name=name)
-    return task.artifact("worth_set", name, make, own, title=f"worth_set/{name}", alone=True)
+    return task.artifact("worth_set", name, make, own, title=f"worth_set/{name}")
 
 
-def worth(task: Task, name: str) -> Artifact:
-    """Errors of the plants that are identified from them, as robots move on."""
-    own = {key: asdict(task.cfg.worth)[key] for key in _STUDY}
-    inputs = {"worth_set": sets(task, name), "worth_truth": truths(task)}
-    return task.artifact(
-        "worth", name, partial(_make, name=name), own, inputs, title=f"worth/{name}", alone=True
-    )
+def worth(task: Task, name: str, group: str = JUDGED) -> Artifact:
+    """Errors of the plants that are identified from them, as robots move on, in the regimes of a group."""
+    own = {key: asdict(task.cfg.worth)[key] for key in _STUDY} | _stamped(task, group)
+    inputs = {"worth_set": sets(task, name), "worth_truth": truths(task, group)}
+    make, title = partial(_make, name=name, group=group), "/".join(filter(None, ("worth", name, group)))
+    label = "-".join(filter(None, (name, group)))
+    return task.artifact("worth", label, make, own, inputs, title=title, alone=True)
 
 
-def truths(task: Task) -> Artifact:
+def truths(task: Task, group: str = JUDGED) -> Artifact:
     """The plants on the tasks, without noise: what models of them are judged by."""
-    own = {key: asdict(task.cfg.worth)[key] for key in _TRUTH}
-    return task.artifact("worth_truth", "truth", _make_truths, own, alone=True)
+    own = {key: asdict(task.cfg.worth)[key] for key in _TRUTH} | _stamped(task, group)
+    label = "-".join(filter(None, ("truth", group)))
+    return task.artifact("worth_truth", label, partial(_make_truths, group=group), own, alone=True)
+
+
+def groups(task: Task) -> dict[str, dict[str, Regime]]:
+    """Regimes that are judged, and the others where there are any: artifacts of their own."""
+    settings = task.cfg.worth
+    parts = {JUDGED: True, OTHERS: False}
+    found = {
+        group: {name: one for name, one in settings.regimes.items() if (name in settings.judged) == judged}
+        for group, judged in parts.items()
+    }
+    return {group: regimes for group, regimes in found.items() if regimes}
+
+
+def _stamped(task: Task, group: str) -> dict[str, object]:
+    return {"regimes": {name: asdict(one) for name, one in groups(task)[group].items()}}
 
 
 def load(task: Task, name: str) -> list[SetOf]:
@@ -113,17 +131,17 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
     write_json(build.folder / REPORT, {"sets": len(made), "seconds": float(np.mean(seconds))})
 
 
-def _make_truths(task: Task, build: Build) -> None:
+def _make_truths(task: Task, build: Build, group: str) -> None:
     count = task.cfg.worth.plants
-    jobs: list[Job] = [partial(_truth, task, k, build.work / f"{k}.pt") for k in range(count)]
+    jobs: list[Job] = [partial(_truth, task, group, k, build.work / f"{k}.pt") for k in range(count)]
     run_jobs("worth: plants (%)", jobs, task.cfg.parallel.workers)
     for k in range(count):
         write_torch(build.folder / f"{k}.pt", read_torch(build.work / f"{k}.pt"))
 
 
-def _make(task: Task, build: Build, name: str) -> None:
+def _make(task: Task, build: Build, name: str, group: str) -> None:
     count = task.cfg.worth.plants
-    jobs: list[Job] = [partial(_judge, task, name, k, build.work / f"{k}.pt") for k in range(count)]
+    jobs: list[Job] = [partial(_judge, task, name, group, k, build.work / f"{k}.pt") for k in range(count)]
     frames = run_jobs(f"worth: {name} (%)", jobs, task.cfg.parallel.workers)
     frame = pd.concat(frames, ignore_index=True)
     write_parquet(build.folder / RESULTS, arrow(frame))
@@ -131,14 +149,14 @@ def _make(task: Task, build: Build, name: str) -> None:
     write_json(build.folder / REPORT, {f"error_{regime}": float(x) for regime, x in last.items()})
 
 
-def _judge(task: Task, name: str, number: int, path: Path, report: Report) -> pd.DataFrame:
+def _judge(task: Task, name: str, group: str, number: int, path: Path, report: Report) -> pd.DataFrame:
     """Curves of one plant in all regimes: a row per set, regime and time."""
     if not readable(path):
         settings, place = task.cfg.worth, constraints(task)
         judge = Judge(settings, TorqueModel(place.body, settings.model))
-        known = read_torch(task.store.require(truths(task)) / f"{number}.pt")
+        known = read_torch(task.store.require(truths(task, group)) / f"{number}.pt")
         made, seed, rows = load(task, name), task.number(f"worth {name} {number}"), []
-        for done, (form, regimes) in enumerate(_by_form(task).items()):
+        for done, (form, regimes) in enumerate(_by_form(task, group).items()):
             truth = Truth(*known[form])
             curves = judge.curves(_plant(task, place, form, number), made, truth, regimes, seed)
             key = {"plant": number, "floor": float(truth.floor())}
@@ -149,12 +167,12 @@ def _judge(task: Task, name: str, number: int, path: Path, report: Report) -> pd
     return pd.DataFrame(read_torch(path))
 
 
-def _truth(task: Task, number: int, path: Path, report: Report) -> None:
+def _truth(task: Task, group: str, number: int, path: Path, report: Report) -> None:
     """One plant on the tasks, with each form of friction."""
     if not readable(path):
         settings, place = task.cfg.worth, constraints(task)
         judge, moves = Judge(settings, TorqueModel(place.body, settings.model)), _tasks(task, place)
-        forms = _by_form(task)
+        forms = _by_form(task, group)
         found = {form: tuple(judge.truth(_plant(task, place, form, number), moves)) for form in forms}
         write_task(path, found)
     report(1, 1)
@@ -167,10 +185,10 @@ def _plant(task: Task, place: Constraints, form: Form, number: int) -> VariedPla
     return VariedPlant(place.arm, settings.plant, form, seed)
 
 
-def _by_form(task: Task) -> dict[Form, dict[str, Regime]]:
+def _by_form(task: Task, group: str) -> dict[Form, dict[str, Regime]]:
     """The regimes, by the form of friction whose execution they share."""
     forms: dict[Form, dict[str, Regime]] = {}
-    for regime, one in task.cfg.worth.regimes.items():
+    for regime, one in groups(task)[group].items():
         forms.setdefault(one.form, {})[regime] = one
     return forms
 
@@ -199,7 +217,11 @@ def _artifacts(task: Task) -> list[Artifact]:
     return [
         x
         for one in arms(task).values()
-        for x in (truths(one), *(f(one, name) for f in (sets, worth) for name in names))
+        for x in (
+            *(truths(one, group) for group in groups(one)),
+            *(sets(one, name) for name in names),
+            *(worth(one, name, group) for name in names for group in groups(one)),
+        )
     ]
 
 
