@@ -36,6 +36,7 @@ STAGES = {
     "transfer": "generators for another arm, tool or desk",
     "conditional": "one generator for many conditions",
     "starts": "what designs start from, made once for an arm in its workspace",
+    "generator": "a generator of what designs start from, trained once for an arm in its workspace",
     "excite": "trajectories to execute, as files",
     "check": "what recordings are worth",
     "identify": "a model of a real arm from recordings",
