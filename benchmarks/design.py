@@ -24,9 +24,12 @@ from benchmarks.designer import Bench
 from benchmarks.independent import Facts, Robot, check_file
 from benchmarks.setting import Setting
 from benchmarks.situations import Draw
-from sidegan.base.storage import write_bytes
+from sidegan.base.storage import read_json, write_bytes, write_json
 from sidegan.controllers import Course, csv_text
-from sidegan.designer import Design, Situation
+from sidegan.design.excitation import excite
+from sidegan.designer import Aim, Design, Designer, Generator, Situation, Starts
+from sidegan.designer.descent import Penalties
+from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.report.document import template
 from sidegan.report.export import markdown
 from sidegan.validity import Box, Plane
@@ -36,7 +39,10 @@ _QUANTILES = (0.1, 0.5, 0.9)
 _RATE = 1000.0  # [Hz]
 _FOLDER = Path("docs")
 _SEED, _MANY_SEED = 999, 77
-LIBRARY, RANDOM, AS_IS = "library, polished", "random, optimised", "nearest of the library, as it is"
+LIBRARY, GENERATOR, RANDOM = "library, polished", "generator, polished", "random, optimised"
+NEAREST, BEST = "nearest of the library, as it is", "best of 16 of the generator, as it is"
+COLUMNS = (LIBRARY, GENERATOR, RANDOM, NEAREST, BEST)
+_DRAWS = 16
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ class Answered:
     deadline: int  # [ms]
     condition: float  # infinite where there is no answer
     spent: float  # CPU time [ms]
-    design: Design
+    design: Design | None
 
     @property
     def row(self) -> dict[str, Any]:
@@ -58,23 +64,64 @@ class Answered:
 
 
 @dataclass(frozen=True)
+class Draws:
+    """Trajectories of the generator as they are, without a step."""
+
+    bench: Bench
+
+    @cached_property
+    def designer(self) -> Designer:
+        """Whose kernels and proofs are used."""
+        return self.bench.designer(generator=True)
+
+    def best(self, situation: Situation, count: int) -> tuple[float, float]:
+        """Condition number of the best that is proven, and the CPU time that took [ms]."""
+        began = time.process_time()
+        scene, some = self._drawn(situation, count)
+        penalties = Penalties(1.0, 0.0, 0.0, 0.0)
+        descent, slope = self.designer.descents.descent(scene, Aim(), penalties), np.zeros_like(scene.size)
+        goals = [descent.evaluate(self.designer.numbers.points(scene, c), slope)[0] for c in some]
+        order = np.argsort(goals, kind="stable")
+        proven = (some[k] for k in order if self.designer.prover.prove(scene, some[k]).valid)
+        found = next(proven, None)
+        spent = 1e3 * (time.process_time() - began)
+        return self._condition(scene, found), spent
+
+    def all(self, situation: Situation) -> tuple[float, np.ndarray]:
+        """CPU seconds for one of each mode, and their condition numbers, infinite where it is not valid."""
+        began = time.process_time()
+        scene, some = self._drawn(situation, len(self.bench.generator))
+        taken = time.process_time() - began
+        prove = self.designer.prover.prove
+        valid = [c if prove(scene, c).valid else None for c in some]
+        return taken, np.array([self._condition(scene, c) for c in valid])
+
+    def _drawn(self, situation: Situation, count: int) -> tuple[Scene, list[np.ndarray]]:
+        numbers, probes = self.designer.numbers, self.designer.probes
+        scene = numbers.scene(situation)
+        felt = probes.feel((*numbers.constraints.regions, *situation.regions))
+        return scene, self.bench.generator.candidates(numbers, scene, felt, count)
+
+    def _condition(self, scene: Scene, c: np.ndarray | None) -> float:
+        if c is None:
+            return float("inf")
+        family = self.designer.numbers.family(scene)
+        coefficients = torch.from_numpy(c).reshape(1, *family.shape)
+        return float(excite(self.bench.setting.problem.body, family, coefficients, 100).eigenvalue_fitness[0])
+
+
+@dataclass(frozen=True)
 class Page:
     """The measurements that the page tells."""
 
     setting: Setting
     count: int  # situations
+    most: int  # trajectories that are checked independently, which takes seconds for each
 
     @cached_property
     def bench(self) -> Bench:
         """The designer and its library."""
         return Bench(self.setting)
-
-    @cached_property
-    def library_seconds(self) -> float:
-        """CPU time that the library takes [s]."""
-        began = time.process_time()
-        _ = self.bench.starts
-        return time.process_time() - began
 
     @cached_property
     def situations(self) -> dict[str, list[Situation]]:
@@ -86,26 +133,56 @@ class Page:
         }
 
     @cached_property
+    def designers(self) -> dict[str, Designer]:
+        """Who answers within a time."""
+        bench = self.bench
+        made = {
+            LIBRARY: bench.designer(),
+            GENERATOR: bench.designer(generator=True),
+            RANDOM: bench.designer(starts=False),
+        }
+        for one in made.values():
+            one.ask(deadline=0.05)
+        return made
+
+    @cached_property
     def answers(self) -> list[Answered]:
         """Everybody's answers to every situation; columns take turns."""
-        _ = self.library_seconds
-        ours, theirs = self.bench.designer(), self.bench.designer(starts=False)
-        for one in (ours, theirs):
-            one.ask(deadline=0.05)
         found = []
         for group, situations in self.situations.items():
             for number, situation in enumerate(situations):
-                for deadline in _DEADLINES:
-                    for who, one in ((LIBRARY, ours), (RANDOM, theirs)):
-                        design = one.ask(situation, deadline=deadline / 1e3)
-                        found.append(self._answered(group, number, who, deadline, design))
-                design = ours.ask(situation, evaluations=1)
-                found.append(self._answered(group, number, AS_IS, 0, design))
+                found += self._answers(group, number, situation)
         return found
 
-    def _answered(self, group: str, number: int, who: str, deadline: int, design: Design) -> Answered:
-        spent = 1e3 * design.spent.seconds
-        return Answered(group, number, who, deadline, self.bench.condition(design), spent, design)
+    def _answers(self, group: str, number: int, situation: Situation) -> list[Answered]:
+        found = []
+
+        def answered(who: str, deadline: int, design: Design) -> None:
+            condition, spent = self.bench.condition(design), 1e3 * design.spent.seconds
+            found.append(Answered(group, number, who, deadline, condition, spent, design))
+
+        for deadline in _DEADLINES:
+            for who, one in self.designers.items():
+                answered(who, deadline, one.ask(situation, deadline=deadline / 1e3))
+        answered(NEAREST, 0, self.designers[LIBRARY].ask(situation, evaluations=1))
+        best = self.draws.best(situation, _DRAWS)
+        return [*found, Answered(group, number, BEST, 0, *best, None)]
+
+    @cached_property
+    def draws(self) -> Draws:
+        """What the generator gives as it is."""
+        return Draws(self.bench)
+
+    def bulk(self, group: str) -> dict[str, float]:
+        """Milliseconds for a valid trajectory, the share of these, and their median cond(YᵀY)."""
+        every = [self.draws.all(situation) for situation in self.situations[group]]
+        taken, conditions = sum(x[0] for x in every), np.concatenate([x[1] for x in every])
+        valid = conditions[np.isfinite(conditions)]
+        return {
+            "each": 1e3 * taken / max(1, len(valid)),
+            "valid": len(valid) / len(conditions),
+            "condition": float(np.median(valid)) if len(valid) else float("inf"),
+        }
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -116,15 +193,17 @@ class Page:
         """Quantiles of cond(YᵀY) by deadline and column, as a table."""
         some = self.table[self.table.group == group]
         cells: list[dict[str, str]] = [
-            {"ms": f"{part.deadline.iloc[0] or part.spent.median():.3g}", "from": str(who), **_summary(part)}
-            for (_, who), part in some.groupby(["deadline", "who"], sort=False)
+            {"ms": f"{int(part.deadline.max()) or part.spent.median():.3g}", "from": name, **_summary(part)}
+            for name in COLUMNS
+            for _, part in some[some["who"] == name].groupby("deadline")
         ]
         return markdown(pd.DataFrame(sorted(cells, key=lambda one: (float(one["ms"]), one["from"]))))
 
     def checked(self) -> dict[str, Any]:
-        """The independent check of what the designer returned at the last deadline."""
-        last = [x for x in self.answers if x.who == LIBRARY and x.deadline == _DEADLINES[-1]]
-        some = [x.design for x in last if x.design.coefficients is not None]
+        """The independent check of what the designer returned, with library and generator, in the end."""
+        last = [x for x in self.answers if x.who in (LIBRARY, GENERATOR) and x.deadline == _DEADLINES[-1]]
+        designs = [x.design for x in last if x.design is not None and x.design.coefficients is not None]
+        some = designs[:: max(1, -(-len(designs) // self.most))]
         return {"count": len(some), **_worst([independent(design) for design in some])}
 
 
@@ -181,18 +260,39 @@ def _number(value: float) -> str:
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
+def _made(page: Page, name: str, kind: type[Starts] | type[Generator], folder: Path | None) -> float:
+    """Make what designs start from, or read it where it is kept; the CPU seconds that making it took."""
+    numbers = ArmNumbers(page.setting.problem.constraints, page.setting.problem.trajectory)
+    path = folder / f"{name}.pt" if folder is not None else None
+    if path is not None and path.exists():
+        vars(page.bench)[name] = kind.load(path, numbers)
+        return float(read_json(path.with_suffix(".json"))["seconds"])
+    began = time.process_time()
+    made = getattr(page.bench, name)
+    taken = time.process_time() - began
+    if path is not None:
+        write_json(path.with_suffix(".json"), {"seconds": taken})
+        made.save(path, numbers)
+    return taken
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Exit code of the command: 0 where everything that was returned is valid."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.design", description=__doc__)
     parser.add_argument("--count", type=int, default=200, help="situations (default 200)")
+    parser.add_argument("--checked", type=int, default=500, help="trajectories that others check, at most")
+    parser.add_argument("--kept", type=Path, help="folder where library and generator are kept and found")
     parser.add_argument("--folder", type=Path, default=_FOLDER, help="where the page goes")
     parser.add_argument("--small", action="store_true", help="next to nothing: does everything run?")
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     setting = Setting(quick=options.small, repeats=3)
-    page = Page(setting, options.count)
+    page = Page(setting, options.count, options.checked)
     sys.stderr.write("library …\n")
-    taken = page.library_seconds
+    taken = _made(page, "starts", Starts, options.kept)
+    sys.stderr.write("generator …\n")
+    trained = _made(page, "generator", Generator, options.kept)
+    rows.benches[setting] = page.bench
     sys.stderr.write("situations …\n")
     tables = {group: page.quantiles(group) for group in page.situations}
     sys.stderr.write("independent check …\n")
@@ -202,10 +302,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     text = template(Path(__file__).with_name("design.md.j2")).render(
         situations={group: len(some) for group, some in page.situations.items()},
         tables=tables,
-        columns=(LIBRARY, RANDOM, AS_IS),
+        columns=COLUMNS,
         last=_DEADLINES[-1],
         checked=checked,
         library={"seconds": taken, "count": len(page.bench.starts), "bytes": page.bench.size},
+        generator={"minutes": trained / 60, "modes": len(page.bench.generator), "draws": _DRAWS},
+        bulk={group: page.bulk(group) for group in page.situations},
         evaluation=costs["design_evaluation"],
         setup=costs["design_setup"],
         following=following,

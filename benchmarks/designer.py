@@ -21,12 +21,24 @@ from sidegan.design.information import information_of
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.designer import Aim, Design, Designer, DesignerSettings, Situation, Starts, make_starts
+from sidegan.designer import (
+    Aim,
+    Design,
+    Designer,
+    DesignerSettings,
+    Generator,
+    GeneratorSettings,
+    Situation,
+    Starts,
+    make_generator,
+    make_starts,
+)
 from sidegan.designer.descent import Penalties
 from sidegan.validity import Box, Constraints, Plane, Region
 
 _CONF = Path(__file__).resolve().parents[1] / "conf"
 _COUNT = 200
+_QUICK_GENERATOR = {"modes": 3, "width": 16, "situations": 8, "steps": 10, "batch": 8}
 _QUICK_LIBRARY = {"count": 6, "steps": 40}
 _MANY: list[Region] = [
     Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)),
@@ -66,11 +78,20 @@ class Bench:
             self.starts.save(path, self.designer().numbers)
             return path.stat().st_size
 
-    def designer(self, starts: bool = True) -> Designer:
-        """A designer that reads the CPU's clock, with the library or from random points."""
-        problem, library = self.setting.problem, self.starts if starts else None
+    @cached_property
+    def generator(self) -> Generator:
+        """The generator of starts, made anew."""
+        settings = build(GeneratorSettings, _yaml("generator/default"))
+        settings = replace(settings, **_QUICK_GENERATOR) if self.setting.quick else settings
+        problem, seed = self.setting.problem, np.random.SeedSequence(0)
+        return make_generator(problem.constraints, problem.trajectory, self.settings, settings, seed)
+
+    def designer(self, starts: bool = True, generator: bool = False) -> Designer:
+        """A designer that reads the CPU's clock, with the library, the generator, or from random points."""
+        problem = self.setting.problem
+        begin = self.generator if generator else self.starts if starts else None
         return Designer(
-            problem.constraints, problem.trajectory, self.settings, library, clock=time.process_time
+            problem.constraints, problem.trajectory, self.settings, begin, clock=time.process_time
         )
 
     @cached_property
@@ -87,11 +108,11 @@ class Bench:
         return float(excite(body, design.trajectory, design.coefficients[None], 100).eigenvalue_fitness[0])
 
 
-_benches: dict[Setting, Bench] = {}
+benches: dict[Setting, Bench] = {}
 
 
 def _bench(setting: Setting) -> Bench:
-    return _benches.setdefault(setting, Bench(setting))
+    return benches.setdefault(setting, Bench(setting))
 
 
 def _yaml(name: str) -> dict[str, Any]:

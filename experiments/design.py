@@ -15,7 +15,7 @@ from sidegan.controllers import Course, csv_text
 from sidegan.designer import Aim, Design, Designer, Situation
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.pipeline.schema import Asked, Several
-from sidegan.pipeline.stages.starts import load
+from sidegan.pipeline.stages import generator, starts
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
@@ -34,7 +34,8 @@ class Answer:
 def collect(task: Task) -> list[Answer]:
     """The designer's answers, in the order of the questions."""
     cfg = task.cfg
-    designer = Designer(task.constraints, task.trajectory, cfg.designer, load(task))
+    begin = generator.load if cfg.design.starts == "generator" else starts.load
+    designer = Designer(task.constraints, task.trajectory, cfg.designer, begin(task))
     answers = []
     for number, asked in enumerate(questions(task), 1):
         name = folder_name(asked.name or f"situation-{number}")

@@ -125,6 +125,12 @@ SMALL = {
         "designer.library.count=3",
         "designer.library.steps=20",
         "design.evaluations=5",
+        "generator.modes=3",
+        "generator.width=8",
+        "generator.situations=6",
+        "generator.steps=4",
+        "generator.batch=4",
+        "stages=[starts,generator,table]",
     ),
     "conditional": (
         "conditional.ranges.obstacle=null",

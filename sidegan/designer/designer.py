@@ -11,7 +11,8 @@ from torch import Tensor
 
 from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
-from sidegan.designer.descent import Descents, Penalties
+from sidegan.designer.descent import Descents, Grid, Penalties
+from sidegan.designer.generator import Generator
 from sidegan.designer.proof import CONSTRAINTS, CheckProver, Prover, Verdict
 from sidegan.designer.pursuit import Budget, Pace, Proves, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
@@ -77,6 +78,22 @@ class Design:
         return criteria_of(self.information)
 
 
+def descents_of(numbers: ArmNumbers, grid: Grid) -> Descents:
+    """Descents by compiled kernels, or in torch where there are none."""
+    if compiled():
+        from sidegan.designer.compiled import CompiledDescents
+
+        return CompiledDescents(numbers, grid)
+    from sidegan.designer.plain import PlainDescents
+
+    return PlainDescents(numbers, grid)
+
+
+def prover_of(numbers: ArmNumbers) -> Proves:
+    """Proofs without overhead, or by the check where there is more to prove than they know."""
+    return Prover(numbers) if compiled() and not numbers.constraints.higher else CheckProver(numbers)
+
+
 class Designer:
     """Designs trajectories of one arm in its workspace, again and again; not to be shared among threads.
 
@@ -84,7 +101,8 @@ class Designer:
         constraints: the arm in its workspace.
         trajectory: the family, with the home and the period where no other is asked for.
         settings: how.
-        starts: what searches start from, of ``make_starts`` for the same arm; None: random points.
+        starts: what searches start from, of ``make_starts`` or ``make_generator`` for the same arm; None:
+            random points.
         clock: what deadlines are read from [s].
     """
 
@@ -93,25 +111,14 @@ class Designer:
         constraints: Constraints,
         trajectory: Trajectory,
         settings: DesignerSettings,
-        starts: Starts | None = None,
+        starts: Starts | Generator | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.settings, self.starts, self.clock = settings, starts, clock
         self.numbers = ArmNumbers(constraints, trajectory)
         self.probes = Probes(self.numbers)
         self._pace = Pace()
-        self.descents: Descents
-        self.prover: Proves
-        if compiled():
-            from sidegan.designer.compiled import CompiledDescents
-
-            self.descents = CompiledDescents(self.numbers, settings)
-        else:
-            from sidegan.designer.plain import PlainDescents
-
-            self.descents = PlainDescents(self.numbers, settings)
-        fast = compiled() and not constraints.higher
-        self.prover = Prover(self.numbers) if fast else CheckProver(self.numbers)
+        self.descents, self.prover = descents_of(self.numbers, settings), prover_of(self.numbers)
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -164,12 +171,11 @@ class Designer:
         return self._answer(scene, c, budget, verdict, ())
 
     def _candidates(self, scene: Scene) -> list[Array]:
-        """Coefficients (J, K) [rad/s] of the nearest starts."""
-        if self.starts is None or not len(self.starts):
+        """Coefficients (J, K) [rad/s] to start from."""
+        if self.starts is None:
             return []
         felt = self.probes.feel((*self.numbers.constraints.regions, *scene.situation.regions))
-        nearest = self.starts.nearest(scene, felt, self.settings.neighbours)
-        return [self.starts.adapted(self.numbers, scene, int(index)) for index in nearest]
+        return self.starts.candidates(self.numbers, scene, felt, self.settings.neighbours)
 
     def _faults(self, scene: Scene, verdict: Verdict, timed: bool = True) -> list[str]:
         labels = self.numbers.among(scene).labels

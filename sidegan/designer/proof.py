@@ -21,6 +21,7 @@ Array = np.ndarray
 _KEPT = 64  # grids of cells: a few megabytes
 
 CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
+NEAR_MARGINS = [CONSTRAINTS.index(name) for name in ("collision", "keep_out")]
 
 
 @dataclass(frozen=True, eq=False)

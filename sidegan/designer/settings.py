@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Share, Size
+from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Positive, Share, Size
 from sidegan.errors import ConfigError
 
 
@@ -34,3 +34,19 @@ class DesignerSettings:
     def __post_init__(self) -> None:
         if self.refine % 2 == 0:
             raise ConfigError(f"designer.refine is {self.refine}, expected an odd number")
+
+
+@dataclass(frozen=True)
+class GeneratorSettings:
+    """A generator of starts, trained once for an arm in its workspace."""
+
+    modes: Size  # trajectories for each situation
+    width: Size
+    depth: Count
+    situations: Count  # that are drawn to learn from
+    steps: Count
+    batch: Size  # trajectories of a step
+    learning_rate: Positive
+    homes: Share  # of the way from home to the limits within which homes are drawn
+    reserve: Share  # of each limit that is kept free
+    clearance: NonNegative  # [m] that is kept from everything

@@ -17,9 +17,9 @@ from sidegan.validity import Box, Plane, Region
 Array = np.ndarray
 
 _FORMAT = 1
-_PROBES = 64  # points of the workspace at which regions are felt
+PROBES = 64  # points of the workspace at which regions are felt
+NEAR, FAR = -0.1, 0.3  # [m] distances from regions beyond which they are all alike
 _EFFORT, _WORTH = 0.2, 0.1  # how much effort and period, and what was reached, count beside homes and regions
-_NEAR, _FAR = -0.1, 0.3  # [m] distances from regions beyond which they are all alike
 _TENSORS = ("home", "felt", "effort", "coefficients", "goal")
 
 
@@ -28,7 +28,7 @@ class Starts:
     """Trajectories of N situations."""
 
     home: Array  # (N, J) [rad or m]
-    felt: Array  # distances of the probes from the regions [m], (N, _PROBES)
+    felt: Array  # distances of the probes from the regions [m], (N, PROBES)
     effort: Array  # log shares of velocity and torque limits, and log period [s], (N, 3)
     coefficients: Array  # (N, J, K) [rad/s]
     goal: Array  # log condition number that was reached, (N,)
@@ -40,9 +40,13 @@ class Starts:
         """Which of them come from situations most like a scene, the most like first."""
         scale = (scene.above + scene.below) / 2
         apart = np.square((self.home - scene.home) / scale).sum(1)
-        apart = apart + np.square((self.felt - felt) / _FAR).mean(1)
+        apart = apart + np.square((self.felt - felt) / FAR).mean(1)
         apart = apart + _EFFORT * np.square(self.effort - effort_of(scene)).sum(1) + _WORTH * self.goal
         return np.argsort(apart, kind="stable")[:count]
+
+    def candidates(self, numbers: ArmNumbers, scene: Scene, felt: Array, count: int) -> list[Array]:
+        """Coefficients (J, K) [rad/s] of so many of them, adapted to a scene."""
+        return [self.adapted(numbers, scene, int(k)) for k in self.nearest(scene, felt, count)]
 
     def adapted(self, numbers: ArmNumbers, scene: Scene, index: int) -> Array:
         """Coefficients (J, K) [rad/s] of one of them, as fast as a scene allows, within its limits."""
@@ -72,7 +76,7 @@ class Starts:
         joints, harmonics, _ = numbers.trajectory.shape
         shapes = [x.shape for x in (starts.home, starts.felt, starts.effort, starts.coefficients)]
         count = len(starts.goal)
-        if shapes != [(count, joints), (count, _PROBES), (count, 3), (count, joints, 2 * harmonics)]:
+        if shapes != [(count, joints), (count, PROBES), (count, 3), (count, joints, 2 * harmonics)]:
             raise ArtifactError(f"{path} contradicts itself: its numbers do not fit each other")
         return starts
 
@@ -98,20 +102,20 @@ class Probes:
     def __init__(self, numbers: ArmNumbers) -> None:
         ends = numbers.ends
         middles = ends.mean(0)[len(numbers.moving) // 2 :].reshape(-1, 3)  # of the outer links
-        self.points = middles[:: max(1, len(middles) // _PROBES)][:_PROBES]
-        if len(self.points) < _PROBES:  # an arm without shapes feels nothing
-            self.points = np.zeros((_PROBES, 3))
+        self.points = middles[:: max(1, len(middles) // PROBES)][:PROBES]
+        if len(self.points) < PROBES:  # an arm without shapes feels nothing
+            self.points = np.zeros((PROBES, 3))
         self.radius = float(np.linalg.norm(self.points, axis=1).max())
 
     def feel(self, regions: Sequence[Region]) -> Array:
-        """Smallest distance of each from regions, between bounds [m], (_PROBES,)."""
-        felt = np.full(len(self.points), _FAR)
+        """Smallest distance of each from regions, between bounds [m], (PROBES,)."""
+        felt = np.full(len(self.points), FAR)
         for region in regions:
             felt = np.minimum(felt, self._distance(region))
-        return felt.clip(_NEAR, _FAR)
+        return felt.clip(NEAR, FAR)
 
     def _distance(self, region: Region) -> Array:
-        """Distance of each from a region [m], (_PROBES,)."""
+        """Distance of each from a region [m], (PROBES,)."""
         if isinstance(region, Plane):
             return self.points @ np.array(region.unit) - region.offset
         if not isinstance(region, Box):

@@ -105,6 +105,7 @@ class Designs:
 
     ask: Asked
     file: str | None  # YAML file with a list of situations in place of the one
+    starts: Literal["library", "generator"]  # what searches start from; each is made by a stage of its own
     evaluations: Count | None
     deadline: Seconds | None
 

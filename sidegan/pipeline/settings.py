@@ -15,7 +15,7 @@ from sidegan.base.typed import Count, Natural, Open, build
 from sidegan.conditional.settings import ConditionalSettings
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
-from sidegan.designer.settings import DesignerSettings
+from sidegan.designer.settings import DesignerSettings, GeneratorSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
@@ -119,6 +119,7 @@ class Config:
     beyond: Beyond = _group("beyond")
     conditional: ConditionalSettings = _group("conditional")
     designer: DesignerSettings = _group("designer")
+    generator: GeneratorSettings = _group("generator")  # of the designer's starts
     design: Designs = _group("design")
     worth: WorthSettings = _group("worth")  # of motions
     recordings: list[str] = _group("recordings")  # files to identify from

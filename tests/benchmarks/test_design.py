@@ -26,7 +26,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def answer(problem):
-    return design.Page(Setting(quick=True), 8).bench.designer(starts=False).ask(SITUATION, evaluations=60)
+    return design.Page(Setting(quick=True), 8, 9).bench.designer(starts=False).ask(SITUATION, evaluations=60)
 
 
 def test_situations_are_the_same_for_a_seed_and_leave_room_at_home(problem):
@@ -69,4 +69,4 @@ def test_the_page_is_written(tmp_path, monkeypatch):
     assert design.main(["--small", "--count", "8", "--folder", str(tmp_path)]) == 0
     page = (tmp_path / "design.md").read_text()
     assert "## Mixed" in page and "## Several obstacles" in page and "are valid.**" in page
-    assert (tmp_path / "design.csv").read_text().count("\n") == 1 + 3 * (8 + 2)
+    assert (tmp_path / "design.csv").read_text().count("\n") == 1 + 5 * (8 + 2)

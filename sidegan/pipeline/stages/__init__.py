@@ -37,6 +37,7 @@ STAGES = {
     "conditional": "one generator for many conditions",
     "starts": "what designs start from, made once for an arm in its workspace",
     "worth": "what motions are worth: robot seconds to a good model of plants in MuJoCo",
+    "generator": "a generator of what designs start from, trained once for an arm in its workspace",
     "excite": "trajectories to execute, as files",
     "check": "what recordings are worth",
     "identify": "a model of a real arm from recordings",
