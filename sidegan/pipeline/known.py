@@ -23,7 +23,8 @@ class Known:
     model: TorqueModel  # what torque is explained with
     parameters: Tensor  # of the model to use, (P,)
     rmse: Tensor  # its error when it was identified [N·m or N], (J,)
-    covariance: Tensor  # of the errors of the chosen method's parameters, (P, P)
+    estimate: Tensor  # parameters as the chosen method gave them, (P,)
+    covariance: Tensor  # of their errors, (P, P)
     certainty: Tensor  # one over the deviation of an independent sample's torque, (J,)
     rate: float  # of the samples [Hz]
 
@@ -45,7 +46,7 @@ def known_model(folder: Path, arm: Arm) -> Known:
         model = TorqueModel(RigidBody(arm), terms, stribeck)
         parts = [use["inertial_parameters"], *(use["terms"][kind] for kind in terms.kinds)]
         standard = torch.cat([_tensor(part).reshape(-1) for part in parts])
-        arrays = (_tensor(numbers[name]) for name in ("rmse", "covariance", "certainty"))
+        arrays = (_tensor(numbers[name]) for name in ("rmse", "parameters", "covariance", "certainty"))
         return Known(model, model.mapping @ standard, *arrays, numbers["rate"])
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
         if isinstance(error, ConfigError):

@@ -128,6 +128,7 @@ class Config:
     loaded: list[str] = _group("loaded")  # files of runs with a load
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
+    other: str | None = _group("other")  # folder of another such run
     search: Search = _group("search")  # of trajectories that tell what that run left uncertain
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")

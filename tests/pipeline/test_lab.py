@@ -76,6 +76,23 @@ def test_the_recheck_command_tells_another_tool(files, tmp_path):
     assert abs(found["change"]["clear"][0][1] - MASS) < 0.1
 
 
+def test_the_compare_command_tells_chance_from_change(files, planar, tmp_path):
+    folders = []
+    for k, (seed, viscous) in enumerate(((1, 1.0), (2, 1.0), (3, 1.4))):
+        made = moved(planar, np.arange(3000) / 100, viscous, 0.5, torch.Generator().manual_seed(seed))
+        frame(made).to_csv(tmp_path / f"{k}.csv", index=False)
+        file = f"recordings=[{tmp_path / f'{k}.csv'}]"
+        folders.append(ran(tmp_path / str(k), "identify", "robot=planar2", "model.sign_width=0.03", file))
+    for other, differ in ((folders[1], False), (folders[2], True)):
+        where = f"known={folders[0]}", f"other={other}"
+        folder = ran(tmp_path, "compare", "robot=planar2", *where)
+        found = json.loads((folder / "compare.json").read_text())
+        assert found["differ"] == differ
+    assert {name for name, *_ in found["clear"]} >= {"fv1", "fv2"}
+    with pytest.raises(ConfigError, match="expected the folder of a run of"):
+        ran(tmp_path, "compare", "robot=planar2", where[0])
+
+
 def test_what_to_do_next_is_a_command_that_designs_for_it(planar, tmp_path):
     """From a recording in which the elbow hardly moves, to trajectories that move it."""
     time = np.arange(20 * 100) / 100
