@@ -46,8 +46,15 @@ def known_model(folder: Path, arm: Arm) -> Known:
         model = TorqueModel(RigidBody(arm), terms, stribeck)
         parts = [use["inertial_parameters"], *(use["terms"][kind] for kind in terms.kinds)]
         standard = torch.cat([_tensor(part).reshape(-1) for part in parts])
-        arrays = (_tensor(numbers[name]) for name in ("rmse", "parameters", "covariance", "certainty"))
-        return Known(model, model.mapping @ standard, *arrays, numbers["rate"])
+        return Known(
+            model,
+            parameters=model.mapping @ standard,
+            rmse=_tensor(numbers["rmse"]),
+            estimate=_tensor(numbers["parameters"]),
+            covariance=_tensor(numbers["covariance"]),
+            certainty=_tensor(numbers["certainty"]),
+            rate=float(numbers["rate"]),
+        )
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
         if isinstance(error, ConfigError):
             raise
