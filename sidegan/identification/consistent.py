@@ -74,7 +74,7 @@ class Consistent(Ols):
             before, strength = strength, self._most_probable(model, information, found, strength)
             if max(strength / before, before / strength) < _SETTLED:
                 break
-        _log.info("the description pulls with strength %.2g", before)
+        _log.debug("the description pulls with strength %.2g", before)
         return found
 
     def _most_probable(

@@ -15,6 +15,7 @@ from sidegan.base.typed import Count, Natural, Open, build
 from sidegan.conditional.settings import ConditionalSettings
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
+from sidegan.design.sequence import Search
 from sidegan.designer.settings import DesignerSettings, GeneratorSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
@@ -127,7 +128,9 @@ class Config:
     validation: list[str] | Open = _group("validation")
     loaded: list[str] = _group("loaded")  # files of runs with a load
     load: KnownLoad = _group("load")
-    known: str = _group("known")  # folder of the run that identified a model
+    known: str | None = _group("known")  # folder of the run that identified a model
+    other: str | None = _group("other")  # folder of another such run
+    search: Search = _group("search")  # of trajectories that tell what that run left uncertain
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 Role = Literal["training", "validation"]
 _LEAST_NOISE = 1e-6  # of a joint's torque
 _LISTED = 100  # corrupt rows
-_WORTH = 1e-3  # [s]: a delay that is worth taking off
+_WORTH = 2e-3  # [s]: a delay that is worth taking off; friction that sticks passes for a smaller one
 _LEAST_PART = 20  # samples of a part of a recording
 
 

@@ -43,6 +43,7 @@ STAGES = {
     "identify": "a model of a real arm from recordings",
     "payload": "what an arm carries",
     "gains": "torque per motor current",
+    "compare": "what differs between two identifications",
     "recheck": "whether a model is still right",
     "table": "the experiment's tables, figures and pages",
 }

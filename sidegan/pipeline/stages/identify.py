@@ -80,7 +80,7 @@ def _make(cfg: Config, arm: Arm, build: Build) -> None:
     training, validation = checked(cfg, arm)
     identified = identify_arm(arm, training, validation, cfg.model, cfg.identify)
     groups = {name: asdict(getattr(cfg, name)) for name in ("robot", "recording", "model", "identify")}
-    write_results(identified, Origin(_command(cfg), groups), build.folder)
+    write_results(identified, Origin(_command(cfg), _excite(cfg), groups), build.folder)
 
 
 def _command(cfg: Config) -> str:
@@ -90,6 +90,12 @@ def _command(cfg: Config) -> str:
         files += f" validation={cfg.validation:g}"
     arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
     return f"python -m sidegan.run +experiment=identify {arm} {files}"
+
+
+def _excite(cfg: Config) -> str:
+    """The command that designs trajectories for what is left uncertain, but for the run's folder."""
+    arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
+    return f"python -m sidegan.run +experiment=excite {arm} 'stages=[excite]' selection.count=4"
 
 
 def _error(folder: Path) -> Metrics:

@@ -4,55 +4,21 @@ import logging
 from pathlib import Path
 
 import pandas as pd
-import torch
-from torch import Tensor
 
-from sidegan.base.storage import read_json, write_json
-from sidegan.errors import ConfigError, SideganError
-from sidegan.identification.model import Terms, TorqueModel
+from sidegan.base.storage import write_json
+from sidegan.errors import ConfigError
 from sidegan.identification.recheck import Recheck, recheck
 from sidegan.identification.workflow import measurements_of
-from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import read_and_check
 from sidegan.report.export import publish
-from sidegan.report.identification import PARAMETERS
-from sidegan.robot import Arm
 
 RESULT = "recheck.json"
 log = logging.getLogger(__name__)
-
-
-def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Tensor, Tensor]:
-    """The model that a run of identify left: what torque is explained with, its parameters, its errors.
-
-    Raises:
-        ConfigError: when the folder holds none, or one of another arm.
-    """
-    path = folder / PARAMETERS
-    try:
-        numbers = read_json(path)
-        use, errors = numbers["use"], torch.tensor(numbers["rmse"], dtype=torch.float64)
-        kinds = {name: name in use["terms"] for name in ("rotor_inertia", "viscous", "coulomb", "offset")}
-        stribeck = numbers["stribeck_velocity"]
-        terms = Terms(**kinds, stribeck=stribeck is not None, sign_width=numbers["sign_width"])
-        model = TorqueModel(RigidBody(arm), terms, stribeck)
-        standard = torch.tensor(use["inertial_parameters"], dtype=torch.float64).reshape(-1)
-        standard = torch.cat(
-            [standard, *(torch.tensor(use["terms"][kind], dtype=torch.float64) for kind in terms.kinds)]
-        )
-        if numbers["joints"] != list(arm.joint_names):
-            raise ConfigError(f"{path} is of an arm with joints {', '.join(numbers['joints'])}")
-        return model, model.mapping @ standard, errors
-    except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise ConfigError(
-            f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify: {error}"
-        ) from error
 
 
 def _show(task: Task, tracker: Tracker) -> None:
@@ -60,10 +26,10 @@ def _show(task: Task, tracker: Tracker) -> None:
     cfg, arm = task.cfg, recorded_arm(task.cfg)
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected fresh files: 'recordings=[today.csv]'")
-    model, parameters, errors = known_model(Path(cfg.known), arm)
-    width = model.terms.sign_width
+    known = known_model(Path(cfg.known or ""), arm)
+    width = known.model.terms.sign_width
     fresh = read_and_check(cfg.recordings, "validation", arm, cfg.recording, cfg.robot.gains, width)
-    found = recheck(model, parameters, errors, measurements_of(fresh))
+    found = recheck(known.model, known.parameters, known.rmse, measurements_of(fresh))
     change = None if found.change is None else {"what": found.change.what, "clear": found.change.clear}
     numbers = {"verdict": found.verdict, "reasons": found.reasons, "change": change}
     numbers |= {"nmse": found.errors.nmse.tolist(), "rmse": found.errors.rmse.tolist()}
@@ -88,7 +54,7 @@ def _table(found: Recheck) -> pd.DataFrame:
 
 
 def _check(task: Task) -> None:
-    known_model(Path(task.cfg.known), recorded_arm(task.cfg))
+    known_model(Path(task.cfg.known or ""), recorded_arm(task.cfg))
 
 
 STAGE = Stage(show=_show, check=_check)

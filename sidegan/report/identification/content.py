@@ -93,6 +93,7 @@ class Origin(NamedTuple):
     """How an identification was made."""
 
     command: str  # that made it
+    excite: str  # command that designs trajectories for the arm
     settings: Mapping[str, Any]  # by group, plain values
 
 
@@ -124,7 +125,7 @@ def content(
         friction=_friction(identified),
         forward=identified.forward,
         links=links,
-        recommendations=_recommendations(identified, origin.settings["identify"]["library"]),
+        recommendations=_recommendations(identified, origin.settings["identify"]["library"], origin.excite),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
         command=origin.command,
@@ -223,7 +224,7 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
     return Friction(*(x.numpy() for x in (velocity.T, friction(velocity).T, dq, rest)))
 
 
-def _recommendations(identified: IdentifiedArm, library: str | None) -> list[str]:
+def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
     """What to run next, a sentence each."""
     runs = identified.trust.next_runs
     if runs is not None:
@@ -234,6 +235,7 @@ def _recommendations(identified: IdentifiedArm, library: str | None) -> list[str
     if not identified.trust.weak:
         return []
     return [
-        "excite what is weak: give a library of trajectories as identify.library, and those that help "
-        "most are named here"
+        "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
+        f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
+        "or give a library of trajectories as identify.library, and those that help most are named here",
     ]

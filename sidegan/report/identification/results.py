@@ -13,6 +13,7 @@ from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
+from sidegan.identification.trust import certainty
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
@@ -219,6 +220,8 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
+        "certainty": certainty(chosen).tolist(),
+        "rate": identified.training[0].grid.rate,
         "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
