@@ -360,7 +360,7 @@ def test_help_shows_what_can_be_run_and_starts_nothing(tmp_path):
         "outputs/mlflow.db",
         "+experiment=excite",
         "  long            the single long trajectory in each of its readings",
-        "experiment: beyond, conditional, design, excite, exp1",
+        "experiment: beyond, design, excite, exp1",
         "workspace: desk, free",
     ):
         assert words in done.stdout
