@@ -5,19 +5,16 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from sidegan.base.storage import read_json
 from sidegan.gan import Variant
 from sidegan.library import Library
 from sidegan.pipeline.columns import OURS, columns, groups
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.settings import Config
-from sidegan.pipeline.stages.conditional import STUDY, Conditions
 from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.elsewhere import elsewhere
 from sidegan.pipeline.stages.identification import identification
@@ -35,9 +32,9 @@ from sidegan.pipeline.stages.sensitivity import sensitivity
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, surrogates
-from sidegan.pipeline.task import EXPECTED, FACTS, LIBRARY, REPORT, Task
+from sidegan.pipeline.task import EXPECTED, FACTS, LIBRARY, Task
 
-__all__ = ["LIBRARY", "RANDOM", "SEEDS", "STUDY", "Artifacts", "Conditional", "Report", "conditional"]
+__all__ = ["LIBRARY", "RANDOM", "SEEDS", "Artifacts", "Report"]
 
 Report = dict[str, Any]
 
@@ -260,26 +257,3 @@ def comparison(task: Task) -> dict[str, Group]:
         group: Group(group, titles[names[0]], {name: Artifacts(tasks[name]) for name in names})
         for group, names in groups(task).items()
     }
-
-
-class Conditional(NamedTuple):
-    """What was made for conditional generation.
-
-    Attributes:
-        study: a row per kind of condition, and one per choice of links; None where a library was requested.
-        report: of that library.
-        library: its file.
-    """
-
-    study: dict[str, list[Report]] | None
-    report: Report
-    library: Path | None
-
-
-def conditional(task: Task) -> Conditional:
-    """The study of conditional generation, or one library."""
-    conditions = Conditions(task)
-    if conditions.requested is None:
-        return Conditional(read_json(task.store.require(conditions.study) / STUDY), {}, None)
-    folder = task.store.require(conditions.library)
-    return Conditional(None, read_json(folder / REPORT), folder / LIBRARY)

@@ -43,7 +43,6 @@ ORDER = [
     "seeds",
     "designer",
     "gan",
-    "conditional",
     "plant",
     "recording",
     "identification",
@@ -54,7 +53,7 @@ ORDER = [
     "run",
 ]
 STRANGERS = [
-    {"gan", "conditional"},
+    {"gan"},
     {"plant"},
     {"recording"},
 ]  # side by side: the pipeline hands arrays across

@@ -132,18 +132,6 @@ SMALL = {
         "generator.batch=4",
         "stages=[starts,generator,table]",
     ),
-    "conditional": (
-        "conditional.ranges.obstacle=null",
-        "conditional.ranges.walls=null",
-        "conditional.ranges.home=0.2",
-        "conditional.training.batch=8",
-        "conditional.training.samples=16",
-        "conditional.study.compared=[effort]",
-        "conditional.study.count=2",
-        "conditional.study.pool=8",
-        "conditional.study.chosen=6",
-        "conditional.count=5",
-    ),
 }
 
 

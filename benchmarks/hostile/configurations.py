@@ -23,7 +23,7 @@ _EXPERIMENTS = {
     "exp1": 90,
     "identify": 50,
     "beyond": 40,
-    "conditional": 40,
+    "design": 40,
 }  # settings of each that are spoilt
 _NONE = "none"  # no experiment is given
 _WRONG: dict[type, tuple[Any, ...]] = {

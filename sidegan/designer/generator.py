@@ -43,7 +43,7 @@ class Generator:
         points = self.points(features(numbers, scene, felt), np.arange(min(count, len(self))))
         joints, functions = scene.size.shape
         c = (points.reshape(-1, joints, functions) * scene.size) @ numbers.turn.T
-        return [numbers.within(scene, one, _FULL) for one in c]
+        return list(numbers.within(scene, c, _FULL))
 
     def points(self, seen: Array, modes: Array) -> Array:
         """Points (B, J K) of some modes in one situation."""

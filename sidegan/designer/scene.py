@@ -199,18 +199,21 @@ class ArmNumbers:
         return x * (reach / self.use(scene, (x * scene.size) @ self.turn.T))[:, None]
 
     def use(self, scene: Scene, c: Array) -> Array:
-        """Largest share of its position or velocity limit, or of higher ones, that each joint uses, (J,)."""
-        position, velocity = c @ self.peaks[0] * scene.period, np.abs(c @ self.peaks[1]).max(1)
-        away = np.maximum(position.max(1) / scene.above, -position.min(1) / scene.below)
+        """Largest share of its position or velocity limit, or of higher ones, that each joint uses, (…, J).
+
+        Coefficients are (…, J, K) [rad/s].
+        """
+        position, velocity = c @ self.peaks[0] * scene.period, np.abs(c @ self.peaks[1]).max(-1)
+        away = np.maximum(position.max(-1) / scene.above, -position.min(-1) / scene.below)
         use = np.maximum(np.maximum(away, velocity / scene.speed), 1e-9)
         for order, limit in self.higher.items():
-            peak = np.abs(c @ self.peaks[order]).max(1) * scene.period ** (1 - order)
+            peak = np.abs(c @ self.peaks[order]).max(-1) * scene.period ** (1 - order)
             use = np.maximum(use, peak / limit)
         return use
 
     def within(self, scene: Scene, c: Array, share: float) -> Array:
-        """Coefficients, (J, K), of which no joint uses more than a share of its limits."""
-        return c / np.maximum(self.use(scene, c) / share, 1.0)[:, None]
+        """Coefficients, (…, J, K), of which no joint uses more than a share of its limits."""
+        return c / np.maximum(self.use(scene, c) / share, 1.0)[..., None]
 
 
 class _Found(Constraints):

@@ -12,7 +12,6 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Count, Natural, Open, build
-from sidegan.conditional.settings import ConditionalSettings
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
 from sidegan.design.sequence import Search
@@ -118,7 +117,6 @@ class Config:
     ablation: dict[str, Variant] = _group("ablation")  # that show what each part of the recipe does
     ladder: dict[str, Variant] = _group("ladder")  # from the paper's recipe to ours, one change at a time
     beyond: Beyond = _group("beyond")
-    conditional: ConditionalSettings = _group("conditional")
     designer: DesignerSettings = _group("designer")
     generator: GeneratorSettings = _group("generator")  # of the designer's starts
     design: Designs = _group("design")

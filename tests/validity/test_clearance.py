@@ -6,8 +6,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.conditional.settings import Request
-from sidegan.conditional.space import ConditionSpace
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
@@ -17,7 +15,6 @@ from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
 from sidegan.validity.closest import closest
 from tests.chains import random_chain, random_states
-from tests.conditional.conftest import RANGES
 
 from .critical import BOX, DESK, smallest
 from .test_fused import assert_same, moderate
@@ -124,16 +121,3 @@ def test_the_nearest_distance_that_is_shown_is_the_true_one(arm: Arm) -> None:
     q = random_states(arm, 40)[0]
     one, other = (closest(Constraints(arm, [DESK], clearance=x), q) for x in (0.0, FAR))
     torch.testing.assert_close(torch.as_tensor(other.distance), torch.as_tensor(one.distance))
-
-
-def test_conditions_keep_it_from_what_they_name(planar: Arm) -> None:
-    desk = Plane((0, 0, 1), 0.1)
-    family = Trajectory(2, 3, 8.0)
-    spaces = [ConditionSpace(Constraints(planar, [desk], clearance=x), family, RANGES) for x in (0.0, FAR)]
-    q = random_states(planar, 30)[0][None]
-    request = Request(plane=0.2, walls=(0.9, 0.9))
-    near = [space.surroundings.clearances(q, space.condition(request)) for space in spaces]
-    for kind in ("plane", "walls"):
-        torch.testing.assert_close(near[1][kind], near[0][kind] - FAR)
-    condition = spaces[1].condition(request)
-    assert condition.constraints(spaces[1].constraints).clearance == FAR

@@ -34,7 +34,6 @@ STAGES = {
     "objectives": "exact variants with other objectives",
     "few_seeds": "exact variants on ever fewer seeds",
     "transfer": "generators for another arm, tool or desk",
-    "conditional": "one generator for many conditions",
     "starts": "what designs start from, made once for an arm in its workspace",
     "worth": "what motions are worth: robot seconds to a good model of plants in MuJoCo",
     "generator": "a generator of what designs start from, trained once for an arm in its workspace",
