@@ -1,8 +1,8 @@
 """From checked recordings to estimates, their test errors and a verdict: the identification of a real arm."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,13 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
-from sidegan.identification.fit import reweighted
 from sidegan.identification.forward import Forward, forward_errors
-from sidegan.identification.linear import restricted
-from sidegan.identification.measurements import Measurements, Samples, halves_of, joined, pieces
+from sidegan.identification.measurements import Measurements, halves_of, joined
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import typical
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings
-from sidegan.identification.sums import Sums, sums_of
+from sidegan.identification.stribeck import stribeck_velocities
 from sidegan.identification.trust import grams_of, trust
 from sidegan.identification.verdict import Trust
 from sidegan.library.foreign import load_foreign
@@ -29,10 +27,7 @@ from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm, Drives, inconsistent_links
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
-_STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)  # velocities [rad/s or m/s] that the term's is chosen from
 _AS_GOOD = 1.1  # times the other model's nMSE, up to which the one that can exist is preferred
-_LEAST = 1e-6  # information on each parameter beside the samples'
-_ROUNDS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,42 +132,6 @@ def model_of(arm: Arm, terms: Terms, samples: list[Measurements]) -> TorqueModel
         return TorqueModel(body, terms)
     plain = TorqueModel(body, replace(terms, stribeck=False))
     return TorqueModel(body, terms, stribeck_velocities(plain, samples))
-
-
-def stribeck_velocities(model: TorqueModel, measurements: Samples) -> list[float]:
-    """Velocity [rad/s or m/s] of each joint's Stribeck term that explains the measurements best, (J,).
-
-    All candidates' columns go through the samples at once; from the sums, joint after joint takes the
-    candidate of least weighted residual until none changes. The model is without a Stribeck term.
-    """
-    parts = (sums_of(_with_stribeck(model, x), x.torque.double()) for x in pieces(measurements))
-    sums = reduce(Sums.plus, parts)
-    weights = reweighted(sums, _LEAST).weights
-    chosen = [len(_STRIBECK) // 2] * model.joints
-    for _ in range(_ROUNDS):
-        before = list(chosen)
-        for joint in range(model.joints):
-            trials = [[*chosen[:joint], k, *chosen[joint + 1 :]] for k in range(len(_STRIBECK))]
-            misfits = [_misfit(sums, weights, model, one) for one in trials]
-            chosen[joint] = misfits.index(min(misfits))
-        if chosen == before:
-            break
-    return [_STRIBECK[k] for k in chosen]
-
-
-def _with_stribeck(model: TorqueModel, part: Measurements) -> Tensor:
-    """The model's regressor with one Stribeck column per joint and candidate velocity behind it."""
-    _, dq, _, *given = inputs = [x.double() for x in part.inputs]
-    sign = given[0] if given else torch.tanh(dq / model.terms.sign_width)
-    columns = [torch.diag_embed(sign * torch.exp(-((dq / v) ** 2))) for v in _STRIBECK]
-    return torch.cat([model.regressor(*inputs), *columns], 2)
-
-
-def _misfit(sums: Sums, weights: Tensor, model: TorqueModel, chosen: Sequence[int]) -> float:
-    """Weighted squares of the residuals with one candidate per joint."""
-    behind = [model.count + k * model.joints + joint for joint, k in enumerate(chosen)]
-    fit = restricted(sums, weights, torch.tensor([*range(model.count), *behind]), _LEAST)
-    return float(weights.square() @ sums.squares(fit.parameters))
 
 
 def identify_arm(

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.workflow import stribeck_velocities
+from sidegan.identification.stribeck import stribeck_velocities
 from tests.identification.recordings import model_of, multisine, parameters_of
 
 
