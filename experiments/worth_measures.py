@@ -26,7 +26,17 @@ class Goal:
     seconds: Estimate  # of ours
     others: Estimate  # of the best of the others
     ratio: Estimate
-    met: bool
+    goal: float  # that the ratio may have at most
+
+    @property
+    def met(self) -> bool:
+        """Whether the median arrives and is small enough."""
+        return bool(np.isfinite(self.seconds.median) and self.ratio.median <= self.goal)
+
+    @property
+    def sure(self) -> bool:
+        """Whether the whole interval is."""
+        return self.met and self.ratio.high <= self.goal
 
 
 @dataclass(frozen=True)
@@ -80,9 +90,8 @@ def goals(found: Worth) -> list[Goal]:
             for against, theirs in zip((PRACTICE, ALL), best):
                 share = ratio(seconds[ours], seconds[theirs], settings.resamples)
                 mine, other = (median(found, seconds[x]) for x in (ours, theirs))
-                met = bool(np.isfinite(mine.median) and share.median <= settings.goal)
                 titles = settings.contenders[ours].title, settings.contenders[theirs].title
-                out.append(Goal(arm, regime, against, *titles, mine, other, share, met))
+                out.append(Goal(arm, regime, against, *titles, mine, other, share, settings.goal))
     return out
 
 

@@ -42,11 +42,15 @@ def goal_table(judged: list[Goal]) -> pd.DataFrame:
             "theirs": one.theirs,
             "theirs [s]": shown(one.others),
             "ratio": quotient(one.ratio),
-            "goal": ("met" if one.met else "missed") if one.against == PRACTICE else "—",
+            "goal": _verdict(one) if one.against == PRACTICE else "—",
         }
         for one in judged
     ]
     return pd.DataFrame(rows).set_index("arm")
+
+
+def _verdict(one: Goal) -> str:
+    return "met" if one.sure else "met by the median alone" if one.met else "missed"
 
 
 def marks(found: Worth) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.worth import arms, groups, load, sets, worth
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
-from sidegan.worth import MAKERS, Judge, estimate, legs, make_set
+from sidegan.worth import MAKERS, Estimate, Judge, estimate, legs, make_set
 from sidegan.worth.contenders import Order
 from sidegan.worth.curves import _disturbed, mean_error
 from sidegan.worth.tasks import states
@@ -150,11 +150,27 @@ def test_the_page_tells_the_goal_first_and_has_a_metric_for_every_contender(smal
     assert (run / "worth.html").exists() and (run / "worth" / "metrics.json").exists()
     first = text.split("\n\n")[1]
     found = page.collect(small)
-    missed = [one for one in measures.goals(found) if not one.met and one.against == measures.PRACTICE]
+    missed = [one for one in measures.goals(found) if not one.sure and one.against == measures.PRACTICE]
     assert ("misses its goal" in first) == bool(missed)
     numbers = measures.metrics(found)[small.arm.name]
     assert set(numbers) == set(small.cfg.worth.contenders)
     assert set(numbers["tiny"]) == set(small.cfg.worth.regimes)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "share", "met", "sure"),
+    [
+        ((20.0, 15.0, 25.0), (0.5, 0.4, 0.6), True, True),
+        ((20.0, 15.0, 25.0), (0.5, 0.3, 0.9), True, False),  # by the median alone
+        ((20.0, 15.0, np.inf), (0.0, 0.0, 1.0), True, False),  # the others never arrive, and ours not always
+        ((20.0, 15.0, 25.0), (0.7, 0.4, 0.9), False, False),
+        ((np.inf, 15.0, np.inf), (1.0, 1.0, 1.0), False, False),  # nobody arrives
+    ],
+)
+def test_a_goal_is_met_where_its_whole_interval_is(seconds, share, met, sure):
+    ours, others = Estimate(*seconds), Estimate(40.0, 30.0, 50.0)
+    one = measures.Goal("arm", "drift", "practice", "a", "b", ours, others, Estimate(*share), 0.65)
+    assert (one.met, one.sure) == (met, sure)
 
 
 def test_what_was_made_is_not_made_again(small, run):
