@@ -6,7 +6,7 @@ from sidegan.robot import Setup, load_robot
 from sidegan.validity import default_home
 from sidegan.validity.accuracy import shape_accuracy
 from sidegan.validity.constraints import Constraints
-from tests.robot.test_catalogue import ROBOTS, remedied
+from tests.robot.test_catalogue import ROBOTS, readable
 
 pytestmark = pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
 
@@ -19,7 +19,7 @@ ARMS = (
 
 @pytest.mark.parametrize("name", ARMS)
 def test_nothing_is_missed_and_little_is_refused(name: str) -> None:
-    arm = load_robot(ROBOTS / name, remedied(ROBOTS / name))
+    arm = load_robot(ROBOTS / name, readable(ROBOTS / name))
     refused, missed = shape_accuracy(arm, 1_000)
     assert missed == 0
     assert refused <= 0.01
