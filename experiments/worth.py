@@ -11,7 +11,7 @@ from experiments import worth_tables
 from experiments.pages import Page, publish
 from experiments.worth_measures import Worth
 from sidegan.base.storage import write_json
-from sidegan.pipeline.stages.worth import arms, groups, sets, worth
+from sidegan.pipeline.stages.worth import JUDGED, arms, groups, sets, worth
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
@@ -30,8 +30,15 @@ def collect(task: Task) -> Worth:
     """What the stage made."""
     parts, design = [], {}
     for arm, one in arms(task).items():
-        for name in one.cfg.worth.contenders:
-            for group in groups(one):
+        names = one.cfg.worth.contenders
+        # What is not judged is shown where it was made for every contender.
+        made = [
+            group
+            for group in groups(one)
+            if group == JUDGED or all(one.store.find(worth(one, name, group)) for name in names)
+        ]
+        for name in names:
+            for group in made:
                 parts.append(one.frame(worth(one, name, group)).assign(arm=arm, contender=name))
             design[arm, name] = float(one.store.costs(sets(one, name)).get("cpu_seconds_per_set", np.nan))
     return Worth(task.cfg, pd.concat(parts, ignore_index=True), design)

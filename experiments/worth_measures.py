@@ -52,6 +52,10 @@ class Worth:
         """Arms that were studied."""
         return list(self.frame.arm.unique())
 
+    def regimes(self, arm: str) -> list[str]:
+        """Regimes that were made of an arm."""
+        return list(self.frame[self.frame.arm == arm].regime.unique())
+
     def values(self, arm: str, name: str, regime: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (T,), errors (plants, sets, T) and floors (plants, sets), at least the resolution."""
         frame = self.frame
@@ -127,7 +131,8 @@ def rankings(found: Worth) -> dict[str, float]:
     other = [x for x in regimes if x not in found.cfg.worth.judged]
     if not other or "misfit" not in regimes:
         return {}
-    ranks = {arm: scores(found, arm, ["misfit", *other[:1]]) for arm in found.arms}
+    made = [arm for arm in found.arms if other[0] in found.regimes(arm)]
+    ranks = {arm: scores(found, arm, ["misfit", other[0]]) for arm in made}
     return {arm: float(np.corrcoef(one.rank().to_numpy().T)[0, 1]) for arm, one in ranks.items()}
 
 
@@ -151,7 +156,7 @@ def _apart(found: Worth, arm: str, time: float) -> bool:
 def floors(found: Worth) -> dict[str, dict[str, float]]:
     """Median floor [%] by arm and regime."""
     medians = found.frame.groupby(["arm", "regime"]).floor.median()
-    return {arm: {r: 100 * float(medians[arm, r]) for r in found.cfg.worth.regimes} for arm in found.arms}
+    return {arm: {r: 100 * float(medians[arm, r]) for r in found.regimes(arm)} for arm in found.arms}
 
 
 def metrics(found: Worth) -> dict[str, Any]:
@@ -164,7 +169,7 @@ def metrics(found: Worth) -> dict[str, Any]:
                     **_numbers(median(found, found.seconds(arm, name, regime, settings.within))),
                     "excess": float(f"{np.median(found.excess(arm, name, regime, settings.horizon)):.4g}"),
                 }
-                for regime in settings.regimes
+                for regime in found.regimes(arm)
             }
             for name in settings.contenders
         }
