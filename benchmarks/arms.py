@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -23,6 +24,7 @@ import yaml
 from benchmarks.independent import Facts, Robot, check_folder
 from benchmarks.remedies import remedied
 from benchmarks.run import machine
+from benchmarks.timing import medians
 from sidegan.base.storage import write_bytes
 from sidegan.errors import SideganError
 from sidegan.library import Library
@@ -38,6 +40,7 @@ PAGE = Path("docs/arms.md")
 
 _ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 _CONFIGURATIONS = 2_000  # random ones, that shapes are compared in
+_TIMED, _REPEATS = 350, 3  # trajectories whose check is timed, and how often
 _RATE = 1_000.0  # [Hz] at which trajectories are checked
 _LINES = 3  # of what a run said last, where it failed
 
@@ -69,6 +72,7 @@ def _measure(name: str, work: Path, file: Path, more: Sequence[str]) -> None:
         "loaded": lambda: _load(robot_file(name)),
         "shapes": lambda: _compare(robot_file(name), result["loaded"]["words"]),
         "set": lambda: _excite(robot_file(name), result["loaded"]["words"], work, more),
+        "rate": lambda: _rate(robot_file(name), result["loaded"]["words"], work, more),
         "independent": lambda: _check(robot_file(name), result["loaded"]["words"], work, more),
     }
     for part, do in parts.items():
@@ -125,9 +129,7 @@ def _load(file: Path) -> dict[str, Any]:
 def facts_of(task: Task) -> Facts:
     """What an independent check has to know beside the description."""
     arm, constraints = task.arm, task.constraints
-    exempt = [
-        list(one.links) for one in getattr(constraints, "exempt", ()) if one.why != "never touch"
-    ] or None
+    exempt = [list(one.links) for one in constraints.exempt if one.why != "never touch"] or None
     floors = [region for region in constraints.regions if isinstance(region, Plane)]
     limits = task.cfg.robot.limits
     stated = {
@@ -197,6 +199,21 @@ def _excite(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) -
     return {"seconds": seconds, "condition": condition, "command": " ".join(map(quote, command[1:]))}
 
 
+def _rate(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) -> dict[str, float]:
+    """Trajectories that are checked in a second of one core's time: random ones, and those of the set."""
+    task = task_of(file, words, work, more)
+    random = task.problem.start(_TIMED, torch.Generator().manual_seed(0))
+    chosen = Library.load(work / "run" / LIBRARY, task.arm).coefficients
+    pools = {"random": random, "set": chosen.repeat(max(1, _TIMED // len(chosen)), 1, 1, 1)}
+    threads, found = torch.get_num_threads(), {}
+    torch.set_num_threads(1)
+    for name, c in pools.items():
+        (run,) = medians(_REPEATS, partial(task.check, c))
+        found[name] = len(c) / run.cpu
+    torch.set_num_threads(threads)
+    return found
+
+
 def _check(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) -> dict[str, Any]:
     """The independent check of the whole set at 1 kHz."""
     task, folder = task_of(file, words, work, more), work / "kilohertz"
@@ -233,7 +250,8 @@ def page(work: Path) -> str:
 
 def row_of(result: dict[str, Any]) -> dict[str, str]:
     """An arm's row of the table."""
-    loaded, shapes, made, check = (result.get(x) for x in ("loaded", "shapes", "set", "independent"))
+    parts = ("loaded", "shapes", "set", "independent", "rate")
+    loaded, shapes, made, check, rate = (result.get(part) for part in parts)
     open_ = "—"
     return {
         "arm": result["name"],
@@ -243,6 +261,7 @@ def row_of(result: dict[str, Any]) -> dict[str, str]:
         "missed": f"{shapes['missed']:.2%}" if shapes else open_,
         "seconds": f"{made['seconds']:.0f}" if made else open_,
         "cond of the set": f"{made['condition']:.3g}" if made else open_,
+        "checks/s": f"{rate['random']:,.0f}, {rate['set']:,.0f}" if rate else open_,
         "valid at 1 kHz": f"{check['valid']} of {check['trajectories']}" if check else open_,
         "velocity": f"{check['velocity']:.0%}" if check else open_,
         "torque": f"{check['effort']:.0%}" if check else open_,

@@ -11,6 +11,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 Numbers = NDArray[np.float64]
 
@@ -56,6 +58,8 @@ class Robot:
         whole = pin.buildModelFromUrdf(str(urdf))
         folders = [*facts.packages, *(str(folder) for folder in urdf.parents)]
         shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, None, folders)
+        owners = {one.name: whole.frames[one.parentFrame].name for one in shapes.geometryObjects}
+        _tell_apart(whole)
         stand = pin.neutral(whole)
         for name, value in facts.locked.items():
             if whole.existJointName(name):
@@ -63,7 +67,7 @@ class Robot:
         others = [k for k in range(1, whole.njoints) if whole.names[k] not in self.names]
         self.model, (self.geometry,) = pin.buildReducedModel(whole, [shapes], others, stand)
         self.data = self.model.createData()
-        self.owners = [self.model.frames[one.parentFrame].name for one in self.geometry.geometryObjects]
+        self.owners = [owners[one.name] for one in self.geometry.geometryObjects]
         self._keep_apart()
         for number, box in enumerate(facts.boxes):
             self._keep_out_of(box, f"box {number}")
@@ -133,7 +137,7 @@ class Robot:
 
     def colliding(self, configurations: Numbers) -> NDArray[np.bool_]:
         """Whether links collide, (T,)."""
-        data = self.geometry.createData()
+        data = _collision_data(self.geometry)
         manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, data)
         found = (
             pin.computeCollisions(self.model, self.data, manager, q, True)  # up to the first collision
@@ -143,7 +147,7 @@ class Robot:
 
     def touching(self, q: Numbers) -> str:
         """Which links collide in a configuration."""
-        data = self.geometry.createData()
+        data = _collision_data(self.geometry)
         pin.computeCollisions(self.model, self.data, self.geometry, data, q, False)
         pairs = zip(self.geometry.collisionPairs, data.collisionResults)
         return "; ".join(
@@ -161,20 +165,37 @@ class Robot:
 
     def distance(self, configurations: Numbers, planes: Sequence[dict[str, Any]]) -> float:
         """Smallest distance from planes [m] of any moving link that they do not spare."""
-        watched = [
-            (shape, _support(shape.geometry), np.array(plane["normal"], float), plane["offset"])
-            for plane in planes
-            for shape, owner in zip(self.geometry.geometryObjects, self.owners)
-            if shape.parentJoint and owner not in plane.get("spared", [])
-        ]
-        least = np.inf
-        for q in configurations if watched else ():
+        turns = np.empty((len(configurations), self.model.njoints, 3, 3))
+        places = np.empty((len(configurations), self.model.njoints, 3))
+        for turn, place, q in zip(turns, places, configurations):
             pin.forwardKinematics(self.model, self.data, q)
-            for shape, support, normal, offset in watched:
-                place = self.data.oMi[shape.parentJoint] * shape.placement
-                away = place.translation @ normal + support(place.rotation.T @ normal)
-                least = min(least, away - offset)
+            for joint, frame in enumerate(self.data.oMi):
+                turn[joint], place[joint] = frame.rotation, frame.translation
+        least = np.inf
+        for plane in planes:
+            normal = np.array(plane["normal"], float)
+            for shape, owner in zip(self.geometry.geometryObjects, self.owners):
+                if shape.parentJoint and owner not in plane.get("spared", []):
+                    along = np.einsum("i,tij->tj", normal, turns[:, shape.parentJoint])
+                    away = places[:, shape.parentJoint] @ normal + along @ shape.placement.translation
+                    away += _support(shape.geometry, along @ shape.placement.rotation)
+                    least = min(least, float(away.min()) - plane["offset"])
         return least
+
+
+def _tell_apart(model: pin.Model) -> None:
+    """Give links other names than joints: Pinocchio cannot reduce models in which a name means both."""
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            frame.name = f"link {frame.name}"
+
+
+def _collision_data(geometry: pin.GeometryModel) -> pin.GeometryData:
+    """Room for collisions with their contacts: without these coal 3.0 misses some of two cylinders."""
+    data = geometry.createData()
+    for request in data.collisionRequests:
+        request.enable_contact = True
+    return data
 
 
 def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers) -> None:
@@ -187,19 +208,21 @@ def _place(model: pin.Model, name: str, values: Numbers, configurations: Numbers
         configurations[:, at] = values
 
 
-def _support(shape: coal.CollisionGeometry) -> Any:
-    """How far a shape reaches against a direction from its origin, as a function of that in its frame."""
+def _support(shape: coal.CollisionGeometry, z: Numbers) -> Numbers:
+    """How far a shape reaches against directions from its origin [m], (T,), in its frame, (T, 3)."""
     match shape:
         case coal.Sphere():
-            return lambda z: -shape.radius
+            return np.full(len(z), -shape.radius)
         case coal.Capsule():
-            return lambda z: -abs(z[2]) * shape.halfLength - shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - shape.radius
         case coal.Cylinder():
-            return lambda z: -abs(z[2]) * shape.halfLength - np.hypot(z[0], z[1]) * shape.radius
+            return -np.abs(z[:, 2]) * shape.halfLength - np.hypot(z[:, 0], z[:, 1]) * shape.radius
         case coal.Box():
-            return lambda z: -float(np.abs(z) @ shape.halfSide)
+            return -np.abs(z) @ shape.halfSide
     points = np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices())
-    return lambda z: float((points @ z).min())
+    with suppress(QhullError, ValueError):  # else the points lie in a plane, and all of them count
+        points = points[ConvexHull(points).vertices]
+    return (points @ z.T).min(0)
 
 
 def check_file(robot: Robot, path: Path) -> dict[str, Any]:

@@ -46,6 +46,7 @@ ORDER = [
     "plant",
     "recording",
     "identification",
+    "worth",
     "controllers",
     "report",
     "pipeline",

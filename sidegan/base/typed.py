@@ -1,7 +1,7 @@
 """Plain mappings → dataclasses, with complaints that name the key, the value and what was expected.
 
-The type hints are the schema: int, float, str, bool, Literal, ``X | None``, list, tuple of fixed length,
-dict, other dataclasses, and ``Annotated`` with the bounds below. A dataclass may refuse
+The type hints are the schema: int, float, str, bool, Literal, ``X | None``, a list or one value, tuple of
+fixed length, dict, other dataclasses, and ``Annotated`` with the bounds below. A dataclass may refuse
 combinations in ``__post_init__`` by raising ConfigError.
 """
 
@@ -20,14 +20,14 @@ T = TypeVar("T")
 
 
 _LARGEST, _SMALLEST = 1e12, 1e-12  # beyond them a number is a mistake, and powers of it are none
-_COMPARISONS = {"≥": operator.ge, "≤": operator.le, ">": operator.gt}
+_COMPARISONS = {"≥": operator.ge, "≤": operator.le, ">": operator.gt, "<": operator.lt}
 
 
 @dataclasses.dataclass(frozen=True)
 class Bound:
-    """What a number must be: ≥, ≤ or > ``limit``."""
+    """What a number must be: ≥, ≤, > or < ``limit``."""
 
-    sign: Literal["≥", "≤", ">"]
+    sign: Literal["≥", "≤", ">", "<"]
     limit: float
 
     def __str__(self) -> str:
@@ -47,6 +47,7 @@ Hertz = Annotated[float, Bound(">", 0), Bound("≤", 1e5)]  # of sampling
 Positive = Annotated[float, Bound(">", 0)]
 NonNegative = Annotated[float, Bound("≥", 0)]
 Share = Annotated[float, Bound("≥", 0), Bound("≤", 1)]
+Open = Annotated[float, Bound(">", 0), Bound("<", 1)]  # a share that leaves something
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
@@ -113,7 +114,7 @@ class _Reader:
         return found
 
     def value(self, hint: Any, value: Any, path: str) -> Any:
-        plain, bounds, optional = _unwrap(hint)
+        plain, bounds, optional = _unwrap(_arm(hint, value))
         if optional and value is None:
             return None
         if dataclasses.is_dataclass(plain):
@@ -156,6 +157,8 @@ _NAMES = {int: "a whole number", float: "a number", str: "text", bool: "true or 
 
 
 def _expected(hint: Any, null: bool = True) -> str:
+    if len(arms := _arms(hint)) > 1:
+        return ", or ".join(_expected(arm) for arm in arms)
     plain, bounds, optional = _unwrap(hint)
     origin, arguments = get_origin(plain), get_args(plain)
     if optional and null:
@@ -169,6 +172,19 @@ def _expected(hint: Any, null: bool = True) -> str:
     if plain in _NAMES:
         return " ".join([_NAMES[plain], " and ".join(map(str, bounds))]).strip()
     return "a group of settings"
+
+
+def _arms(hint: Any) -> list[Any]:
+    """The alternatives of a union but for None; the hint itself of any other."""
+    union = get_origin(hint) in (Union, UnionType)
+    return [a for a in get_args(hint) if a is not NoneType] if union else [hint]
+
+
+def _arm(hint: Any, value: Any) -> Any:
+    """Of a union of a list and a single value the one that a value may be; else the hint."""
+    arms = _arms(hint)
+    fitting = [arm for arm in arms if (get_origin(arm) is list) == isinstance(value, list)]
+    return fitting[0] if len(arms) > 1 and fitting else hint
 
 
 def _unwrap(hint: Any) -> tuple[Any, list[Any], bool]:

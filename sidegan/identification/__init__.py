@@ -7,6 +7,7 @@ from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import (
     EstimationSettings,
+    KnownLoad,
     Recursion,
     ReplicationSettings,
     StudySettings,
@@ -19,6 +20,7 @@ __all__ = [
     "RIGID",
     "Estimate",
     "EstimationSettings",
+    "KnownLoad",
     "Live",
     "Measurements",
     "Noise",

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _NOT_NEGATIVE = ("rotor_inertia", "viscous", "coulomb", "stribeck")
+_ROUNDS = 6  # of finding the strength of the pull
+_SETTLED = 1.1  # times the strength: a change that no longer matters
+_STRENGTHS = (0.01, 100.0)  # between which it is looked for
+_FREE = 1e-6  # information on each term beside the samples'
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
@@ -44,8 +48,9 @@ class Consistent(Ols):
     # depend on units or frames and keeps away from the border; euclid: the squared distance in each link's
     # typical units, which also takes a description that is not consistent
     pull: Literal["logdet", "euclid"]
-    # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells
-    strength: float
+    # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells.
+    # None: the most probable one, so that a description that the samples contradict pulls less
+    strength: float | None
     margin: float  # smallest eigenvalue of a pseudo-inertia in the link's typical mass and length
     total_mass: float | None  # of all links together [kg]; free when None
 
@@ -61,6 +66,50 @@ class Consistent(Ols):
 
     def standard(self, model: TorqueModel, information: Tensor, moment: Tensor) -> Tensor:
         """Links and terms in ``TorqueModel.standard_names``' order, (F,), from weighted Σ Yᵀ Y and Σ Yᵀ τ."""
+        if self.strength is not None:
+            return self._standard(model, information, moment, self.strength)
+        strength = 1.0
+        for _ in range(_ROUNDS):
+            found = self._standard(model, information, moment, strength)
+            before, strength = strength, self._most_probable(model, information, found, strength)
+            if max(strength / before, before / strength) < _SETTLED:
+                break
+        _log.debug("the description pulls with strength %.2g", before)
+        return found
+
+    def _most_probable(
+        self, model: TorqueModel, information: Tensor, standard: Tensor, strength: float
+    ) -> float:
+        """The strength that the samples make most probable, from the parameters (F,) found with another.
+
+        Of the links' parameters, γ are told by the pull and not by the samples; strength · 2 d = γ then says
+        that these are off by what was believed.
+
+        Source: MacKay 1992, Bayesian interpolation, eq. 27.
+        """
+        count = 10 * model.joints
+        distance, curvature = self._distance(standard[:count].reshape(-1, 10), model.arm)
+        bend = torch.block_diag(*curvature, torch.zeros(len(standard) - count, len(standard) - count))
+        both = model.mapping.T @ information @ model.mapping + strength * bend
+        both[count:, count:] += _FREE * torch.eye(len(standard) - count, dtype=torch.float64)
+        told = count - strength * float(torch.linalg.solve(both, bend).trace())
+        low, high = _STRENGTHS
+        return min(max(told / max(2 * distance, told / high), low), high)
+
+    def _distance(self, links: Tensor, arm: Arm) -> tuple[float, Tensor]:
+        """What the pull sums over the links (J, 10), and its second derivatives, (J, 10, 10)."""
+        unit, axes = _units(arm), torch.eye(10, dtype=torch.float64).expand(len(links), 10, 10)
+        steps = torch.stack([_scaled(axes[:, k], unit) for k in range(10)], 1)  # (J, 10, 4, 4)
+        now, nominal = _scaled(links, unit), _scaled(arm.inertial_parameters, unit)
+        if self.pull == "euclid":
+            return float((now - nominal).square().sum()), 2 * torch.einsum("jaxy,jbyx->jab", steps, steps)
+        ratio = torch.linalg.solve(nominal, now)
+        traces = ratio.diagonal(dim1=1, dim2=2).sum() - 4 * len(links)
+        steps = torch.linalg.solve(now[:, None], steps)
+        return float(traces - torch.logdet(ratio).sum()), torch.einsum("jaxy,jbyx->jab", steps, steps)
+
+    def _standard(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: float) -> Tensor:
+        """The same with a strength of the pull."""
         import cvxpy as cp
 
         if self.pull == "logdet":
@@ -77,7 +126,7 @@ class Consistent(Ols):
         if self.total_mass is not None:
             masses = (unit[:, 3] ** 2).tolist()
             constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
-        status = _minimise(misfit + self.strength * self._pull(links, nominal), constraints)
+        status = _minimise(misfit + strength * self._pull(links, nominal), constraints)
         if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             bounds = f"margin {self.margin:g}"
             bounds += "" if self.total_mass is None else f", {self.total_mass:g} kg in all"

@@ -60,9 +60,7 @@ def score(model: TorqueModel, parameters: Tensor, measurements: Samples) -> Scor
 
 def score_of_sums(sums: Sums, parameters: Tensor) -> Score:
     """The same from the sums over samples; infinite where a joint's torque is constant."""
-    squares, variance = sums.squares(parameters) / sums.weight, sums.variance
-    nmse = torch.where(variance > 0, squares / variance, torch.inf)
-    return Score(nmse, squares.sqrt())
+    return Score(sums.nmse(parameters), (sums.squares(parameters) / sums.weight).sqrt())
 
 
 def folds(method: str, model: TorqueModel, recordings: Sequence[Measurements], **settings: Any) -> Score:

@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Count, Hertz, Positive
+import torch
+from torch import Tensor
+
+from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Positive
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
@@ -45,13 +48,41 @@ class Recursion:
 
 
 @dataclass(frozen=True)
+class KnownLoad:
+    """What an arm carries, in the frame of the last link that moves."""
+
+    mass: NonNegative  # [kg]
+    centre: list[float]  # of mass [m]
+    inertia: list[float] | None  # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
+
+    def __post_init__(self) -> None:
+        if len(self.centre) != 3 or len(self.inertia or [0] * 6) != 6:
+            raise ConfigError("load: expected three numbers as centre, and six as inertia")
+
+    @property
+    def parameters(self) -> Tensor:
+        """The load's ten parameters in Pinocchio's order about the frame, (10,).
+
+        Raises:
+            ConfigError: when there is none.
+        """
+        if not self.mass > 0:
+            raise ConfigError("load.mass is 0, expected the mass of the known load [kg]")
+        c = torch.tensor(self.centre, dtype=torch.float64)
+        about = self.mass * (c @ c * torch.eye(3, dtype=torch.float64) - torch.outer(c, c))
+        own = torch.tensor(self.inertia or [0.0] * 6, dtype=torch.float64)
+        moved = own + about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        return torch.cat([torch.tensor([self.mass], dtype=torch.float64), self.mass * c, moved])
+
+
+@dataclass(frozen=True)
 class EstimationSettings:
     """How parameters are estimated from recordings."""
 
     method: Literal["ols", "weighted", "huber", "tls", "rls", "ridge", "essential"]
     settings: dict[str, float]  # of the method
     pull: Literal["logdet", "euclid"]
-    strength: Positive
+    strength: Positive | None  # of the pull; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]
     library: str | None  # of trajectories to recommend from

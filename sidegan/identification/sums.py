@@ -48,6 +48,11 @@ class Sums(NamedTuple):
         squares = self.energy - 2 * self.moment @ parameters + self.information @ parameters @ parameters
         return squares.clamp_min(0)
 
+    def nmse(self, parameters: Tensor) -> Tensor:
+        """Mean squared residual over the torque's variance, (J,); infinite where it is constant."""
+        squares, variance = self.squares(parameters) / self.weight, self.variance
+        return torch.where(variance > 0, squares / variance, torch.inf)
+
 
 def no_sums(joints: int, parameters: int) -> Sums:
     """Sums over no samples."""

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from torch import Tensor
 
@@ -14,7 +14,14 @@ from sidegan.identification.estimate import Estimate
 from sidegan.identification.score import Score
 from sidegan.robot import Arm
 
-Finding: TypeAlias = tuple[str, str]  # the best verdict that it leaves, and the reason
+
+class Finding(NamedTuple):
+    """Something that keeps a model from being good."""
+
+    level: str  # the best verdict that it leaves
+    text: str  # the reason
+    joint: int | None = None  # that it is about; None: the whole arm
+
 
 GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
 
@@ -27,6 +34,8 @@ _CONDITION = 100.0  # largest condition number of a good model's scaled regresso
 _NAMED = 6  # parameters that a reason names at most
 _LITTLE = 0.25  # of a limit
 _MOST = 10.0  # a larger share says no more
+_CLEAR = 2.0  # deviations below zero, from which on a parameter is negative
+_FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
 
 
 class NextRuns(NamedTuple):
@@ -59,21 +68,31 @@ class Trust:
     @property
     def verdict(self) -> str:
         """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
-        levels = [level for level, _ in self.findings]
+        levels = [one.level for one in self.findings]
         return BAD if BAD in levels else USABLE if levels else GOOD
 
     @property
     def reasons(self) -> list[str]:
-        """Why, with the joints and parameters by name; the gravest first."""
+        """Why, with the joints and parameters by name; all of one joint together, the gravest first."""
         if not self.findings:
             error = f"mean nMSE {self.judged.nmse_mean:.4f} on {self.where}"
             return [f"{error}, and every parameter that matters is certain"]
-        return [text for grave in (BAD, USABLE) for level, text in self.findings if level == grave]
+        groups: dict[object, list[Finding]] = {}
+        for one in self.findings:
+            groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
+        grave = [any(one.level == BAD for one in group) for group in groups.values()]
+        texts = [self._said(group) for group in groups.values()]
+        return [text for bad in (True, False) for text, is_bad in zip(texts, grave) if is_bad == bad]
+
+    def _said(self, group: list[Finding]) -> str:
+        """Findings about the arm, or all about one joint, in a sentence."""
+        texts, joint = "; ".join(one.text for one in group), group[0].joint
+        return texts if joint is None else f"{self.joint(joint)}: {texts}"
 
     @cached_property
     def findings(self) -> list[Finding]:
         """What keeps the model from being good."""
-        return [*_held_out(self), *_misfits(self), *_excitation(self)]
+        return [*_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
 
     @property
     def judged(self) -> Score:
@@ -102,49 +121,60 @@ class Trust:
 def _held_out(trust: Trust) -> Iterator[Finding]:
     train, validation, folds = trust.train, trust.held_out, trust.folds
     if validation is None:
-        yield USABLE, "no recording was held out: how well the model predicts others is not known"
+        yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
     elif validation.nmse_mean > max(_OVERFIT * train.nmse_mean, _GOOD_NMSE / 2):
         ratio = f"validation nMSE is {validation.nmse_mean / train.nmse_mean:.1f} times that of training"
-        yield USABLE, f"{ratio}: give more, or more varied, recordings"
+        yield Finding(USABLE, f"{ratio}: give more, or more varied, recordings")
     if trust.judged.nmse_mean >= trust.nominal_score.nmse_mean:
         error = trust.nominal_score.nmse_mean
-        yield USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
+        yield Finding(
+            USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
+        )
     if folds is not None and float(folds.nmse.mean()) > _GOOD_NMSE:
         worst = int(folds.nmse.mean(1).argmax())
         error = float(folds.nmse[worst].mean())
-        yield USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}"
+        yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
 
 
 def _misfits(trust: Trust) -> Iterator[Finding]:
     judged, where = trust.judged, trust.where
     if judged.nmse_mean > _GOOD_NMSE:
         level = BAD if judged.nmse_mean > _USABLE_NMSE else USABLE
-        yield level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}"
+        yield Finding(level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}")
     for j, error in enumerate(judged.nmse.tolist()):
         if error > _GOOD_JOINT:
             level = BAD if error > _USABLE_JOINT else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
             text = left if math.isfinite(error) else "the torque is constant"
-            yield level, f"{trust.joint(j)}: {text} on {where}"
+            yield Finding(level, f"{text} on {where}", j)
 
 
 def _excitation(trust: Trust) -> Iterator[Finding]:
     condition = trust.estimate.condition
     if math.isinf(condition):
-        yield USABLE, "the arm is poorly excited: some parameters have no effect in this motion"
+        yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
     elif condition > _CONDITION:
         alike = f"condition number {condition:.0f} of the scaled regressor"
-        yield USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})"
+        yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
     for j, share in enumerate(trust.torque_deviation.tolist()):
         own = listed([name for name in trust.weak if _joint_of(name) == j], _NAMED)
         if share > _GOOD_TORQUE:
             level = BAD if share > _USABLE_TORQUE else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
-            text = f"is not identifiable from this data: torque in other motions is uncertain by {size}"
+            text = f"not identifiable from this data, torque in other motions is uncertain by {size}"
             names = f" ({own})" if own else ""
-            yield level, f"{trust.joint(j)} {text}{names}; {_advice(trust, j)}"
+            yield Finding(level, f"{text}{names}; {_advice(trust, j)}", j)
         elif own:
-            yield USABLE, f"{trust.joint(j)}: {own} cannot be told; {_advice(trust, j)}"
+            yield Finding(USABLE, f"{own} cannot be told; {_advice(trust, j)}", j)
+
+
+def _negative(trust: Trust) -> Iterator[Finding]:
+    estimate = trust.estimate
+    each = zip(estimate.names, estimate.parameters.tolist(), estimate.deviation.tolist())
+    for name, value, deviation in each:
+        if name.rstrip("0123456789") in _FRICTION and value < -_CLEAR * deviation:
+            what = "a rotor has no negative inertia" if name.startswith("Ia") else "friction drives no joint"
+            yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", _joint_of(name))
 
 
 def _advice(trust: Trust, j: int) -> str:

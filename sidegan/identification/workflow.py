@@ -1,20 +1,22 @@
 """From checked recordings to estimates, their test errors and a verdict: the identification of a real arm."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from sidegan.errors import RecordingError
+from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
 from sidegan.identification.fit import reweighted
+from sidegan.identification.forward import Forward, forward_errors
 from sidegan.identification.linear import restricted
-from sidegan.identification.measurements import Measurements, Samples, pieces
+from sidegan.identification.measurements import Measurements, Samples, halves_of, joined, pieces
 from sidegan.identification.model import Terms, TorqueModel
+from sidegan.identification.prior import typical
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.sums import Sums, sums_of
@@ -24,10 +26,11 @@ from sidegan.library.foreign import load_foreign
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.check import CheckedRecording
-from sidegan.robot import Arm
+from sidegan.robot import Arm, Drives, inconsistent_links
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
 _STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)  # velocities [rad/s or m/s] that the term's is chosen from
+_AS_GOOD = 1.1  # times the other model's nMSE, up to which the one that can exist is preferred
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _ROUNDS = 10
 
@@ -44,7 +47,10 @@ class IdentifiedArm:
     estimates: dict[str, Estimate]
     tests: dict[str, Score]  # errors of each of them on what it had not seen, where there was something
     trained: dict[str, Score]  # errors of each of them on what it was identified from
-    trust: Trust  # whether to trust the estimate of the chosen method
+    trust: Trust  # whether to trust the model that is to be used
+    # method of that model: the consistent one unless the chosen one predicts what it has not seen better
+    use: str
+    halves: dict[str, float]  # mean nMSE by which that was decided where nothing was held out
 
     @property
     def recordings(self) -> list[CheckedRecording]:
@@ -64,9 +70,59 @@ class IdentifiedArm:
         return self.standard[: 10 * self.model.joints].reshape(-1, 10)
 
     @property
+    def used_standard(self) -> Tensor:
+        """Standard parameters of the model to use, (F,): the nearest to the consistent ones that give it.
+
+        They have its torques exactly; where it is not the consistent one, some of its links cannot exist.
+        """
+        if self.use == CONSISTENT:
+            return self.standard
+        return nearest_standard(self.model, self.standard, self.used.parameters)
+
+    @cached_property
+    def drives(self) -> Drives:
+        """Friction and rotors of the consistent model; none of a kind that it has not."""
+        drives = vars(Drives.none(self.model.joints))
+        found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
+        return Drives(**{kind: found.get(kind, none).clamp_min(0.0) for kind, none in drives.items()})
+
+    @cached_property
+    def forward(self) -> dict[str, Forward]:
+        """The consistent model, and the description with its friction, simulated on what was held out.
+
+        Without anything held out on what it was identified from; a description that cannot exist is left out.
+        """
+        model, recordings = self.model, self.validation or self.training
+        segments = [segment for recording in recordings for segment in recording.segments]
+        offset = torch.zeros(model.joints, dtype=torch.float64)
+        if "offset" in model.kinds:
+            offset = self.standard[model.standard_slice("offset")]
+        arms = {CONSISTENT: replace(model.arm, inertial_parameters=self.links)}
+        if not inconsistent_links(model.arm):
+            arms["description"] = model.arm
+        found = {name: forward_errors(arm, self.drives, offset, segments) for name, arm in arms.items()}
+        return {name: one for name, one in found.items() if one is not None}
+
+    @property
     def chosen(self) -> Estimate:
         """Estimate of the chosen method."""
         return self.trust.estimate
+
+    @property
+    def used(self) -> Estimate:
+        """Estimate of the model to use."""
+        return self.estimates[self.use]
+
+
+def nearest_standard(model: TorqueModel, standard: Tensor, parameters: Tensor) -> Tensor:
+    """Standard parameters, (F,), that give a model's parameters (P,) and differ least from others, (F,).
+
+    Differences count in each link's typical mass and length, and those of terms alike.
+    """
+    links = typical(model.arm).reshape(-1)
+    scale = torch.cat([links, torch.ones(len(standard) - len(links), dtype=torch.float64)])
+    rows = model.mapping * scale
+    return standard + scale * (torch.linalg.pinv(rows) @ (parameters - model.mapping @ standard))
 
 
 def measurements_of(recordings: Iterable[CheckedRecording]) -> list[Measurements]:
@@ -140,20 +196,41 @@ def identify_arm(
         )
     estimates = {method: estimate(method, model, samples, **values) for method, values in methods.items()}
     trained = {method: score(model, one.parameters, samples) for method, one in estimates.items()}
-    kind, tests, turns = "in sample: nothing was held out", trained, None
+    kind, tests, turns = "in sample: nothing was held out", trained, dict[str, Score]()
     if held_out:
         kind = "held out"
         tests = {method: score(model, one.parameters, held_out) for method, one in estimates.items()}
     elif len(training) > 1:
         kind = f"each of {len(training)} recordings, predicted from the others"
-        segments = [[segment[1:] for segment in recording.segments] for recording in training]
-        whole = [Measurements(*(torch.cat(x) for x in zip(*parts))) for parts in segments]
-        all_turns = {method: folds(method, model, whole, **values) for method, values in methods.items()}
-        tests, turns = {m: x.pooled for m, x in all_turns.items()}, all_turns[settings.method]
+        whole = [joined(measurements_of([recording])) for recording in training]
+        turns = {method: folds(method, model, whole, **values) for method, values in methods.items()}
+        tests = {method: one.pooled for method, one in turns.items()}
+    halves = _halves(model, samples, methods, settings.method) if tests is trained else {}
+    use = preferred(settings.method, halves or {method: one.nmse_mean for method, one in tests.items()})
     chosen = estimates[settings.method]
     runs = _candidates(model, chosen, training[0].grid.rate, settings)
-    trusted = trust(model, chosen, held_out or None, turns, **runs)
-    return IdentifiedArm(model, training, validation, kind, estimates, tests, trained, trusted)
+    trusted = trust(model, chosen, held_out or None, turns.get(use), **runs)
+    trusted = replace(trusted, train=trained[use], validation=tests[use] if held_out else None)
+    return IdentifiedArm(model, training, validation, kind, estimates, tests, trained, trusted, use, halves)
+
+
+def preferred(method: str, errors: Mapping[str, float]) -> str:
+    """The model to use, by the mean nMSE of each: one that can exist, unless another is clearly better."""
+    return method if errors[CONSISTENT] > _AS_GOOD * errors[method] else CONSISTENT
+
+
+def _halves(
+    model: TorqueModel, samples: list[Measurements], methods: dict[str, dict[str, Any]], method: str
+) -> dict[str, float]:
+    """Mean nMSE of each half of the recordings by the other, of a method and the consistent one."""
+    halves = halves_of(samples)
+    try:
+        return {
+            name: folds(name, model, halves, **methods[name]).pooled.nmse_mean
+            for name in (method, CONSISTENT)
+        }
+    except (InfeasibleError, ShapeError):  # a half tells too little: then what can exist is preferred
+        return {method: 1.0, CONSISTENT: 1.0}
 
 
 def _methods(settings: EstimationSettings) -> dict[str, dict[str, Any]]:

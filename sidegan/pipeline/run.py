@@ -43,6 +43,7 @@ FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
 _MODE = ("hydra.mode", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
 
+EVERYTHING = "--help-all"
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
@@ -144,6 +145,8 @@ def main() -> int:
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
     # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if EVERYTHING in sys.argv:
+        sys.argv = [sys.argv[0], "--help", "hydra/help=everything"]
     try:
         _hydra_main()
         sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback

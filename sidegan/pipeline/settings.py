@@ -11,15 +11,17 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sidegan.base.typed import Count, Natural, build
+from sidegan.base.typed import Count, Natural, Open, build
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
+from sidegan.design.sequence import Search
 from sidegan.designer.settings import DesignerSettings, GeneratorSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import (
     EstimationSettings,
+    KnownLoad,
     Recursion,
     ReplicationSettings,
     StudySettings,
@@ -43,6 +45,7 @@ from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import RecordingSettings
 from sidegan.seeds.settings import Long, Seeds
+from sidegan.worth.settings import WorthSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
@@ -117,8 +120,15 @@ class Config:
     designer: DesignerSettings = _group("designer")
     generator: GeneratorSettings = _group("generator")  # of the designer's starts
     design: Designs = _group("design")
+    worth: WorthSettings = _group("worth")  # of motions
     recordings: list[str] = _group("recordings")  # files to identify from
-    validation: list[str] = _group("validation")  # files that are held out
+    # files that are held out, or which share of every recording, its last part
+    validation: list[str] | Open = _group("validation")
+    loaded: list[str] = _group("loaded")  # files of runs with a load
+    load: KnownLoad = _group("load")
+    known: str | None = _group("known")  # folder of the run that identified a model
+    other: str | None = _group("other")  # folder of another such run
+    search: Search = _group("search")  # of trajectories that tell what that run left uncertain
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")
@@ -126,6 +136,11 @@ class Config:
     def has(self, *groups: str) -> bool:
         """Whether all of these settings are composed."""
         return not any(isinstance(getattr(self, name), Absent) for name in groups)
+
+    @property
+    def held_out(self) -> list[str]:
+        """Files to validate on."""
+        return self.validation if isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
         """All settings that are composed, as plain values."""
@@ -173,11 +188,11 @@ class Config:
 
     def _check_files(self) -> None:
         """Refuse a recording that is named twice, or that a model would be validated on after training."""
-        for name, files in (("recordings", self.recordings), ("validation", self.validation)):
+        for name, files in (("recordings", self.recordings), ("validation", self.held_out)):
             twice = [file for file in files if files.count(file) > 1]
             if twice:
                 raise ConfigError(f"{name} has {twice[0]} twice")
-        both = [file for file in self.validation if file in self.recordings]
+        both = [file for file in self.held_out if file in self.recordings]
         if both:
             raise ConfigError(f"validation has {both[0]}, which is in recordings: it would not be held out")
 

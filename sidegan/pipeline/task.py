@@ -24,6 +24,7 @@ from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check, default_home
+from sidegan.validity.pairs import tell_often
 
 log = logging.getLogger(__name__)
 
@@ -105,6 +106,8 @@ class Task:
         if told := self.cfg.workspace.told(self.arm):
             log.info("%s", told)
         log.info("checked: %s", self.constraints.described())
+        if often := self.constraints.often:
+            log.warning("%s", tell_often(self.arm, often))
         if self.constraints.doubtful:
             log.warning(
                 "many pairs of links are allowed to touch and are not checked against each other: "

@@ -22,6 +22,7 @@ from sidegan.validity.scene import read_scene
 log = logging.getLogger(__name__)
 
 _CONVEX = 0.9  # share of its hull's volume that a mesh fills at least, or a warning says so
+_UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
 
 
@@ -100,23 +101,27 @@ class Workspace:
     """Where the arm may move, and whether its torque limits count."""
 
     torque: bool
-    regions: list[Region] | None  # null: what the arm stands on
-    desk: float | None = (
-        None  # height that built-in arms keep above [m]; others: what they stand on; null: neither
-    )
+    regions: list[Region] | None  # beside what the arm stands on
+    # height that built-in arms keep above [m]; others: what they stand on; null: neither
+    desk: float | None = None
     scene: str | None = None  # beside all that: a MoveIt scene
     clearance: NonNegative = 0.0  # that links keep from each other and from the regions [m]
 
     def given(self, arm: Arm) -> list[Region]:
         """The regions of an arm but for the scene."""
-        if self.regions is not None:
-            return self.regions
-        if self.desk is None:
-            return []
+        stated = self.regions or []
+        if self.desk is None or self._states_floor:
+            return stated
         if is_built_in(arm):
-            return [Region(plane=Plane((0.0, 0.0, 1.0), self.desk))]
+            return [Region(plane=Plane((0.0, 0.0, 1.0), self.desk)), *stated]
         floor = floor_under(arm)
-        return [] if floor is None else [Region(plane=floor)]
+        return stated if floor is None else [Region(plane=floor), *stated]
+
+    @property
+    def _states_floor(self) -> bool:
+        """Whether a plane that faces up is among the regions: it takes the place of the floor."""
+        planes = [region.plane for region in self.regions or [] if region.plane is not None]
+        return any(plane.unit[2] > _UPWARDS for plane in planes)
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
         """What an arm keeps out of.
@@ -139,7 +144,7 @@ class Workspace:
 
     def told(self, arm: Arm) -> str:
         """What was decided for the user; empty where nothing was."""
-        if self.desk is None or self.regions is not None or is_built_in(arm):
+        if self.desk is None or self._states_floor or is_built_in(arm):
             return ""
         floor = floor_under(arm)
         if floor is None:

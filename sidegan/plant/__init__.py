@@ -1,5 +1,6 @@
 """The arm in MuJoCo under position servos, recorded as a real one is."""
 
+from sidegan.plant.driven import Run, driven
 from sidegan.plant.execute import Executed, Plant
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.save import save_recording
@@ -10,6 +11,8 @@ __all__ = [
     "Executed",
     "Plant",
     "PlantSettings",
+    "Run",
+    "driven",
     "mujoco_model",
     "save_recording",
 ]

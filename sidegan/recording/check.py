@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,11 +13,13 @@ from torch import Tensor
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
+from sidegan.recording.delay import Delay, delay_of
 from sidegan.recording.description import Agreement, Excitation, agreement_of, excitation_of
 from sidegan.recording.load import Source
-from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
+from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment, whole
 from sidegan.recording.segments import Grid, grid_for, preprocess
-from sidegan.recording.settings import Preprocessing, RecordingSettings
+from sidegan.recording.sent import Repeated, averaged, load_sent
+from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import Statistics, statistics_of
 from sidegan.robot import Arm
 
@@ -26,6 +28,8 @@ log = logging.getLogger(__name__)
 Role = Literal["training", "validation"]
 _LEAST_NOISE = 1e-6  # of a joint's torque
 _LISTED = 100  # corrupt rows
+_WORTH = 2e-3  # [s]: a delay that is worth taking off; friction that sticks passes for a smaller one
+_LEAST_PART = 20  # samples of a part of a recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,11 @@ class CheckedRecording:
     agreement: Agreement  # of the torques with the arm's description
     excitation: Excitation  # of each base parameter
     warnings: list[str]  # what a person should look at
+    delay: Delay | None = None  # of the torques, where it was not given
+    corrected: bool = False  # whether it was taken off
+    repeated: Repeated | None = (
+        None  # what of the trajectories that were sent was found, where they are known
+    )
 
     @property
     def name(self) -> str:
@@ -55,6 +64,34 @@ class CheckedRecording:
     def moving(self) -> float:
         """Time that they cover [s]."""
         return sum(float(segment.time[-1] - segment.time[0]) for segment in self.segments)
+
+    @property
+    def lag(self) -> float:
+        """Time by which torques are later than states [s], as it is known best."""
+        return self.agreement.lag if self.delay is None else self.delay.seconds
+
+    @property
+    def noise(self) -> Tensor | None:
+        """Standard deviation of each joint's torque or current between repetitions, (J,), or None."""
+        return None if self.repeated is None else self.repeated.noise
+
+    @property
+    def statements(self) -> list[str]:
+        """How it was preprocessed, in sentences."""
+        said = [self.grid.statement]
+        if self.repeated is not None:
+            said.append(self.repeated.statement)
+        if self.delay is not None:
+            size = f"{self.delay.seconds * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
+            said.append(f"torques are {size} later than the motion: {self._treated(self.delay)}")
+        return said
+
+    def _treated(self, delay: Delay) -> str:
+        """What was done about a delay."""
+        if self.corrected:
+            return "taken off"
+        worth = delay.believed and abs(delay.seconds) > _WORTH
+        return "left as it is" + "; recording.delay=null takes it off" * worth
 
     @property
     def derived(self) -> list[str]:
@@ -85,11 +122,45 @@ class CheckedRecording:
             "moving": self.moving,
             "sign": self.agreement.sign.tolist(),
             "lag": self.agreement.lag,
+            "delay": None if self.delay is None else self.delay._asdict(),
+            "repetitions": None if self.repeated is None else self.repeated.counts,
+            "noise": None if self.noise is None else self.noise.tolist(),
             "condition": self.excitation.condition_number,
             "excited": self.excitation.rows,
             "weak": self.excitation.weak,
             "warnings": self.warnings,
         }
+
+
+def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, CheckedRecording]:
+    """The first part of a recording, to identify from, and the last share of it, which is held out.
+
+    Between them as much is left out as the low-pass mixes.
+
+    Raises:
+        RecordingError: when one of them would hold next to nothing.
+    """
+    mixed = round(recording.grid.rate / recording.grid.cutoff)
+    end = round((1 - share) * recording.kept)
+    first, last = _between(recording, 0, end - mixed), _between(recording, end, recording.kept)
+    if min(sum(len(x.time) for x in part) for part in (first, last)) < _LEAST_PART:
+        raise RecordingError(f"{recording.name} is too short to hold out {share:.0%} of it")
+
+    def part(role: Role, segments: list[Segment], which: str) -> CheckedRecording:
+        statistics = replace(recording.statistics, name=f"{recording.name}, {which}")
+        return replace(recording, role=role, segments=segments, statistics=statistics)
+
+    return part("training", first, f"first {1 - share:.0%}"), part("validation", last, f"last {share:.0%}")
+
+
+def _between(recording: CheckedRecording, first: int, last: int) -> list[Segment]:
+    """Kept samples of a recording from one number to another."""
+    parts, begin = [], 0
+    for segment in recording.segments:
+        inside = slice(max(0, first - begin), max(0, last - begin))
+        begin += len(segment.time)
+        parts.append(Segment(*(x[inside] for x in segment)))
+    return [part for part in parts if len(part.time) > 1]
 
 
 def read_and_check(
@@ -110,7 +181,8 @@ def read_and_check(
         checked = check_recording(source, arm, settings, gains, sign_width, settings.units.angle, role)
         raw = checked.statistics
         log.info("%s: %d samples in %.4g s, %s", file, raw.samples, raw.duration, role)
-        log.info("  %s", checked.grid.statement)
+        for statement in checked.statements:
+            log.info("  %s", statement)
         for warning in checked.warnings:
             log.warning("%s: %s", file, warning)
         recordings.append(checked)
@@ -120,7 +192,7 @@ def read_and_check(
 def check_recording(
     recording: Recording | Iterable[Recording],
     arm: Arm,
-    settings: Preprocessing,
+    settings: RecordingSettings,
     gains: Sequence[float] | None = None,
     sign_width: float = SIGN_WIDTH,
     angle: str = "rad",
@@ -136,30 +208,51 @@ def check_recording(
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
             zero or constant, positions are in another unit than declared.
     """
-    statistics = statistics_of(recording, settings.gap)
+    statistics = statistics_of(recording, settings.gap, settings.bridged)
     joints = len(statistics.signals["position"].lower)
     if joints != arm.joints:
         raise RecordingError(f"{statistics.name} has {joints} joints, {arm.name} has {arm.joints}")
     plausibility.refuse_wrong_units(statistics, arm, angle)
     plausibility.refuse_idle(statistics)
-    grid = grid_for(statistics, settings)
-    segments = preprocess(recording, settings, gains, sign_width, grid)
-    body = RigidBody(arm)
+    parts, repeated = _parts(recording, arm, settings, statistics)
+    grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
+
+    def kept(delay: float) -> list[Segment]:
+        """Segments of all parts with this delay [s] taken off."""
+        return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
+
+    body, segments = RigidBody(arm), kept(settings.delay or 0.0)
+    delay = None if settings.delay else delay_of(body, segments)
+    corrected = settings.delay is None and delay is not None and delay.believed
+    segments = kept(delay.seconds) if corrected and delay is not None else segments
     warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
-    excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains))
+    noise = None if repeated is None else repeated.noise
+    excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains, noise))
     warnings += agreement.warnings(arm) + excitation.warnings()
-    return CheckedRecording(
-        role, arm.joint_names, statistics, grid, segments, agreement, excitation, warnings
-    )
+    found = segments, agreement, excitation, warnings, delay, corrected, repeated
+    return CheckedRecording(role, arm.joint_names, statistics, grid, *found)
 
 
-def _torque_noise(statistics: Statistics, segments: list[Segment], gains: Sequence[float] | None) -> Tensor:
-    """Noise floor of each joint's torque [N·m or N], (J,)."""
-    if "torque" in statistics.signals:
-        noise = statistics.signals["torque"].noise
-    else:
-        noise = statistics.signals["current"].noise * torch.tensor(gains, dtype=torch.float64)
+def _parts(
+    recording: Recording | Iterable[Recording], arm: Arm, settings: RecordingSettings, statistics: Statistics
+) -> tuple[list[Recording | Iterable[Recording]], Repeated | None]:
+    """What is to be preprocessed: the recording, or the mean of each trajectory that was sent."""
+    if settings.sent is None:
+        return [recording], None
+    sent = load_sent(Path(settings.sent), arm.joint_names)
+    parts, repeated = averaged(whole(recording), sent, statistics.gap)
+    return [*parts], repeated
+
+
+def _torque_noise(
+    statistics: Statistics, segments: list[Segment], gains: Sequence[float] | None, noise: Tensor | None
+) -> Tensor:
+    """Noise of each joint's torque [N·m or N], (J,): between repetitions, or else its floor."""
+    measured = "torque" if "torque" in statistics.signals else "current"
+    noise = statistics.signals[measured].noise if noise is None else noise
+    if measured == "current":
+        noise = noise * torch.tensor(gains, dtype=torch.float64)
     size = torch.cat([segment.torque for segment in segments]).square().mean(0).sqrt()
     return torch.maximum(noise, _LEAST_NOISE * size.max())

@@ -77,8 +77,12 @@ class Source:
             raise RecordingError(
                 f"{self.path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag"
             )
+        header = self.columns.named(self.name, self.joint_names)
         with reading(self.path, suffix[1:], RecordingError):
-            table = _READERS[suffix](self.path, self.rows)
+            if _READERS[suffix] is text_table:
+                table = text_table(self.path, self.rows, header)
+            else:
+                table = _READERS[suffix](self.path, self.rows)
         where = self.columns.resolve(self.name, table.columns, self.joint_names)
         return table.pieces([c for columns in where.values() for c in columns]), where
 
@@ -87,7 +91,9 @@ def _recording(source: Source, piece: Piece, where: Where) -> Recording:
     """A piece in SI units without its corrupt rows."""
     joints, units = len(source.joint_names), source.columns.units
     signals: dict[str, Numbers] = {}
-    for name in ("time", *(signal for signal in SIGNALS if signal in where)):
+    if "time" not in where:
+        signals["time"] = piece.rows / (source.columns.rate or 1.0)
+    for name in (one for one in ("time", *SIGNALS) if one in where):
         parts = [piece.columns[c] for c in where[name]]
         if len(parts) > 1 and any(part.ndim > 1 for part in parts):
             raise RecordingError(f"{source.name}: {where[name][0]!r} holds more than a number in each row")
@@ -109,10 +115,11 @@ def _finite_rows(
 ) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the row and reason of the others."""
     flat = {name: x[:, None] if x.ndim == 1 else x for name, x in signals.items()}
-    bad = ~(np.abs(np.concatenate(list(flat.values()), 1)) <= _LARGEST)
+    bad = ~(np.abs(np.concatenate([x for name, x in flat.items() if name in where], 1)) <= _LARGEST)
     names = [
         where[name][k] if len(where[name]) > 1 or x.shape[1] == 1 else f"{where[name][0]}[{k}]"
         for name, x in flat.items()
+        if name in where
         for k in range(x.shape[1])
     ]
     wrong = np.asarray(bad.any(1))

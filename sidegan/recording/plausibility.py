@@ -20,6 +20,8 @@ _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
 _NEAR = 0.3  # of the logarithm of a ratio
 _WRONG_SLOPE = 0.1  # of a velocity over the derivative of its position
 _NOTHING = 1e-12
+_HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
+_LITTLE = 0.1  # of its range, that a joint moves through at least where much can be told
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 
@@ -59,8 +61,15 @@ def refuse_idle(statistics: Statistics) -> None:
         RecordingError: saying what does not change.
     """
     file, signals = statistics.name, statistics.signals
-    if signals["position"].constant.all():
+    position = signals["position"]
+    if position.constant.all():
         raise RecordingError(f"{file}: all positions are constant: there is no motion")
+    span = position.upper - position.lower
+    if (span < _HARDLY).all():
+        raise RecordingError(
+            f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
+            "from motions through a good part of its range: +experiment=excite"
+        )
     name = "torque" if "torque" in signals else "current"
     if name not in signals:
         raise RecordingError(f"{file} has neither torque nor current")
@@ -79,6 +88,10 @@ def clock_warnings(statistics: Statistics) -> list[str]:
         start, longest = max(gaps, key=lambda gap: gap[1])
         warnings.append(
             f"{len(gaps)} gaps, the longest {longest:.3g} s after {start:.6g} s; they are not crossed"
+        )
+    if statistics.bridged:
+        warnings.append(
+            f"{statistics.bridged} gaps of up to {statistics.gap * 1e3:.3g} ms are interpolated over"
         )
     if statistics.duplicates:
         warnings.append(
@@ -102,6 +115,12 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     position = signals["position"]
     if position.constant.any():
         warnings.append(f"{arm.named(position.constant)} never moves")
+    span = position.upper - position.lower
+    little = span / (arm.position_upper - arm.position_lower).clamp_min(_NOTHING) < _LITTLE
+    if little.all():
+        warnings.append(
+            f"the arm hardly moves: no joint by more than {span.max():.2g} rad or m, a tenth of its range"
+        )
     outside = (position.lower < arm.position_lower - _OUTSIDE) | (
         position.upper > arm.position_upper + _OUTSIDE
     )

@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, shift
 
 from sidegan.errors import RecordingError
 from sidegan.recording.grid import Block, derivative, low_pass, uniform, windows
@@ -28,7 +29,7 @@ class Grid:
     step: float  # of the grid [s]
     gap: float  # longest time that is interpolated over [s]
     bandwidth: float  # of the motion [Hz]
-    measured: bool  # whether the bandwidth was measured, and not given
+    source: Literal["measured", "given", "of what was sent"]  # of the bandwidth
     cutoff: float  # of the low-pass [Hz]
     order: int  # of the low-pass
     stride: int  # every so manieth sample of the grid is kept
@@ -51,21 +52,22 @@ class Grid:
     @property
     def statement(self) -> str:
         """The grid and the filter in words."""
-        how = "measured" if self.measured else "given"
         return (
             f"resampled to {1 / self.step:.4g} Hz (gaps over {self.gap * 1e3:.3g} ms are not crossed), "
             f"zero-phase low-pass of order {self.order} at {self.cutoff:.3g} Hz (bandwidth of the motion "
-            f"{self.bandwidth:.3g} Hz, {how}), {self.rate:.4g} samples per second kept"
+            f"{self.bandwidth:.3g} Hz, {self.source}), {self.rate:.4g} samples per second kept"
         )
 
 
-def grid_for(statistics: Statistics, settings: Preprocessing) -> Grid:
+def grid_for(statistics: Statistics, settings: Preprocessing, sent: float | None = None) -> Grid:
     """Grid of a recording: cut-off from the motion's bandwidth, rate from the cut-off.
+
+    What was sent to the arm may have told the bandwidth [Hz].
 
     Raises:
         RecordingError: when the arm does not move, or the bandwidth is not below half the sampling rate.
     """
-    bandwidth = settings.bandwidth or statistics.bandwidth
+    bandwidth = settings.bandwidth or sent or statistics.bandwidth
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
     half = 0.5 / statistics.step
@@ -85,7 +87,7 @@ def grid_for(statistics: Statistics, settings: Preprocessing) -> Grid:
         step=statistics.step,
         gap=statistics.gap,
         bandwidth=bandwidth,
-        measured=settings.bandwidth is None,
+        source="given" if settings.bandwidth else "of what was sent" if sent else "measured",
         cutoff=cutoff,
         order=settings.order,
         stride=max(1, int(1 / (statistics.step * settings.oversampling * cutoff))),
@@ -98,6 +100,7 @@ def preprocess(
     gains: Sequence[float] | None = None,
     sign_width: float = SIGN_WIDTH,
     grid: Grid | None = None,
+    delay: float = 0.0,
 ) -> list[Segment]:
     """Moving stretches of a recording, filtered, on a uniform grid.
 
@@ -111,16 +114,17 @@ def preprocess(
         gains: of the drives, motor current to joint torque [N·m/A], one per joint.
         sign_width: velocity at which the smooth sign is at 76 % [rad/s or m/s].
         grid: of the recording, where it was found already; then the recording is walked through once.
+        delay: time by which torques are later than states [s], which is taken off.
 
     Raises:
         RecordingError: when there is no torque, or no motion.
     """
-    grid = grid or grid_for(statistics_of(recording, settings.gap), settings)
+    grid = grid or grid_for(statistics_of(recording, settings.gap, settings.bridged), settings)
     parts = iter([recording] if isinstance(recording, Recording) else recording)
     first = next(parts, None)
     if first is None:
         raise RecordingError("the recording holds no samples")
-    stretches = _Stretches(settings, grid, sign_width, gains)
+    stretches = _Stretches(settings, grid, sign_width, gains, delay)
     merged = _merged(stretches.of(first, parts), 1.5 * grid.step * grid.stride)
     segments = [segment for segment in merged if len(segment.time) >= _LEAST_POINTS]
     if not segments:
@@ -138,6 +142,7 @@ class _Stretches:
     grid: Grid
     sign_width: float
     gains: Sequence[float] | None
+    delay: float
 
     def of(self, first: Recording, others: Iterable[Recording]) -> Iterator[Segment]:
         """Stretches that are kept, of consecutive pieces of one recording."""
@@ -180,6 +185,9 @@ class _Stretches:
         grid = self.grid
         smooth = low_pass(window.signals, grid.cutoff, grid.step, grid.order)
         signals = dict(zip(widths, np.split(smooth, np.cumsum(list(widths.values()))[:-1], axis=1)))
+        if self.delay:
+            late = self.delay / grid.step  # in samples
+            signals["torque"] = shift(signals["torque"], (-late, 0.0), order=3, mode="nearest")
         velocity = signals["velocity"] if "velocity" in widths else derivative(signals["position"], grid.step)
         acceleration = (
             signals["acceleration"] if "acceleration" in widths else derivative(velocity, grid.step)

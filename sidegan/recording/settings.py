@@ -18,6 +18,7 @@ _TO_SI = {
 }
 _PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
 _OR = "|"  # between patterns
+_BRIDGED = 0.25  # of the cut-off's period
 _LISTED = 8  # columns that a message names
 
 
@@ -54,6 +55,10 @@ class Columns:
     joints: list[str] | None  # names that the file uses, in the arm's order; null: the arm's own
     topic: str | None  # of a bag; null: the only topic of joint states
     effort: Literal["torque", "current"]  # what the efforts of a bag's joint states are
+    rate: Hertz | None  # of the rows [Hz] of a file without time stamps
+    header: (
+        list[str] | None
+    )  # columns, or patterns of all joints' columns, of a text without a first line of them
 
     def __post_init__(self) -> None:
         for signal in SIGNALS:
@@ -78,6 +83,13 @@ class Columns:
             )
         return tuple(self.joints)
 
+    def named(self, file: str, joint_names: Sequence[str]) -> list[str] | None:
+        """Names of the columns of a text without a first line of them, where they were given."""
+        if self.header is None:
+            return None
+        joints = self.file_joints(file, joint_names)
+        return [name for pattern in self.header for name in _columns(pattern, joints)]
+
     def resolve(
         self, file: str, available: Sequence[str], joint_names: Sequence[str]
     ) -> dict[str, list[str]]:
@@ -88,12 +100,15 @@ class Columns:
                 another number of joints than the arm.
         """
         stamps = [name for name in self.time.split(_OR) if name in available]
-        if not stamps:
+        if not stamps and self.rate is None:
             wanted = " or ".join(map(repr, self.time.split(_OR)))
-            raise RecordingError(f"{file} has no column {wanted} of time stamps; it has {_listed(available)}")
+            raise RecordingError(
+                f"{file} has no column {wanted} of time stamps; it has {_listed(available)}; without a clock "
+                "say how many rows there are in a second: recording.rate=1000"
+            )
         _refuse_several(file, "time", stamps)
         joints = self.file_joints(file, joint_names)
-        resolved = {"time": stamps}
+        resolved = {"time": stamps} if stamps else {}
         for signal in SIGNALS:
             columns = _found(file, signal, getattr(self, signal), joints, available)
             if columns:
@@ -112,15 +127,28 @@ class Preprocessing:
     # of the low-pass, which is run forwards and backwards; beyond, its coefficients are rounding errors
     order: Annotated[int, Bound("≥", 1), Bound("≤", 20)]
     oversampling: Annotated[float, Bound(">", 2)]  # samples that are kept per period of the cut-off
-    gap: Seconds | None  # longest time that is interpolated over [s]; null: five sampling steps
+    # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
+    gap: Seconds | None
     still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
     pause: Annotated[float, Bound("≥", 0), Bound("≤", 1e3)]  # samples this close to a motion are kept [s]
+
+    def cutoff_of(self, bandwidth: float) -> float:
+        """Cut-off of the low-pass [Hz] for a motion of a measured bandwidth [Hz]."""
+        return self.cutoff or self.headroom * (self.bandwidth or bandwidth)
+
+    def bridged(self, bandwidth: float) -> float:
+        """Time that may be interpolated over [s] where the motion has a bandwidth [Hz]."""
+        return _BRIDGED / self.cutoff_of(bandwidth)
 
 
 @dataclass(frozen=True)
 class RecordingSettings(Preprocessing, Columns):
-    """What is where in a recorded file, and how it is preprocessed."""
+    """What is where in a recorded file, what is known of its making, and how it is preprocessed."""
 
+    # time by which torques are later than states [s], which is taken off; null: measured
+    delay: Annotated[float, Bound("≥", -0.5), Bound("≤", 0.5)] | None
+    # what was sent to the arm: a table of excite, or the folder of its run; null: not known
+    sent: str | None
     rows: Annotated[int, Bound("≥", 1000), Bound("≤", 1e7)]  # that are read at once
 
 

@@ -1,7 +1,7 @@
 """Statistics of a raw recording, from one walk through it: its clock, its motion's bandwidth, each signal."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,18 +58,24 @@ class Statistics:
     duplicates: int  # rows with the time stamp of the row before
     gaps: tuple[tuple[float, float], ...]  # start and length of every gap [s]
     gap: float  # time above which it is one [s]
+    bridged: int  # shorter stretches without samples, over five steps long, that are interpolated over
     corrupt: tuple[tuple[int, str], ...]  # row and reason of what was left out
     bandwidth: float  # frequency below which nearly all of the motion's energy lies [Hz]
     signals: dict[str, Signal]  # by name
     rows: Rows  # digests of some rows, by which another recording with the same samples is found
 
 
-def statistics_of(recording: Recording | Iterable[Recording], gap: float | None = None) -> Statistics:
+def statistics_of(
+    recording: Recording | Iterable[Recording],
+    gap: float | None = None,
+    bridged: Callable[[float], float] | None = None,
+) -> Statistics:
     """Statistics of a recording, from one walk through its pieces.
 
     Args:
         recording: whole, or its consecutive pieces.
-        gap: time between samples that is a gap [s]; None: five sampling steps.
+        gap: time between samples that is a gap [s]; None: five sampling steps, or what may be bridged.
+        bridged: time that may be interpolated over [s], of a bandwidth [Hz].
 
     Raises:
         RecordingError: when there are too few samples, or time runs backwards.
@@ -100,7 +106,11 @@ def statistics_of(recording: Recording | Iterable[Recording], gap: float | None 
             f"{name or 'the recording'} holds {samples} samples, expected {_LEAST_SAMPLES} or more"
         )
     clock = _clock(name, np.concatenate(times), gap)
-    bandwidth = _bandwidth(head, clock["step"]) if head else 0.0
+    bandwidth = bandwidth_of(head, clock["step"]) if head else 0.0
+    if gap is None and bridged is not None and bandwidth:
+        limit = max(clock["gap"], bridged(bandwidth))
+        long = tuple(one for one in clock["gaps"] if one[1] > limit)
+        clock |= {"gap": limit, "gaps": long, "bridged": len(clock["gaps"]) - len(long)}
     signals = {signal: tally.result() for signal, tally in tallies.items()}
     found: dict[str, Any] = {"bandwidth": bandwidth, "signals": signals, "rows": joined(rows)}
     return Statistics(name, samples, **clock, corrupt=tuple(corrupt), **found)
@@ -130,14 +140,19 @@ def _clock(name: str, time: Numbers, gap: float | None) -> dict[str, Any]:
         "duplicates": int((steps == 0).sum()),
         "gaps": tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
         "gap": limit,
+        "bridged": 0,
     }
 
 
-def _bandwidth(head: list[Recording], step: float) -> float:
+def bandwidth_of(head: list[Recording], step: float | None = None) -> float:
     """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 where nothing moves.
 
-    White noise of the positions, which is seen above half of the highest frequency, is taken off first.
+    The pieces are consecutive, with a time [s] between samples; without one, each is a motion by itself and
+    the largest of theirs counts. White noise of the positions, which is seen above half of the highest
+    frequency, is taken off first.
     """
+    if step is None:
+        return max(bandwidth_of([part], float(part.time.diff().median())) for part in head)
     time = np.concatenate([part.time.numpy() for part in head])
     position = np.concatenate([part.position.numpy() for part in head])
     start = int(np.argmax((np.abs(position - position[0]) > _MOVED).any(1)))

@@ -42,11 +42,11 @@ class Table:
     pieces: Callable[[Sequence[str]], Iterator[Piece]]
 
 
-def text_table(path: Path, rows: int) -> Table:
+def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Table:
     """A text file whose columns are separated by commas, semicolons, tabs or spaces.
 
     Raises:
-        RecordingError: when it is empty or its first line is not one of column names.
+        RecordingError: when it is empty, or has both or neither of a first line of column names and a header.
     """
     import pandas as pd
 
@@ -55,17 +55,24 @@ def text_table(path: Path, rows: int) -> Table:
     if not first.strip():
         raise RecordingError(f"{path} is empty")
     separator = max(",;\t ", key=first.count)
-    names = [name.strip() for name in next(csv.reader([first], delimiter=separator))]
-    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
+    found = [name.strip() for name in next(csv.reader([first], delimiter=separator))]
+    found = [name or f"column {i + 1}" for i, name in enumerate(found)]
+    bare = bool(pd.to_numeric(pd.Series(found), errors="coerce").notna().all())
+    if bare != (header is not None):
+        wrong = "begins with numbers, expected a first line of column names"
+        hint = '; say what they are: \'recording.header=[t,"q{index}","tau{index}"]\''
+        named = "has a first line of column names already: leave recording.header out"
+        raise RecordingError(f"{path} {wrong + hint if bare else named}")
+    names = [*header] if header is not None else found
+    if len(names) != len(found):
+        raise RecordingError(f"{path} has {len(found)} columns, recording.header has {len(names)}")
     if len(set(names)) < len(names):
-        raise RecordingError(f"{path}: a column is named twice in the first line: {first.strip()[:100]!r}")
-    if pd.to_numeric(pd.Series(names), errors="coerce").notna().all():
-        raise RecordingError(f"{path} begins with numbers, expected a first line of column names")
-    return Table(names, lambda columns: _text_pieces(path, names, separator, columns, rows))
+        raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
+    return Table(names, lambda columns: _text_pieces(path, names, separator, columns, rows, bare))
 
 
 def _text_pieces(
-    path: Path, names: list[str], separator: str, columns: Sequence[str], rows: int
+    path: Path, names: list[str], separator: str, columns: Sequence[str], rows: int, bare: bool
 ) -> Iterator[Piece]:
     import pandas as pd
 
@@ -75,12 +82,12 @@ def _text_pieces(
         "header": None,
         "names": names,
         "index_col": False,
-        "skiprows": 1,
+        "skiprows": 0 if bare else 1,
         "skip_blank_lines": False,
         "on_bad_lines": "warn",
         "encoding_errors": "replace",
     }
-    line = 2  # of the next row; people count the header as the first
+    line = 1 if bare else 2  # of the next row; people count the header as the first
     with reading(path, "text", RecordingError), pd.read_csv(path, **options, chunksize=rows) as reader:
         while True:
             with warnings.catch_warnings(record=True) as messages:

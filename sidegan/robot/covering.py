@@ -1,5 +1,6 @@
 """Meshes cut into parts, each with a capsule and a convex hull around it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,19 +41,23 @@ class Part:
         return self.ends, self.radius
 
 
-def cover(triangles: Points, most: int) -> list[Part]:
-    """Parts of a mesh, at most so many, and their capsules and hulls; every triangle is within one of each.
+def cover(meshes: Sequence[Points], most: int) -> list[Part]:
+    """Parts of a link's meshes with capsules and hulls that each triangle is within one of.
 
     Triangles go to parts as a whole: capsules and hulls are convex, and hold a triangle whose corners they
-    hold. Parts are cut by planes, where that makes the union of the capsules and the hulls smallest.
+    hold. Several meshes are parts of their own, where there are at most so many: who drew them cut where it
+    bends. Parts are cut by planes, where that makes the union of the capsules and the hulls smallest.
 
     Args:
-        triangles: corners of the triangles [m], (N, 3, 3).
-        most: number of parts.
+        meshes: corners of the triangles of each mesh [m], (N, 3, 3).
+        most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
     """
-    fine = subdivided(triangles, float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) / _FINE)
-    cutter = _Cutter(_sample(fine))
-    owner = np.zeros(len(fine), dtype=int)
+    edge = float(np.ptp(np.concatenate(meshes).reshape(-1, 3), axis=0).max()) / _FINE
+    groups = [
+        subdivided(mesh, edge) for mesh in (meshes if len(meshes) <= most else [np.concatenate(meshes)])
+    ]
+    fine, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    cutter = _Cutter([_sample(group) for group in groups])
     middles = fine.mean(1)
     for _ in range(most - 1):
         cut = cutter.cut()
@@ -98,18 +103,20 @@ def _sample(triangles: Points) -> Points:
 class _Cutter:
     """Triangles (N, 3, 3) in parts, and the capsules and hulls around these as they are cut further."""
 
-    def __init__(self, triangles: Points) -> None:
+    def __init__(self, groups: Sequence[Points]) -> None:
         from scipy.stats import qmc  # takes a second to import
 
-        self.triangles, self.middles = triangles, triangles.mean(1)
-        self.owner = np.zeros(len(triangles), dtype=int)
+        self.triangles = triangles = np.concatenate(groups)
+        self.middles = triangles.mean(1)
+        self.owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
         low, high = triangles.min((0, 1)), triangles.max((0, 1))
         low, size = low - _PAD * (high - low).max(), high - low + 2 * _PAD * (high - low).max()
         self.probes = low + size * qmc.Sobol(3, scramble=False).random(_PROBES)
         self.cell = float(np.prod(size)) / _PROBES  # volume that each stands for [m³]
         self.filled: list[Points] = []  # how far each is inside of a part's capsule, from 0 to 1, (P,)
         self.hulls: list[float] = []  # volumes [m³]
-        self._put(0, triangles)
+        for part, group in enumerate(groups):
+            self._put(part, group)
 
     @property
     def count(self) -> int:

@@ -17,7 +17,8 @@ from sidegan.robot.capsule_fit import Points, Segment
 from sidegan.robot.covering import cover
 from sidegan.robot.hull import thinned
 
-VERSION = 1  # raise it when covers of the same meshes become others
+VERSION = 1  # raise it when covers of the same mesh become others
+SEVERAL = 3  # the same of links with several meshes
 VARIABLE = "SIDEGAN_CACHE"  # environment variable that names the folder of the cache
 
 _FINE = 3e-4  # [m] by which hulls may be larger than they need be, for fewer corners
@@ -34,15 +35,16 @@ class Cover:
     rounding: tuple[float, ...]  # radius of the ball that is added to each hull [m]
 
 
-def cover_of(meshes: str, triangles: Callable[[], Points], pieces: int) -> Cover:
+def cover_of(meshes: str, count: int, triangles: Callable[[], list[Points]], pieces: int) -> Cover:
     """Cover of the meshes of a link, from the cache where it is there.
 
     Args:
         meshes: digest of the meshes.
-        triangles: gives the corners of their triangles [m], (N, 3, 3).
+        count: their number.
+        triangles: gives the corners of the triangles of each [m], (N, 3, 3).
         pieces: their number at most.
     """
-    digest = hashlib.sha256(f"{meshes} {pieces} {VERSION}".encode()).hexdigest()
+    digest = hashlib.sha256(f"{meshes} {pieces} {VERSION if count == 1 else SEVERAL}".encode()).hexdigest()
     file = cache_folder() / "shapes" / f"{digest}.npz"
     found = read(file, digest)
     if found is None:
@@ -59,10 +61,10 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
 
 
-def make(digest: str, triangles: Points, pieces: int) -> Cover:
-    """A cover of triangles, (N, 3, 3)."""
-    _log.info("fitting collision shapes to %d triangles", len(triangles))
-    parts = cover(triangles, pieces)
+def make(digest: str, meshes: list[Points], pieces: int) -> Cover:
+    """A cover of the triangles of some meshes, (N, 3, 3) each."""
+    _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
+    parts = cover(meshes, pieces)
     hulls = [thinned(part.corners, _FINE) for part in parts]
     return Cover(
         digest,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.links import check_inertia, prepare_shapes
+from sidegan.robot.links import Origin, check_inertia, mesh_origins, prepare_shapes
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.semantics import Semantics, read_semantics, touching_in, touching_of
 from sidegan.robot.setup import PLAIN, Setup
@@ -26,6 +26,7 @@ class Description:
     limits: dict[str, JointLimits]  # of each joint that moves
     moved: dict[str, str]  # the link that each of these joints leads to
     missing: dict[str, list[str]]  # mesh files that are not there, by the link that lacks them
+    origins: dict[str, list[Origin]]  # of the collision meshes of each link that has some, there or not
     semantics: Semantics  # named poses of all joints, and pairs of links that may touch
     told: list[str]  # what was decided for the user
     parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
@@ -64,9 +65,11 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
     semantics = read_semantics(setup, tree, source.poses)
     limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home))
     may_touch = own + touching_of(setup, tree, semantics)
-    missing = {}
+    missing, origins = {}, {}
     for link in root.findall("link"):
         link_name = link.get("name", "")
+        if own_meshes := mesh_origins(link, f"{where}: link {link_name!r}"):
+            origins[link_name] = own_meshes
         absent = prepare_shapes(link, path, f"{where}: link {link_name!r}")
         if absent:
             missing[link_name] = absent
@@ -79,6 +82,7 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         limits=limits,
         moved=moved,
         missing=missing,
+        origins=origins,
         semantics=semantics,
         told=[*source.told, *told, *more],
         parents=tree.parents(shaped | set(missing)),

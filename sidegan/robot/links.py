@@ -7,6 +7,8 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.meshes import find_mesh
 
+Origin = tuple[tuple[float, ...], tuple[float, ...]]  # place [m]; angles of roll, pitch and yaw [rad]
+
 _SIZES = {  # of each shape: how many numbers each of its sizes has
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -34,6 +36,17 @@ def check_inertia(link: ET.Element, where: str) -> float:
     for key in ("xyz", "rpy"):
         xml.vector(inertial.find("origin"), key, where, "0 0 0")
     return mass
+
+
+def mesh_origins(link: ET.Element, where: str) -> list[Origin]:
+    """Where a link's collision meshes are in its frame."""
+    origins = [
+        one.find("origin") for one in link.findall("collision") if one.find("geometry/mesh") is not None
+    ]
+    return [
+        (xml.vector(origin, "xyz", where, "0 0 0"), xml.vector(origin, "rpy", where, "0 0 0"))
+        for origin in origins
+    ]
 
 
 def prepare_shapes(link: ET.Element, path: Path, where: str) -> list[str]:

@@ -79,7 +79,11 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
     shapes = pin_model.collision_shapes(model, description, setup.pieces)
-    shapes += _kept(setup, description)
+    if setup.shapes is not None:
+        from sidegan.robot.kept import mesh_places, read_shapes
+
+        kept = read_shapes(Path(setup.shapes).expanduser(), mesh_places(model, description))
+        shapes += _wanted(kept, description)
     capsules = capsules_of(shapes)
     stamped = sorted(shape.digest for shape in shapes if shape.digest) + _stamped(setup, description)
     stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION}"]
@@ -103,13 +107,8 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     )
 
 
-def _kept(setup: Setup, description: Description) -> list["Shape"]:
-    """Shapes that were kept of the links whose meshes are not there; these count as found."""
-    if setup.shapes is None:
-        return []
-    from sidegan.robot.kept import read_shapes
-
-    kept = read_shapes(Path(setup.shapes).expanduser())
+def _wanted(kept: list["Shape"], description: Description) -> list["Shape"]:
+    """Those of the kept shapes whose meshes are not there; these count as found."""
     found = [shape for shape in kept if shape.owner in description.missing]
     for shape in found:
         del description.missing[shape.owner]

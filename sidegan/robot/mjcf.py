@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
-from sidegan.robot.enclosing import around_points
 from sidegan.robot.locking import rotation, write_placement
+from sidegan.robot.mjcf_shapes import GeomWriter, turn_of, words
 from sidegan.robot.sources import Source
 
 _log = logging.getLogger(__name__)
@@ -23,15 +23,6 @@ _KINDS = {
     int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
     int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
 }
-_SHAPES = {
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
-    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
-    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
-    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",  # around it
-    int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
-}
-_FORMATS = (".stl", ".obj", ".dae")  # of meshes that Pinocchio reads
 
 
 def read_mjcf(path: Path) -> Source:
@@ -39,7 +30,8 @@ def read_mjcf(path: Path) -> Source:
 
     Links are named as bodies. Limits on velocity are unknown to MJCF and have to be stated; limits on torque
     are those of joints, or else of actuators. Equality constraints between joints become mimic joints, and
-    keyframes named poses. Shapes that take part in collisions are kept, but for planes and height fields.
+    keyframes named poses. Shapes that take part in collisions are kept, but for planes and height fields;
+    those that MuJoCo shows are what pictures show.
 
     Args:
         path: the file.
@@ -69,12 +61,15 @@ class _Writer:
         self.root = ET.Element("robot", name=_model_name(model) or path.stem)
         self.dropped: list[str] = []
         self._efforts = _efforts(model)
+        geoms = GeomWriter(model, path)
         for body in range(model.nbody):
             link = ET.SubElement(self.root, "link", name=self.name("body", body))
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
-                self._shape(link, geom)
+                geoms.write_visual(link, geom)
+                if not geoms.write_collision(link, geom):
+                    self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
             if body:
                 self._joints(body)
         self._mimics()
@@ -114,7 +109,7 @@ class _Writer:
             return
         inertial = ET.SubElement(link, "inertial")
         origin = ET.SubElement(inertial, "origin")
-        write_placement(origin, _turn(model.body_iquat[body]), model.body_ipos[body])
+        write_placement(origin, turn_of(model.body_iquat[body]), model.body_ipos[body])
         ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
         xx, yy, zz = (repr(float(x)) for x in model.body_inertia[body])
         ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
@@ -123,7 +118,7 @@ class _Writer:
         """The joints between a body and its parent, each with a link of its own but the last."""
         model = self.model
         parent, child = self.name("body", model.body_parentid[body]), self.name("body", body)
-        turn, place = _turn(model.body_quat[body]), model.body_pos[body].copy()
+        turn, place = turn_of(model.body_quat[body]), model.body_pos[body].copy()
         count, first = model.body_jntnum[body], model.body_jntadr[body]
         for joint in range(first, first + count):
             anchor, axis = model.jnt_pos[joint].copy(), model.jnt_axis[joint]
@@ -162,7 +157,7 @@ class _Writer:
         model = self.model
         if element.get("type") == "floating":
             return
-        ET.SubElement(element, "axis", xyz=_words(model.jnt_axis[joint]))
+        ET.SubElement(element, "axis", xyz=words(model.jnt_axis[joint]))
         limit = ET.SubElement(element, "limit", velocity="0", effort=repr(self._efforts.get(joint, 0.0)))
         if model.jnt_limited[joint]:
             lower, upper = model.jnt_range[joint]
@@ -179,58 +174,6 @@ class _Writer:
                 one, other = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
                 offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
                 ET.SubElement(joints[one], "mimic", joint=other, multiplier=factor, offset=offset)
-
-    def _shape(self, link: ET.Element, geom: int) -> None:
-        """A geom as a collision shape, if it takes part in collisions."""
-        model = self.model
-        if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
-            return
-        turn, place = _turn(model.geom_quat[geom]), model.geom_pos[geom].copy()
-        x, y, z = (float(size) for size in model.geom_size[geom])
-        kind = _SHAPES.get(int(model.geom_type[geom]))
-        collision = ET.Element("collision")
-        shape = ET.SubElement(collision, "geometry")
-        if kind == "sphere":
-            ET.SubElement(shape, kind, radius=repr(x))
-        elif kind in ("capsule", "cylinder"):
-            ET.SubElement(shape, kind, radius=repr(x), length=repr(2 * y))
-        elif kind == "box":
-            ET.SubElement(shape, kind, size=_words([2 * x, 2 * y, 2 * z]))
-        elif kind == "mesh":
-            turn, place = self._mesh(shape, int(model.geom_dataid[geom]), turn, place)
-        else:
-            self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
-            return
-        origin = ET.Element("origin")
-        write_placement(origin, turn, place)
-        collision.insert(0, origin)
-        link.append(collision)
-
-    def _mesh(self, shape: ET.Element, mesh: int, turn: Vector, place: Vector) -> tuple[Vector, Vector]:
-        """A mesh by its file, or a capsule around its vertices where it has none; its rotation and place."""
-        model = self.model
-        file = self._file(mesh)
-        if file is not None:  # MuJoCo moved its vertices into the principal axes of inertia: undo that
-            turn = turn @ _turn(model.mesh_quat[mesh]).T
-            place = place - turn @ model.mesh_pos[mesh]
-            ET.SubElement(shape, "mesh", filename=str(file), scale=_words(model.mesh_scale[mesh]))
-            return turn, place
-        first = model.mesh_vertadr[mesh]
-        (a, b), radius = around_points(
-            model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
-        )
-        length = float(np.linalg.norm(b - a))
-        ET.SubElement(shape, "capsule", radius=repr(float(radius)), length=repr(max(length, 1e-9)))
-        return turn @ _onto((b - a) / length if length else np.array([0.0, 0, 1])), place + turn @ (a + b) / 2
-
-    def _file(self, mesh: int) -> Path | None:
-        """The file that a mesh was read from, where Pinocchio can read it too."""
-        address = self.model.mesh_pathadr[mesh]
-        if address < 0:
-            return None
-        name = self.model.paths[address:].split(b"\0", 1)[0].decode()
-        file = self.path.parent / name
-        return file.resolve() if file.suffix.lower() in _FORMATS and file.is_file() else None
 
 
 def _efforts(model: mujoco.MjModel) -> dict[int, float]:
@@ -250,21 +193,3 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
 
 def _model_name(model: mujoco.MjModel) -> str:
     return model.names.split(b"\0", 1)[0].decode()
-
-
-def _turn(quaternion: Vector) -> Vector:
-    """Rotation (3, 3) of a quaternion, scalar first."""
-    out = np.zeros(9)
-    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
-    return out.reshape(3, 3)
-
-
-def _onto(direction: Vector) -> Vector:
-    """A rotation (3, 3) that turns z into a unit vector."""
-    quaternion = np.zeros(4)
-    mujoco.mju_quatZ2Vec(quaternion, direction)
-    return _turn(quaternion)
-
-
-def _words(numbers: Vector | list[float]) -> str:
-    return " ".join(repr(float(x)) for x in numbers)

@@ -66,7 +66,7 @@ def collision_shapes(model: pin.Model, description: Description, pieces: int) ->
     Args:
         model: Pinocchio's.
         description: the same arm's.
-        pieces: convex pieces that the meshes of a link are cut into, at most.
+        pieces: convex pieces that the mesh of a link is cut into, at most.
     """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)

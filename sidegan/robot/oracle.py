@@ -102,4 +102,6 @@ def collides(arm: Arm, q: NDArray[np.float64], exempt: Iterable[tuple[str, str]]
         if shapes[i].parentJoint != shapes[k].parentJoint and {owners[i], owners[k]} not in spared:
             geometry.addCollisionPair(pin.CollisionPair(i, k))
     data, found = model.createData(), geometry.createData()
+    for request in found.collisionRequests:
+        request.enable_contact = True  # without it coal 3.0 misses some collisions of two cylinders
     return np.array([pin.computeCollisions(model, data, geometry, found, x, True) for x in q], dtype=bool)

@@ -34,7 +34,7 @@ class Setup:
     limits_file: str | None = None  # path of a MoveIt joint_limits.yaml
     srdf: str | None = None  # path of a semantic description: named poses, pairs that may touch
     home: str | None = None  # a named pose of the SRDF, or a keyframe of the MJCF; null: trajectory.home
-    pieces: Pieces = 4  # convex pieces that the meshes of a link are cut into, at most
+    pieces: Pieces = 4  # convex pieces that the mesh of a link is cut into, at most
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
     shapes: str | None = None  # file of fitted shapes, for links whose meshes are not there
     srdf_pairs: bool = False  # whether pairs that the SRDF disables are not kept apart either

@@ -157,14 +157,14 @@ class MeshGroup:
         self.group = group
 
     @cached_property
-    def triangles(self) -> Points:
-        """Corners of all triangles [m], (N, 3, 3)."""
+    def triangles(self) -> list[Points]:
+        """Corners of the triangles of each mesh that has some [m], (N, 3, 3)."""
         first = self.group[0].placement
         parts = []
         for one in self.group:
             relative = first.actInv(one.placement)
             parts.append(_triangles(one.geometry) @ relative.rotation.T + relative.translation)
-        return np.concatenate(parts)
+        return [part for part in parts if len(part)]
 
     @cached_property
     def digest(self) -> str:
@@ -180,7 +180,7 @@ class MeshGroup:
 def _fitted(group: list[pin.GeometryObject], owner: str, pieces: int) -> Shape:
     """Capsules and hulls around the meshes of a link."""
     meshes, placement = MeshGroup(group), group[0].placement
-    cover: Cover = cover_of(meshes.digest, lambda: meshes.triangles, pieces)
+    cover: Cover = cover_of(meshes.digest, len(group), lambda: meshes.triangles, pieces)
     where = hashlib.sha256(_rounded(np.r_[placement.rotation.ravel(), placement.translation])).hexdigest()
 
     def placed(points: Points) -> Points:

@@ -1,11 +1,18 @@
 """A distance that is kept: shapes and regions that are thicker by it, each by half."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
+from sidegan.base.names import listed
+from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.validity.regions import Region
+
+_STEPS = 1e4  # per metre: clearances that are offered are so many whole ones
+_SPARE = 0.1  # share of the distance that is there, that these stay below
+_SHOWN = 4  # names that are told
 
 _made: WeakKeyDictionary[Arm, dict[float, Arm]] = WeakKeyDictionary()
 
@@ -28,3 +35,19 @@ def thicker(arm: Arm, clearance: float) -> Arm:
 def grown(regions: Sequence[Region], clearance: float) -> tuple[Region, ...]:
     """Regions whose surfaces lie half a clearance [m] further out; at the edges of boxes a little more."""
     return tuple(region.grown(clearance / 2) if clearance else region for region in regions)
+
+
+def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
+    """What to say of a clearance that some never have.
+
+    Args:
+        clearance: that one [m].
+        near: what is always nearer.
+        left: what is left of their distance beyond the clearance at best, below zero [m].
+    """
+    room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
+    most = max(math.floor(room * _STEPS), 0) / _STEPS
+    return InfeasibleError(
+        f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
+        f"{listed(list(near), _SHOWN)}; 'workspace.clearance={most:g}' leaves room for these"
+    )

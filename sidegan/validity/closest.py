@@ -33,17 +33,31 @@ def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tenso
     """Which, distance and points of some states."""
     with torch.no_grad():
         margins = constraints.at_rest(q)
-        checked = [margins[name] for name in ("collision", "keep_out") if name in margins]
-        distance, which = torch.cat(checked, 1).min(1)
+        lower = torch.cat([margins[name] for name in ("collision", "keep_out") if name in margins], 1)
+        known = ~_finer(constraints).expand_as(lower).clone()
+        while True:  # capsules tell too little: what is nearest is looked into until it stays so
+            distance, which = lower.min(1)
+            rows = torch.nonzero(~known.gather(1, which[:, None])[:, 0])[:, 0]
+            if not len(rows):
+                break
+            inner = constraints.pieces.lower(q, torch.stack([rows, which[rows]], 1))
+            lower[rows, which[rows]] = torch.maximum(distance[rows], inner)
+            known[rows, which[rows]] = True
     return which, distance + constraints.clearance, _points(constraints, q, which)
+
+
+def _finer(constraints: Constraints) -> Tensor:
+    """Which of the pairs and the guarded links have something inside of their capsules that is looked at."""
+    return torch.cat([constraints.pieces.finer, torch.zeros(len(constraints.guarded), dtype=torch.bool)])
 
 
 @torch.enable_grad()
 def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
-    """Nearest points [m], (N, 2, 3), of the capsules of these pairs, or of a capsule and its region.
+    """Nearest points [m], (N, 2, 3), of what these pairs are, or of a capsule and its region.
 
-    A distance grows at unit rate along the line between the nearest points, so that its slopes in the ends of
-    a capsule's axis tell the direction, and by their sizes where on the axis the nearest point is.
+    Pieces have theirs from the search for their distance. A capsule's distance grows at unit rate along the
+    line between the nearest points, so that its slopes in the ends of the axis tell the direction, and by
+    their sizes where on the axis the nearest point is.
     """
     axes, points = torch.stack(capsule_axes(constraints.arm, q.T.contiguous())), q.new_zeros(len(q), 2, 3)
     radius, count = constraints.arm.capsules.radius.to(q), len(constraints.pairs)
@@ -54,6 +68,7 @@ def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
     for k, (axis, side) in enumerate(((one, first), (other, second))):
         spot, away = _on_axis(axis, apart)
         points[states, k] = spot - radius[side][:, None] * away
+    _put_pieces(constraints, q, which, points)
     for index, region in enumerate(constraints.regions):
         ours = torch.nonzero(constraints.guarded[:, 0] == index)[:, 0] + count
         states = torch.nonzero(torch.isin(which, ours))[:, 0]
@@ -64,6 +79,21 @@ def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
         points[states, 0] = spot - radius[side][:, None] * away
         points[states, 1] = spot - apart.detach()[:, None] * away
     return points
+
+
+def _put_pieces(constraints: Constraints, q: Tensor, which: Tensor, points: Tensor) -> None:
+    """Put the nearest points of pieces, where they are apart, in the place of those of their capsules."""
+    inside, pieces = constraints.pieces, constraints.arm.capsules.pieces
+    states = torch.nonzero(_finer(constraints)[which])[:, 0]
+    if pieces is None or not len(states):
+        return
+    found = inside.nearest(q, torch.stack([states, which[states]], 1))
+    apart = found.isfinite().all(2).all(1)
+    states, found = states[apart], found[apart]
+    towards = torch.nn.functional.normalize(found[:, 1] - found[:, 0], dim=1)
+    radius = pieces.radius[constraints.pairs[which[states]]].to(q)
+    points[states, 0] = found[:, 0] + radius[:, :1] * towards
+    points[states, 1] = found[:, 1] - radius[:, 1:] * towards
 
 
 def _on_axis(axis: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:

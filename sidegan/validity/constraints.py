@@ -12,8 +12,8 @@ from sidegan.motion.compiled.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.clearance import grown, thicker
-from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled
+from sidegan.validity.clearance import grown, thicker, too_large
+from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, usual_gaps
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Region, tables
 
@@ -42,6 +42,7 @@ class Constraints:
         pairs: checked capsule pairs, (P, 2).
         pieces: distances of what is inside of these capsules.
         exempt: pairs of links that are not kept apart, and why.
+        often: such that are, and touch in most random configurations.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
         excepted: what could be checked and is not, by constraint.
@@ -64,6 +65,7 @@ class Constraints:
         self.excepted: dict[str, tuple[str, ...]] = {}
         found = self._pairs()
         self.pairs, self._links = found.checked, found.links
+        self.often = found.often
         self.exempt = (*found.neighbours, *found.named, *found.never)
         if found.named:
             self.excepted["collision"] = tuple(" – ".join(one.links) for one in found.named)
@@ -250,7 +252,10 @@ class Constraints:
             farthest = self._region_distances(a, b, guarded).amax(1)
             leaves = farthest + self.clearance > 0
             self._except_guarded(guarded, leaves)
-            self._require_clearance(guarded[leaves & (farthest <= 0)])
+            short = leaves & (farthest <= 0)
+            if short.any():
+                names = self._guarded_names(guarded[short])
+                raise too_large(self.clearance, names, float(farthest[short].min()))
             guarded = guarded[leaves]
         return guarded
 
@@ -260,18 +265,11 @@ class Constraints:
             return pairs_of(self.arm)
         try:
             return pairs_of(self._thick)
-        except InfeasibleError as error:
-            raise InfeasibleError(
-                f"workspace.clearance={self.clearance:g} cannot be kept, set a smaller one: {error}"
-            ) from error
-
-    def _require_clearance(self, near: Tensor) -> None:
-        """Refuse a clearance that links never have."""
-        if len(near):
-            raise InfeasibleError(
-                f"workspace.clearance={self.clearance:g} cannot be kept, set a smaller one: always nearer "
-                f"are {listed(list(self._guarded_names(near)), _SHOWN)}"
-            )
+        except InfeasibleError:
+            pairs_of(self.arm)  # refuses links that touch without any clearance, with what helps against that
+            near = usual_gaps(self._thick)
+            names = [" – ".join(links) for links in near]
+            raise too_large(self.clearance, names, min(near.values(), default=-torch.inf)) from None
 
     def _except_guarded(self, guarded: Tensor, leaves: Tensor) -> None:
         """Keep which links never leave a region; refuse a region that none does."""

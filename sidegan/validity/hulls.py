@@ -22,35 +22,50 @@ _SUBSETS = [list(corners) for size in (1, 2, 3) for corners in combinations(rang
 
 def apart(one: Hull, other: Hull) -> Floats:
     """Lower bounds of the distances [m], (N,), exact but for 1e-8 m; minus infinity where hulls touch."""
+    return _search(one, other)[0]
+
+
+def nearest_points(one: Hull, other: Hull) -> Floats:
+    """Points of two hulls [m], (N, 2, 3), that are nearest to each other; not numbers where they touch."""
+    bound, weights, corners = _search(one, other)
+    points = np.einsum("nk,nksi->nsi", weights, corners)
+    points[~np.isfinite(bound)] = np.nan
+    return points
+
+
+def _search(one: Hull, other: Hull) -> tuple[Floats, Floats, Floats]:
+    """The bounds, and shares (N, 4) of corners of both hulls [m], (N, 4, 2, 3), in the nearest points."""
     count = len(one[1])
     middles = [place + turn @ corners.mean(0) for corners, turn, place in (one, other)]
     v = middles[0] - middles[1]
     v = np.where(np.linalg.norm(v, axis=1, keepdims=True) > 0, v, [1.0, 0.0, 0.0])
-    simplex = np.zeros((count, 4, 3))
+    simplex, corners = np.zeros((count, 4, 3)), np.zeros((count, 4, 2, 3))
     weights = np.zeros((count, 4))
     bound, busy = np.full(count, -np.inf), np.arange(count)
     for step in range(_ROUNDS):
-        new = _farthest(one, -v, busy) - _farthest(other, v, busy)
+        pair = np.stack([_farthest(one, -v, busy), _farthest(other, v, busy)], 1)
+        new = pair[:, 0] - pair[:, 1]
         size = np.linalg.norm(v, axis=1)
         bound[busy] = np.maximum(bound[busy], (v * new).sum(1) / size)
         known = (simplex[busy] == new[:, None]).all(2).any(1) & (step > 0)
         done = known | ((size - bound[busy] <= _CLOSE) & (step > 0))
-        busy, new = busy[~done], new[~done]
+        busy, pair, new = busy[~done], pair[~done], new[~done]
         if not len(busy):
             break
         free = np.argmin(weights[busy], axis=1)
         if step == 0:
-            simplex[busy] = new[:, None]  # all four corners are one
-        simplex[busy, free] = new
+            simplex[busy], corners[busy] = new[:, None], pair[:, None]  # all four corners are one
+        simplex[busy, free], corners[busy, free] = new, pair
         inside = _holds_origin(simplex[busy])
         weights[busy], v = _nearest(simplex[busy])
         used = np.argmax(weights[busy], axis=1)
-        padding = np.repeat(simplex[busy, used][:, None], 4, axis=1)
-        simplex[busy] = np.where(weights[busy][..., None] > 0, simplex[busy], padding)
+        counts = weights[busy][..., None] > 0
+        simplex[busy] = np.where(counts, simplex[busy], simplex[busy, used][:, None])
+        corners[busy] = np.where(counts[..., None], corners[busy], corners[busy, used][:, None])
         touching = inside | (np.linalg.norm(v, axis=1) <= _TOUCHING)
         bound[busy[touching]] = -np.inf
         busy, v = busy[~touching], v[~touching]
-    return bound
+    return bound, weights, corners
 
 
 def _farthest(hull: Hull, direction: Floats, rows: NDArray[np.int64]) -> Floats:

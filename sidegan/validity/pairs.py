@@ -1,7 +1,8 @@
 """Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import torch
@@ -18,6 +19,7 @@ from sidegan.validity.proof import never_touching
 SAMPLES = 4_000  # random configurations that capsules are tried in
 _INSIDE = 1_000  # of them that what is inside of capsules is tried in
 _FEW = 3  # pairs that may all touch always: a short arm has no others
+_OFTEN = 0.5  # share of the configurations from which on touching is suspicious
 _SHOWN = 6  # pairs of links that a message names
 
 Links = tuple[str, str]
@@ -45,6 +47,7 @@ class Pairs:
     neighbours: tuple[Exemption, ...]  # a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user, the description or the SRDF names
     never: tuple[Exemption, ...]  # that provably cannot touch
+    often: tuple[Exemption, ...]  # that are kept apart, and touch in most configurations
 
 
 _found: WeakKeyDictionary[Arm, Pairs] = WeakKeyDictionary()
@@ -78,7 +81,33 @@ def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
     return apart - (radius[first] + radius[second])[:, None]
 
 
-def _find(arm: Arm) -> Pairs:
+def usual_gaps(arm: Arm) -> dict[Links, float]:
+    """How far those links of an arm are apart in half of the random configurations [m] that always touch.
+
+    Shapes that are thicker by a clearance touch where less than it is between them: the gaps of such an arm
+    are below zero, and minus infinity where hulls overlap.
+    """
+    candidates = _candidates(arm)
+    touching = _Touching(arm, candidates.pairs, candidates.of)
+    return {
+        links: touching.gap(links)
+        for links in _marked(candidates.of, candidates.open)
+        if touching.always(links)
+    }
+
+
+class _Candidates(NamedTuple):
+    """Pairs of capsules on links that some joint moves against each other."""
+
+    pairs: Tensor  # (P, 2)
+    of: list[Links]  # the links of each
+    near: list[bool]  # whether these are neighbours
+    named: list[bool]  # whether somebody named them
+    open: list[bool]  # whether they are to be kept apart
+    said: dict[Links, str]  # who named which
+
+
+def _candidates(arm: Arm) -> _Candidates:
     link, owners = arm.capsules.link, arm.capsules.owners
     pairs = torch.combinations(torch.arange(len(link)))
     apart = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs()
@@ -88,7 +117,11 @@ def _find(arm: Arm) -> Pairs:
     near = [bool(d == 1) and (parents is None or links in parents) for d, links in zip(apart, of)]
     said = {_sorted(one, other): why for one, other, why in arm.may_touch}
     named = [links in said and not n for links, n in zip(of, near)]
-    open_ = [not (n or m) for n, m in zip(near, named)]
+    return _Candidates(pairs, of, near, named, [not (n or m) for n, m in zip(near, named)], said)
+
+
+def _find(arm: Arm) -> Pairs:
+    pairs, of, near, named, open_, said = _candidates(arm)
     touching = _Touching(arm, pairs, of)
     _refuse(arm, touching, _marked(of, open_))
     kept = torch.tensor([k for k, o in enumerate(open_) if o], dtype=torch.long)
@@ -100,6 +133,7 @@ def _find(arm: Arm) -> Pairs:
         neighbours=tuple(Exemption(links, "neighbours") for links in _marked(of, near)),
         named=tuple(Exemption(links, said[links], touching.share(links)) for links in _marked(of, named)),
         never=tuple(Exemption(links, "never touch") for links in _marked(of, open_) if links not in left),
+        often=tuple(touching.often(_marked(of, open_))),
     )
 
 
@@ -120,7 +154,8 @@ class _Touching:
         self.q = sampled(arm)
         self.inside = PieceDistances(arm, pairs)
         none = torch.zeros(0, SAMPLES, dtype=torch.bool)
-        self.apart = capsule_distances(arm, self.q, pairs) > 0 if len(pairs) else none
+        self.capsules = capsule_distances(arm, self.q, pairs) if len(pairs) else none.double()
+        self.apart = self.capsules > 0
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""
@@ -140,6 +175,30 @@ class _Touching:
             else:
                 touch[asked] = True
         return float(touch.double().mean() * (~apart).double().mean())
+
+    def often(self, links: Iterable[Links]) -> Iterator[Exemption]:
+        """Those of some pairs of links that touch in most configurations."""
+        for pair in links:
+            mine = [k for k, one in enumerate(self.of) if one == pair]
+            if float((~self.apart[mine].all(0)).double().mean()) < _OFTEN:
+                continue
+            share = self.share(pair)
+            if share >= _OFTEN:
+                yield Exemption(pair, "kept apart", share)
+
+    def gap(self, links: Links) -> float:
+        """Distance of two links that half of the configurations exceed [m]."""
+        mine = [k for k, pair in enumerate(self.of) if pair == links]
+        count = min(_INSIDE, SAMPLES)
+        nearest = torch.full((count,), torch.inf, dtype=torch.float64)
+        rows = torch.arange(count)
+        for k in mine:
+            found = self.capsules[k, :count]
+            if self.inside.finer[k]:
+                asked = torch.stack([rows, torch.full_like(rows, k)], 1)
+                found = torch.maximum(found, self.inside.lower(self.q, asked))
+            nearest = torch.minimum(nearest, found)
+        return float(nearest.median())
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
@@ -162,6 +221,16 @@ def _refuse(arm: Arm, touching: _Touching, links: Iterable[Links]) -> None:
     raise InfeasibleError(
         f"links of {arm.name} that touch in every one of {SAMPLES:,} random configurations: {names}; correct "
         f"their shapes, or, if nothing is wrong with their touching, {allowed(stuck, arm.setup.may_touch)} "
+        "leaves these pairs unchecked"
+    )
+
+
+def tell_often(arm: Arm, often: Sequence[Exemption]) -> str:
+    """What to say of links that are kept apart and touch in most configurations."""
+    named = allowed([one.links for one in often], arm.setup.may_touch)
+    return (
+        "links that are kept apart and touch in most configurations: "
+        f"{listed(list(map(str, often)), _SHOWN)}; where one runs inside of the other by design, {named} "
         "leaves these pairs unchecked"
     )
 

@@ -1,5 +1,6 @@
 """How far apart the convex pieces inside of capsules are: compiled where numba is there, else by NumPy."""
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from sidegan.motion.compiled.chain import Chain, Shapes, array
 from sidegan.robot import Arm
 from sidegan.robot.arm import Pieces
 from sidegan.validity.capsules import frames_of, segment_distance
-from sidegan.validity.hulls import apart
+from sidegan.validity.hulls import Hull, apart, nearest_points
 from sidegan.validity.regions import tables
 
 if TYPE_CHECKING:
@@ -91,17 +92,38 @@ class PieceDistances:
         found[order] = torch.from_numpy(out)
         return found
 
+    def nearest(self, q: Tensor, asked: Tensor) -> Tensor:
+        """Nearest points of the hulls [m], (M, 2, 3), in the world; not numbers where these touch.
+
+        Args:
+            q: positions [rad or m], (N, J).
+            asked: row and pair of each question, (M, 2).
+        """
+        out = np.full((len(asked), 2, 3), np.nan)
+        if self.pieces is not None:
+            for _, mine, hulls in self._placed(self.pieces, q, asked):
+                out[mine] = nearest_points(*hulls)
+        return torch.from_numpy(out).to(q)
+
     def _plain(self, pieces: Pieces, q: Tensor, asked: Tensor) -> Tensor:
-        turns, places = (x.double().numpy() for x in frames_of(self.arm, q.T.contiguous()))
-        corners, start = pieces.corners.numpy(), pieces.start.tolist()
         out = np.empty(len(asked))
-        rows, which = asked.T.numpy()
-        for p in np.unique(which):
-            mine = np.flatnonzero(which == p)
-            hulls = []
-            for c in self.pairs[p].tolist():
-                frame = int(self.arm.capsules.link[c]) + 1
-                turn, place = turns[frame, rows[mine]], places[frame, rows[mine]]
-                hulls.append((corners[start[c] : start[c + 1]], turn, place))
+        for p, mine, hulls in self._placed(pieces, q, asked):
             out[mine] = apart(*hulls) - float(pieces.radius[self.pairs[p]].sum())
         return torch.from_numpy(out).to(q)
+
+    def _placed(
+        self, pieces: Pieces, q: Tensor, asked: Tensor
+    ) -> Iterator[tuple[int, NDArray[np.int64], tuple[Hull, Hull]]]:
+        """Each pair that is asked about, which questions these are, and both hulls where they are then."""
+        turns, places = (x.double().numpy() for x in frames_of(self.arm, q.T.contiguous()))
+        corners, start = pieces.corners.numpy(), pieces.start.tolist()
+        rows, which = asked.T.numpy()
+
+        def hull(c: int, at: NDArray[np.int64]) -> Hull:
+            frame = int(self.arm.capsules.link[c]) + 1
+            return corners[start[c] : start[c + 1]], turns[frame, at], places[frame, at]
+
+        for p in np.unique(which).tolist():
+            mine = np.flatnonzero(which == p)
+            one, other = self.pairs[p].tolist()
+            yield p, mine, (hull(one, rows[mine]), hull(other, rows[mine]))

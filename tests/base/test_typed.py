@@ -118,3 +118,19 @@ def test_what_was_read_reads_back_the_same(seed, rate, name):
     outer = build(Outer, {**GOOD, "seed": seed, "rate": rate, "name": name})
     again = {**dataclasses.asdict(outer), "corner": list(outer.corner)}
     assert build(Outer, again) == outer
+
+
+@dataclasses.dataclass(frozen=True)
+class Either:
+    files: list[str] | Annotated[float, Bound(">", 0), Bound("<", 1)]
+
+
+def test_a_list_or_one_value_is_read_by_what_it_is():
+    assert build(Either, {"files": ["a"]}).files == ["a"] and build(Either, {"files": 0.5}).files == 0.5
+    for wrong, told in (
+        (1, "files is 1, expected a list"),
+        ([2], r"files\[0\] is 2, expected text"),
+        ("a", "files is"),
+    ):
+        with pytest.raises(ConfigError, match=told):
+            build(Either, {"files": wrong})

@@ -152,6 +152,7 @@ def test_what_is_done_is_kept_and_the_page_says_what_is_refused(tmp_path, monkey
     monkeypatch.setattr(arms, "robot_file", lambda name: Path(name))
     monkeypatch.setattr(arms, "_load", lambda file: calls.append("load") or loaded)
     monkeypatch.setattr(arms, "_compare", lambda *a: calls.append("compare") or shapes)
+    monkeypatch.setattr(arms, "_rate", lambda *a: {"random": 2345.6, "set": 345.6})
     monkeypatch.setattr(arms, "_check", lambda *a: calls.append("check") or check)
 
     def excite(file, *rest):
@@ -164,7 +165,10 @@ def test_what_is_done_is_kept_and_the_page_says_what_is_refused(tmp_path, monkey
     words = ["--arms", "panda", "z1", "--work", str(tmp_path), "--page", str(tmp_path / "arms.md")]
     assert arms.main(words) == 1
     text = (tmp_path / "arms.md").read_text()
-    assert "| panda | 6 | with tip | 0.10% | 0.00% | 12 | 45.6 | 35 of 35 | 98% | 50% | — | 40% |" in text
+    assert (
+        "| panda | 6 | with tip | 0.10% | 0.00% | 12 | 45.6 | 2,346, 346 | 35 of 35 | 98% | 50% | — | 40% |"
+        in text
+    )
     assert "**z1**: no seed became valid" in text and "robot.tip=hand" in text
     assert arms.main(words) == 0
     assert calls.count("load") == 2 and calls.count("excite panda") == 1 and calls.count("check") == 2

@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError
-from sidegan.identification import TorqueModel, estimate
+from sidegan.identification import Measurements, TorqueModel, estimate, score
 from sidegan.identification.consistent import Consistent, least_eigenvalues
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, pseudo_inertia
-from tests.identification.recordings import fitted, model_of, recorded, truth_of
+from tests.identification.recordings import fitted, model_of, multisine, recorded, truth_of
 
 
 def links_of(model, found):
@@ -122,6 +122,25 @@ class TestFit:
             torch.autograd.grad(part, standard, retain_graph=True)[0] * scale for part in (misfit, pull)
         ]
         assert (slopes[0] + slopes[1]).norm() < 0.02 * slopes[0].norm()
+
+
+@pytest.mark.parametrize(("pull", "near"), [("logdet", 1.1), ("euclid", 1.3)])
+@pytest.mark.parametrize("right", [True, False])
+def test_the_pull_follows_what_the_samples_say_of_the_description(planar, right, pull, near):
+    """Over several recordings it is about as good as the best of three strengths, right or wrong."""
+    heavy = replace(planar, inertial_parameters=8 * planar.inertial_parameters)
+    truth, model = model_of(planar), model_of(planar if right else heavy)
+    test = recorded(truth, 500, seed=99)
+    errors = {strength: [] for strength in (0.1, 1.0, 10.0, None)}
+    for seed in range(4):
+        states = [0.3 * x for x in multisine(2, 300, seed)]
+        noise = torch.from_numpy(np.random.default_rng(seed).normal(size=(300, 2)))
+        data = Measurements(*states, truth.torque(truth_of(truth), *states) + noise)
+        for strength, one in errors.items():
+            found = fitted("consistent", model, data, strength=strength, pull=pull)
+            one.append(score(model, found.parameters, test).nmse_mean)
+    mean = {strength: np.mean(one) for strength, one in errors.items()}
+    assert mean[None] < near * min(mean.values()) and mean[None] < 0.9 * max(mean.values())
 
 
 class TestAccepted:

@@ -141,7 +141,8 @@ class TestVerdict:
         dead = replace(data, torque=torch.stack([data.torque[:, 0], torch.zeros(len(data))], 1))
         result = trust(model, estimate("ols", model, dead))
         assert result.verdict == "not trustworthy"
-        assert "joint 2 (elbow): the torque is constant on training data" in result.reasons
+        said = "joint 2 (elbow): the torque is constant on training data"
+        assert [reason.startswith(said) for reason in result.reasons].count(True) == 1
 
     def test_another_arm_on_the_test_bench(self, good):
         model, found, validation = good

@@ -70,7 +70,7 @@ def test_the_worst_joint_is_named(flawless, nmse, told):
 def test_uncertain_torque_decides(flawless, share, verdict, words):
     result = replace(flawless, torque_deviation=torch.tensor([share, 0.0], dtype=torch.float64))
     assert result.verdict == verdict
-    said = [x for x in result.reasons if x.startswith("joint 1 (shoulder) is not identifiable")]
+    said = [x for x in result.reasons if x.startswith("joint 1 (shoulder): not identifiable")]
     assert [words in x for x in said] == ([] if words is None else [True])
 
 
@@ -110,3 +110,36 @@ def test_advice_is_about_what_was_small(flawless, moved, fast, words):
     found = replace(flawless.estimate, reach=reach)
     (reason,) = replace(flawless, estimate=found, torque_deviation=shaken).reasons
     assert reason.partition("with a motion that ")[2].startswith(words) and " and " not in reason
+
+
+def test_all_about_a_joint_is_one_reason_and_the_gravest_comes_first(flawless):
+    result = replace(
+        flawless,
+        **errors(0.04, 0.31),
+        torque_deviation=torch.tensor([0.2, 0.2], dtype=torch.float64),
+    )
+    joints = [reason for reason in result.reasons if reason.startswith("joint ")]
+    assert [reason.partition(" (")[0] for reason in joints] == ["joint 2", "joint 1"]
+    assert all(word in joints[0] for word in ("leaves 31%", "uncertain by 20%", "excite it"))
+    assert "leaves" not in joints[1] and result.verdict == BAD
+
+
+@pytest.mark.parametrize(("deviations", "told"), [(1.9, False), (2.1, True)])
+@pytest.mark.parametrize(
+    ("name", "words"), [("fv2", "friction drives no joint"), ("Ia2", "a rotor has no negative inertia")]
+)
+def test_what_no_joint_has_is_told(flawless, name, words, deviations, told):
+    found = flawless.estimate
+    parameters, k = found.parameters.clone(), found.names.index(name)
+    parameters[k] = -deviations * found.deviation[k]
+    result = replace(flawless, estimate=replace(found, parameters=parameters))
+    assert result.verdict == (USABLE if told else GOOD)
+    assert (words in result.reasons[0]) == told
+    assert result.reasons[0].startswith("joint 2 (elbow)") == told
+
+
+def test_what_may_be_negative_is_not_told(flawless):
+    found = flawless.estimate
+    parameters = found.parameters.clone()
+    parameters[found.names.index("fo1")] = -5.0
+    assert replace(flawless, estimate=replace(found, parameters=parameters)).verdict == GOOD

@@ -8,7 +8,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.identification import EstimationSettings, Terms
-from sidegan.identification.workflow import identify_arm
+from sidegan.identification.workflow import CONSISTENT, identify_arm, preferred
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import of_file
 from tests.recording.made import moved
@@ -63,3 +63,40 @@ def test_fewer_equations_than_parameters_are_refused(planar, recordings):
     short = replace(recordings[0], segments=[type(segment)(*(x[:2] for x in segment))])
     with pytest.raises(RecordingError, match="2 samples of 2 joints are left, too few for"):
         identified(planar, [short])
+
+
+def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
+    assert preferred("weighted", {"weighted": 0.1, CONSISTENT: 0.109}) == CONSISTENT
+    assert preferred("weighted", {"weighted": 0.1, CONSISTENT: 0.111}) == "weighted"
+
+
+def impossible(arm, seed, folder=None):
+    """A checked recording of an arm whose second link has a moment of inertia below zero."""
+    links = arm.inertial_parameters.clone()
+    links[1, 4:] *= -2
+    time = np.arange(30 * 200) / 200
+    strange = replace(arm, inertial_parameters=links)
+    return check_recording(
+        moved(strange, time, VISCOUS, COULOMB, torch.Generator().manual_seed(seed)), arm, of_file()
+    )
+
+
+@pytest.mark.parametrize("validated", [True, False])
+def test_the_model_to_use_predicts_better(planar, recordings, validated):
+    training, validation = recordings[:1], recordings[1:2] if validated else []
+    assert identified(planar, training, validation).use == CONSISTENT
+    strange = [impossible(planar, seed) for seed in (0, 1)]
+    result = identified(planar, strange[:1], strange[1:] if validated else [])
+    assert result.use == "weighted" and bool(result.halves) == (not validated)
+    errors = result.halves or {name: one.nmse_mean for name, one in result.tests.items()}
+    assert errors["weighted"] < errors[CONSISTENT] / 1.1
+    assert result.trust.judged is (result.tests if validated else result.trained)["weighted"]
+    used = result.used_standard
+    torch.testing.assert_close(result.model.mapping @ used, result.estimates["weighted"].parameters)
+    assert not torch.allclose(used, result.standard)
+
+
+def test_short_halves_decide_nothing(planar, recordings):
+    segment = recordings[0].segments[0]
+    short = replace(recordings[0], segments=[type(segment)(*(x[:9] for x in segment))])
+    assert identified(planar, [short]).use == CONSISTENT

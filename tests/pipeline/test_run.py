@@ -348,23 +348,44 @@ def python(*arguments, cwd):
     )
 
 
-def test_help_shows_what_can_be_run_and_starts_nothing(tmp_path):
+def test_help_fits_a_screen_and_starts_nothing(tmp_path):
     done = python("-m", "sidegan.run", "--help", cwd=tmp_path)
     assert done.returncode == 0
     for words in (
-        "python -m sidegan.run +experiment=exp1 ",
+        "sidegan +experiment=exp1 ",
         "scale=paper",
         "-m +experiment=exp1 gan=vanilla,eigen,diagonal seed=0,1,2",
         "'stages=[seeds]'",
         "robot.name=/path/to/arm.urdf",
         "outputs/mlflow.db",
         "+experiment=excite",
+        "--help-all",
+    ):
+        assert words in done.stdout
+    lines = done.stdout.strip().splitlines()
+    assert len(lines) <= 40 and max(map(len, lines)) <= 110
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_all_of_the_help_has_every_stage_group_and_setting(tmp_path):
+    done = python("-m", "sidegan.run", "--help-all", cwd=tmp_path)
+    assert done.returncode == 0
+    for words in (
+        "sidegan +experiment=exp1 ",
         "  long            the single long trajectory in each of its readings",
         "experiment: beyond, design, excite, exp1",
         "workspace: desk, free",
     ):
         assert words in done.stdout
     assert list(tmp_path.iterdir()) == []
+
+
+def test_settings_of_ones_own_lie_in_a_folder_of_ones_own(tmp_path):
+    (tmp_path / "lab" / "robot").mkdir(parents=True)
+    (tmp_path / "lab" / "robot" / "ours.yaml").write_text("defaults: [planar2]\n", encoding="utf-8")
+    options = "--config-dir", "lab", "--cfg", "job", "--package", "robot"
+    done = python("-m", "sidegan.run", *options, "+experiment=exp1", "robot=ours", cwd=tmp_path)
+    assert done.returncode == 0 and "name: planar2" in done.stdout, done.stderr
 
 
 def test_the_configuration_is_shown_without_a_heavy_import(tmp_path):

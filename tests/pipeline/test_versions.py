@@ -19,7 +19,7 @@ from sidegan.pipeline.task import RESULTS, Task
 from tests.tiny import tiny
 
 RECORD = Path(__file__).with_name("recorded.json")
-EXPERIMENTS = ("reproduction", "beyond", "quality", "design", "excite")
+EXPERIMENTS = ("reproduction", "beyond", "quality", "design", "excite", "worth")
 TOLERANCE = 0.02  # of a number: trainings amplify the last bits, in which machines differ
 COUNTED = (
     "success",

@@ -96,9 +96,27 @@ def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(stranger, tmp_path
     with caplog.at_level(logging.INFO):
         task.tell_checks()
     assert "floor at z = -0.3 m, which planar2 stands on; workspace=free drops it" in caplog.text
-    for other in ("workspace=free", "workspace.regions=[{sphere: {centre: [2, 0, 0], radius: 0.1}}]"):
-        named = tiny(other, f"robot.name={stranger}")
-        assert not any(isinstance(one, Plane) for one in Task(named, Store(tmp_path)).constraints.regions)
+    free = tiny("workspace=free", f"robot.name={stranger}")
+    assert Task(free, Store(tmp_path)).constraints.regions == ()
+
+
+def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(stranger):
+    arm, ball = load_robot(stranger), "{sphere: {centre: [2, 0, 0], radius: 0.1}}"
+    obstacle = tiny("workspace=desk", f"workspace.regions=[{ball}]").workspace
+    floor, sphere = obstacle.shapes(arm)
+    assert floor == Plane((0.0, 0.0, 1.0), -0.3) and isinstance(sphere, Sphere)
+    assert "workspace=free drops it" in obstacle.told(arm)
+    wall = tiny("workspace=desk", "workspace.regions=[{plane: {normal: [1, 0, 0], offset: -3}}]").workspace
+    assert len(wall.shapes(arm)) == 2
+    own = tiny(
+        "workspace=desk", f"workspace.regions=[{{plane: {{normal: [0, 0, 2], offset: -1}}}}, {ball}]"
+    ).workspace
+    lower, _ = own.shapes(arm)
+    assert lower.offset == -1 and own.told(arm) == ""
+    alone = tiny("workspace=free", f"workspace.regions=[{ball}]").workspace
+    assert [type(one) for one in alone.shapes(arm)] == [Sphere] and alone.told(arm) == ""
+    desk, _ = obstacle.shapes(load_robot("planar2"))
+    assert desk == Plane((0.0, 0.0, 1.0), 0.1)
 
 
 def test_an_arm_that_hangs_has_no_floor(planar, tmp_path):

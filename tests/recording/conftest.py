@@ -7,7 +7,7 @@ import torch
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.load import Source
-from sidegan.recording.recording import Recording
+from sidegan.recording.recording import Recording, whole
 from sidegan.recording.settings import RecordingSettings
 from tests.settings import settings
 
@@ -28,10 +28,7 @@ def of_file(**changes):
 
 def load_recording(path, columns, joint_names):
     """A whole recording of a file."""
-    parts = list(Source(Path(path), columns, tuple(joint_names)))
-    signals = {name: torch.cat([part.signals()[name] for part in parts]) for name in parts[0].signals()}
-    time, corrupt = torch.cat([part.time for part in parts]), [row for part in parts for row in part.corrupt]
-    return Recording(parts[0].name, parts[0].joint_names, time, corrupt=tuple(corrupt), **signals)
+    return whole(Source(Path(path), columns, tuple(joint_names)))
 
 
 def states(time, joints=2):

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from sidegan.errors import RecordingError
-from sidegan.recording.check import check_recording
+from sidegan.recording.check import check_recording, split
 from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
 from tests.recording.conftest import load_recording, of_file, real, recorded
@@ -119,3 +119,35 @@ def test_the_lwr_is_found_poorly_excited(arm):
     warnings = "\n".join(checked.warnings)
     assert "does not tell whether the sign of the torque of joint_5, joint_6, joint_7 is right" in warnings
     assert "hardly excited" in warnings and checked.derived == []
+
+
+@pytest.mark.parametrize("size", [1e-4, 0.005])
+def test_a_file_that_hardly_moves_is_told_as_that(planar, clock, size):
+    recording = recorded(planar, clock)
+    with pytest.raises(RecordingError, match=r"made hardly moves: no joint by more than 0\.0"):
+        check_recording(replace(recording, position=size * recording.position), planar, of_file())
+    assert "hardly moves" in joined_warnings(replace(recording, position=0.1 * recording.position), planar)
+    assert "hardly moves" not in joined_warnings(recording, planar)
+
+
+def test_a_part_of_a_recording_is_held_out(planar, clock):
+    clock[900:] += 3.0
+    checked = check_recording(recorded(planar, clock), planar, of_file())
+    first, last = split(checked, 0.3)
+    assert (first.role, last.role) == ("training", "validation")
+    assert first.name == "made, first 70%" and last.name == "made, last 30%"
+    assert last.kept == round(0.3 * checked.kept) or last.kept == checked.kept - round(0.7 * checked.kept)
+    assert len(first.segments) == 2 and len(last.segments) == 1
+    apart = float(last.segments[0].time[0] - first.segments[-1].time[-1])
+    assert apart > 1 / checked.grid.cutoff  # what the low-pass mixes is in neither
+    for part in (first, last):
+        torch.testing.assert_close(
+            part.segments[-1].torque[-1:], sample_at(checked, part.segments[-1].time[-1])
+        )
+    with pytest.raises(RecordingError, match="too short to hold out 1%"):
+        split(checked, 0.01)
+
+
+def sample_at(checked, time):
+    """The torque of one kept sample."""
+    return torch.cat([segment.torque[segment.time == time] for segment in checked.segments])

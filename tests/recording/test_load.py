@@ -297,3 +297,41 @@ def test_what_is_no_file_is_not_waited_for(made, tmp_path):
     for name, words in (("a.csv", "neither a file nor a folder"), ("folder", "without a bag")):
         with pytest.raises(RecordingError, match=words):
             load_recording(tmp_path / name, of_file(), made.joint_names)
+
+
+def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):
+    table = frame(made).drop(columns="t")
+    table.loc[3, "tau1"] = np.nan
+    table.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(RecordingError, match=r"recording\.rate=1000"):
+        load_recording(tmp_path / "a.csv", of_file(), made.joint_names)
+    loaded = load_recording(tmp_path / "a.csv", of_file(rate=250.0), made.joint_names)
+    times = np.delete(np.arange(200), 3) / 250  # a row that is left out takes its time
+    np.testing.assert_allclose(loaded.time - loaded.time[0], times, atol=1e-12)
+    assert loaded.corrupt == ((5, "no number in tau1"),)
+    table.to_parquet(tmp_path / "a.parquet")
+    parts = list(Source(tmp_path / "a.parquet", of_file(rate=250.0), made.joint_names, rows=64))
+    time = torch.cat([part.time for part in parts])
+    np.testing.assert_allclose(time - time[0], times, atol=1e-12)
+
+
+def test_a_clock_counts_more_than_a_rate(made, tmp_path):
+    loaded = load_recording(write_csv(made, tmp_path), of_file(rate=3.0), made.joint_names)
+    torch.testing.assert_close(loaded.time, made.time)
+
+
+@pytest.mark.parametrize("separator", [",", " ", "\t"])
+def test_a_text_without_names_is_read(made, tmp_path, separator):
+    frame(made).to_csv(tmp_path / "a.txt", index=False, header=False, sep=separator)
+    header = ["t", "q{index}", "qd{index}", "tau{index}"]
+    loaded = load_recording(tmp_path / "a.txt", of_file(header=header), made.joint_names)
+    for name, x in {"time": made.time, **made.signals()}.items():
+        torch.testing.assert_close(getattr(loaded, name), x)
+    with pytest.raises(RecordingError, match=r"begins with numbers.*say what they are"):
+        load_recording(tmp_path / "a.txt", of_file(), made.joint_names)
+    with pytest.raises(RecordingError, match=r"has 7 columns, recording\.header has 5"):
+        load_recording(tmp_path / "a.txt", of_file(header=header[:3]), made.joint_names)
+    with pytest.raises(RecordingError, match="named twice"):
+        load_recording(tmp_path / "a.txt", of_file(header=["t", *["q{index}"] * 3]), made.joint_names)
+    with pytest.raises(RecordingError, match=r"leave recording\.header out"):
+        load_recording(write_csv(made, tmp_path), of_file(header=header), made.joint_names)

@@ -52,6 +52,23 @@ def test_a_lost_sample_is_interpolated_over(planar, clock):
     assert len(preprocess(recorded(planar, np.delete(clock, [500, 501])), of_file())) == 1
 
 
+def test_short_gaps_of_a_fast_log_are_bridged(planar):
+    """Four hiccups of 8 ms at 1 kHz; what is longer than a quarter of the cut-off's period is not crossed."""
+    time = np.arange(12_000) * 1e-3
+    hiccups = np.concatenate([np.arange(k, k + 8) for k in (2000, 4500, 7000, 9500)])
+    recording = recorded(planar, np.delete(time, hiccups))
+    (segment,) = preprocess(recording, of_file())
+    (smooth,) = preprocess(recorded(planar, time), of_file())
+    assert len(segment.time) == pytest.approx(len(smooth.time), abs=2)
+    statistics = statistics_of(recording, None, of_file().bridged)
+    assert statistics.bridged == 4 and not statistics.gaps
+    assert statistics.gap == pytest.approx(0.25 / (12 * statistics.bandwidth))
+    q, _, _ = states(segment.time)
+    torch.testing.assert_close(segment.position, q, atol=2e-3, rtol=0)
+    assert len(preprocess(recording, of_file(gap=0.005))) == 5
+    assert len(preprocess(recorded(planar, np.delete(time, np.arange(5000, 5080))), of_file())) == 2
+
+
 def test_rest_is_left_out(planar):
     time = np.arange(3000) * 0.01
     stopped = np.where(time < 10, time, np.where(time < 20, 10.0, time - 10))

@@ -7,10 +7,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sidegan.errors import StorageError
+from sidegan.identification.forward import Forward
 from sidegan.report.identification import page, plots
 from sidegan.report.identification.content import Finding, Friction, Report, Signals, correlation_of
 from sidegan.report.identification.page import report_html, write_report
@@ -38,9 +40,17 @@ def parameters():
             "std": (0.01, 1e-3, 0.1),
             "relative_std": (0.008, 33.3, np.inf),
             "urdf": (1.2, 0.0, np.nan),
+            "consistent": (1.26, 2e-5, 1.9),
             "weak": (False, True, False),
         }
     )
+
+
+def forward():
+    """Errors of two joints that grow to 0.0123 rad."""
+    horizon = torch.linspace(0.05, 1, 20, dtype=torch.float64)
+    free = 0.0123 * torch.stack([horizon**2, horizon], 1)
+    return Forward(horizon, free, 2 * free, free / 10, 24)
 
 
 @pytest.fixture
@@ -54,6 +64,7 @@ def report():
         title="planar2",
         verdict="The model can be trusted.",
         level="good",
+        advice="Use the consistent model.",
         reasons=["It predicts what was held out."],
         facts={"validation nMSE": "0.0042"},
         joint_names=JOINTS,
@@ -64,6 +75,7 @@ def report():
         covariance=np.array([[1e-4, 0, 0], [0, 1e-6, 9.5e-5], [0, 9.5e-5, 1e-2]]),
         condition_number=123.4,
         friction=Friction(velocity, 2 * velocity, samples, 2 * samples),
+        forward={"consistent": forward(), "description": forward()},
         links=pd.DataFrame(link),
         recommendations=["Run trajectory 12."],
         settings="method: weighted",
@@ -105,6 +117,7 @@ def test_everything_is_told(report):
     _, text = read(report)
     for words in (
         "Identification of planar2", "The model can be trusted.", "It predicts what was held out.", "0.0042",
+        "Use the consistent model.", "1.26", "Simulated forwards", "0.012", "24 recorded states",
         "Run trajectory 12.", "a gap of 1 s", "shoulder", "elbow", "Izz1 + 0.16 m2", "3·10⁻⁵", "123", "0.8 %",
         "> 1000 %", "upper", "1.4", "verdict.json", "method: weighted", "python -m sidegan.pipeline.run",
         "Marked: 1 whose uncertainty matters", "mx2 and fv1 (0.95): their difference",
@@ -132,6 +145,7 @@ def test_words_from_outside_run_nothing(report):
         report,
         title=HOSTILE,
         verdict=HOSTILE,
+        advice=HOSTILE,
         reasons=[HOSTILE],
         facts={HOSTILE: HOSTILE},
         joint_names=(HOSTILE, "elbow"),
@@ -156,6 +170,7 @@ def test_what_is_not_known_is_left_out(report):
         signals=(),
         errors=report.errors[["nmse_training"]],
         friction=None,
+        forward={},
     )
     _, text = read(bare)
     for heading in ("What to do next", "The data", "What is left over", "Friction"):

@@ -42,11 +42,11 @@ def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 
 @settings(max_examples=15)
-@given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 4))
-def test_every_triangle_is_in_the_capsule_and_in_the_hull_of_one_part(seed, triangles, pieces):
+@given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 4), st.integers(1, 5))
+def test_every_triangle_is_in_the_capsule_and_in_the_hull_of_one_part(seed, triangles, pieces, meshes):
     whole = mesh(seed, triangles)
-    made = covers.make("", whole, pieces)
-    assert 1 <= len(made.segments) <= pieces
+    made = covers.make("", np.array_split(whole, min(meshes, triangles)), pieces)
+    assert 1 <= len(made.segments) <= pieces + (meshes - 1 if min(meshes, triangles) <= pieces else 0)
     points = points_on(whole, seed)
     outside = [
         np.maximum(from_segment(ends, points) - radius, from_hull(points, hull) - rounding)
@@ -59,10 +59,21 @@ def test_an_angle_is_cut_where_it_bends():
     """Two rods that meet at a right angle: one capsule is a fat ball, two are nearly the rods."""
     shift = np.array([[0.25, 0, 0], [0, 0.25, 0]])
     rods = np.concatenate([box_mesh(0.5, 0.02, 0.02) + shift[0], box_mesh(0.02, 0.5, 0.02) + shift[1]])
-    one, two = cover(rods, 1), cover(rods, 2)
+    one, two = cover([rods], 1), cover([rods], 2)
     assert len(two) == 2
     assert sum(volume(part.capsule) for part in two) < 0.1 * volume(one[0].capsule)
     assert max(part.radius for part in two) < 0.03
+
+
+def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
+    """A column with a shoulder and a head: planes that save more volume would close the gap between these."""
+    column = box_mesh(0.4, 0.3, 0.5)
+    shoulder, head = (box_mesh(0.1, 0.1, 0.1) + np.array([0.25, 0, z]) for z in (-0.2, 0.2))
+    in_the_gap = np.array([[0.27, 0.0, z] for z in (-0.1, 0.0, 0.1)])
+    parts = cover([column, shoulder, head], 3)
+    assert 3 <= len(parts) <= 5
+    assert min(from_hull(in_the_gap, part.corners).min() for part in parts) > 0.01
+    assert len(cover([column, shoulder, head], 2)) <= 2
 
 
 def box_mesh(x: float, y: float, z: float) -> np.ndarray:
@@ -188,6 +199,15 @@ class TestKept:
             assert torch.equal(getattr(again.capsules, name), getattr(arm.capsules, name))
         for name in ("corners", "start", "radius", "fitted", "core"):
             assert torch.equal(getattr(again.capsules.pieces, name), getattr(arm.capsules.pieces, name))
+
+    def test_notice_that_the_meshes_are_elsewhere(self, arm_file, tmp_path):
+        save_shapes(load_robot(arm_file), tmp_path / "shapes.npz")
+        (tmp_path / "box.stl").unlink()
+        arm_file.write_text(arm_file.read_text().replace('xyz="0.1 0 0"', 'xyz="0.1 0 0.02"', 1))
+        with pytest.raises(RobotError, match="meshes of link 'base' are elsewhere") as refused:
+            load_robot(arm_file, Setup(shapes=str(tmp_path / "shapes.npz")))
+        assert "robot.shapes=null" in str(refused.value)
+        assert load_robot(arm_file, Setup(shapes=None)).capsules.names == ()
 
     def test_of_an_arm_without_meshes_are_none(self, tmp_path):
         assert not save_shapes(load_robot("kuka_lwr4"), tmp_path / "shapes.npz")

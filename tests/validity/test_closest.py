@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.robot import capsule_geometry, chain_model
+from sidegan.robot import Setup, capsule_geometry, chain_model, load_robot
 from sidegan.validity import Box, Constraints, Plane
 from sidegan.validity.closest import closest
 
@@ -39,6 +39,49 @@ def test_the_closest_pair_and_its_points_are_coals(arm):
         between = np.linalg.norm(np.subtract(*theirs)) - np.linalg.norm(np.subtract(*ours))
         assert between == pytest.approx(0, abs=1e-5)
     assert apart > 20
+
+
+def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
+    """Two plates that turn about axes askew: capsules around them touch long before they do."""
+    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path))
+    shape = '<collision><origin xyz="{}"/><geometry><box size="{}"/></geometry></collision>'
+    joint = (
+        '<joint name="j{0}" type="revolute"><parent link="l{0}"/><child link="l{1}"/><origin xyz="{2}"/>'
+        '<axis xyz="{3}"/><limit lower="-2" upper="2" velocity="1" effort="9"/></joint>'
+    )
+    inertia = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    link = '<link name="l{}"><inertial>' + inertia + "</inertial>{}</link>"
+    links = [
+        link.format(0, shape.format("0 0 0", "0.5 0.4 0.02")),
+        link.format(1, ""),
+        link.format(2, shape.format("0 0.1 0.2", "0.3 0.01 0.2")),
+    ]
+    joints = [joint.format(0, 1, "0 0 0.15", "1 0.3 0"), joint.format(1, 2, "0.05 0 0.1", "0 1 1")]
+    file = tmp_path / "plates.urdf"
+    file.write_text(f'<robot name="plates">{"".join(links + joints)}</robot>')
+    arm = load_robot(file, Setup())
+    constraints, q = Constraints(arm), positions(arm, 200)
+    assert bool(constraints.pieces.finer.all())
+    found = closest(constraints, q)
+    whole = pin.buildModelFromUrdf(str(file))
+    geometry = pin.buildGeomFromUrdf(whole, str(file), pin.GeometryType.COLLISION)
+    geometry.addCollisionPair(pin.CollisionPair(0, 1))
+    data, shapes = whole.createData(), geometry.createData()
+    apart = 0
+    for k, position in enumerate(q.numpy()):
+        pin.computeDistances(whole, data, geometry, shapes, position)
+        theirs = shapes.distanceResults[0].min_distance
+        if theirs < 1e-3:
+            continue
+        apart += 1
+        one, other = found.points[k].numpy()
+        assert np.linalg.norm(one - other) == pytest.approx(theirs, abs=1e-6)
+        assert float(found.distance[k]) == pytest.approx(theirs, abs=1e-6)
+        for point, body in ((one, 0), (other, 1)):
+            local = shapes.oMg[body].actInv(point)
+            half = np.array([[0.25, 0.2, 0.01], [0.15, 0.005, 0.1]][body])
+            assert (np.abs(local) <= half + 1e-9).all() and np.isclose(np.abs(local), half).any()
+    assert apart > 60
 
 
 def test_points_at_regions_lie_on_their_surfaces(planar):

@@ -11,7 +11,7 @@ import yaml
 from sidegan.errors import InfeasibleError, RobotError
 from sidegan.robot import Arm, Setup, load_robot, words
 from sidegan.validity import Constraints
-from sidegan.validity.pairs import capsule_distances, pairs_of, sampled
+from sidegan.validity.pairs import capsule_distances, pairs_of, sampled, tell_often
 from tests.robot.urdf import joint, link, robot
 
 
@@ -46,6 +46,21 @@ def test_neighbours_are_not_kept_apart_and_are_listed(write) -> None:
     listed = {one.links for one in Constraints(arm).exempt}
     assert listed == {("base", "one"), ("one", "two"), ("three", "two")}
     assert Constraints(arm).excepted == {}
+
+
+def test_links_that_touch_most_of_the_time_are_told_with_what_leaves_them_unchecked(write) -> None:
+    """Balls nearly as large as they are apart: those two joints from each other touch when the arm folds."""
+    path = write(chain(0.28))
+    arm = load_robot(path)
+    often = Constraints(arm).often
+    assert ("base", "two") in {one.links for one in often}
+    assert all(0.5 <= one.share < 1 for one in often)
+    told = tell_often(arm, often)
+    assert "base – two" in told and "touch in" in told
+    named = yaml.safe_load(re.search(r"'robot\.may_touch=([^']*)'", told).group(1))
+    free = Constraints(load_robot(path, Setup(may_touch=[tuple(pair) for pair in named])))
+    assert free.often == () and {one.links for one in often} <= {one.links for one in free.exempt}
+    assert Constraints(load_robot(write(chain(0.05)))).often == ()
 
 
 def test_what_stands_beside_the_arm_is_no_neighbour(write) -> None:

@@ -35,10 +35,15 @@ STAGES = {
     "few_seeds": "exact variants on ever fewer seeds",
     "transfer": "generators for another arm, tool or desk",
     "starts": "what designs start from, made once for an arm in its workspace",
+    "worth": "what motions are worth: robot seconds to a good model of plants in MuJoCo",
     "generator": "a generator of what designs start from, trained once for an arm in its workspace",
     "excite": "trajectories to execute, as files",
     "check": "what recordings are worth",
     "identify": "a model of a real arm from recordings",
+    "payload": "what an arm carries",
+    "gains": "torque per motor current",
+    "compare": "what differs between two identifications",
+    "recheck": "whether a model is still right",
     "table": "the experiment's tables, figures and pages",
 }
 

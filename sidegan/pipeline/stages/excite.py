@@ -11,10 +11,14 @@ from torch import Tensor
 from sidegan.controllers import SCRIPTED, approach, deliver
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
+from sidegan.design.sequence import designed
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
+from sidegan.identification.uncertain import Uncertain
 from sidegan.library import Library
+from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import Pool, own_pools
 from sidegan.pipeline.stages.rehearsal import rehearsed, require_rehearsal
@@ -33,11 +37,7 @@ log = logging.getLogger(__name__)
 def _show(task: Task, tracker: Tracker) -> None:
     """Pick from the configured pools, and write each trajectory and all of them in a row."""
     cfg, folder = task.cfg, task.store.run_folder
-    pool = _pool(task)
-    if cfg.selection.count > len(pool):
-        held = f"{', '.join(cfg.excite)} hold {len(pool)}"
-        raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
-    chosen = pool.take(pick(task, pool))
+    chosen, said = _picked(task) if cfg.known is None else _designed(task, Path(cfg.known))
     times = task.trajectory.times(cfg.identification.rate)
     if cfg.controllers.gentle:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
@@ -54,7 +54,7 @@ def _show(task: Task, tracker: Tracker) -> None:
         f"{criteria.condition:.3g}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
-    caption += f"; checked: {task.constraints.described()}"
+    caption += f"{said}; checked: {task.constraints.described()}"
     caption += _view(task, chosen, tracker)
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
     if cfg.controllers.rehearse:
@@ -66,6 +66,27 @@ def _show(task: Task, tracker: Tracker) -> None:
             f"The set in MuJoCo, with {friction}{_slow(cfg.controllers.speed)}",
             tracker,
         )
+
+
+def _picked(task: Task) -> tuple[Library, str]:
+    """Trajectories from the configured pools, and nothing to say about them."""
+    cfg, pool = task.cfg, _pool(task)
+    if cfg.selection.count > len(pool):
+        held = f"{', '.join(cfg.excite)} hold {len(pool)}"
+        raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
+    return pool.take(pick(task, pool)), ""
+
+
+def _designed(task: Task, folder: Path) -> tuple[Library, str]:
+    """Trajectories optimised for what an identification left uncertain, and what they will make of it."""
+    cfg, known = task.cfg, known_model(folder, task.arm)
+    generator = torch.Generator().manual_seed(task.number("uncertain"))
+    numbers = known.model, known.covariance, known.certainty, known.rate
+    aim, before = Uncertain(*numbers), Uncertain(*numbers)
+    _, c = designed([task.problem], aim, cfg.selection.count, cfg.search, generator)
+    left = f"{aim.left(before):.0%} of what {folder} left"
+    library = measured(task.constraints, task.trajectory, c, "uncertain")
+    return library, f"; with them the parameters' deviations fall to {left} (geometric mean)"
 
 
 def _require_slow(task: Task, chosen: Library) -> None:
@@ -178,6 +199,8 @@ def _percent(share: Tensor) -> list[str]:
 
 def _check(task: Task) -> None:
     require_rehearsal(task)
+    if task.cfg.known is not None:
+        known_model(Path(task.cfg.known), task.arm)
     if task.cfg.controllers.start is not None:
         approach(task.constraints, task.cfg.controllers.start, tuple(task.trajectory.home or ()), 1.0)
     if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:

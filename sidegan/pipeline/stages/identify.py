@@ -17,8 +17,9 @@ from sidegan.pipeline.store import STAMP, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.bags import bag_files
-from sidegan.recording.check import CheckedRecording, read_and_check
+from sidegan.recording.check import CheckedRecording, read_and_check, split
 from sidegan.recording.overlap import refuse_shared
+from sidegan.recording.sent import sent_files
 from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
 from sidegan.robot import Arm, load_robot, require_consistent, words
 
@@ -34,11 +35,14 @@ def model(task: Task) -> Artifact:
     if cfg.identify.pull == "logdet":
         require_consistent(arm)
     files = {f"recordings.{i}": Path(name) for i, name in enumerate(cfg.recordings)}
-    files |= {f"validation.{i}": Path(name) for i, name in enumerate(cfg.validation)}
+    files |= {f"validation.{i}": Path(name) for i, name in enumerate(cfg.held_out)}
     read = files | ({} if cfg.identify.library is None else {"library": Path(cfg.identify.library)})
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
+    if cfg.recording.sent is not None:
+        read |= {f"sent.{one.stem}": one for one in sent_files(Path(cfg.recording.sent))}
     inputs |= {key: _digest(path) for key, path in read.items()}
     settings: dict[str, object] = {n: asdict(getattr(cfg, n)) for n in ("recording", "model", "identify")}
+    settings |= {} if isinstance(cfg.validation, list) else {"held_out": cfg.validation}
     settings |= {"gains": cfg.robot.gains, "names": {key: path.name for key, path in files.items()}}
     label, make = f"{arm.name}-{cfg.identify.method}", partial(_make, cfg, arm)
     return Artifact("identify", label, "identify", settings, inputs, None, make, _error, alone=True)
@@ -63,24 +67,35 @@ def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[Checked
     """
     settings = (arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
     training = read_and_check(cfg.recordings, "training", *settings)
-    validation = read_and_check(cfg.validation, "validation", *settings)
+    validation = read_and_check(cfg.held_out, "validation", *settings)
     refuse_shared([(one.name, one.statistics.rows) for one in (*training, *validation)])
     show_checks([*training, *validation])
-    return training, validation
+    if isinstance(cfg.validation, list):
+        return training, validation
+    parts = [split(one, cfg.validation) for one in training]
+    return [first for first, _ in parts], [last for _, last in parts]
 
 
 def _make(cfg: Config, arm: Arm, build: Build) -> None:
     training, validation = checked(cfg, arm)
     identified = identify_arm(arm, training, validation, cfg.model, cfg.identify)
     groups = {name: asdict(getattr(cfg, name)) for name in ("robot", "recording", "model", "identify")}
-    write_results(identified, Origin(_command(cfg), groups), build.folder)
+    write_results(identified, Origin(_command(cfg), _excite(cfg), groups), build.folder)
 
 
 def _command(cfg: Config) -> str:
-    lists = {"recordings": cfg.recordings, "validation": cfg.validation}
+    lists = {"recordings": cfg.recordings, "validation": cfg.held_out}
     files = " ".join(f"'{name}=[{','.join(paths)}]'" for name, paths in lists.items() if paths)
+    if not isinstance(cfg.validation, list):
+        files += f" validation={cfg.validation:g}"
     arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
     return f"python -m sidegan.run +experiment=identify {arm} {files}"
+
+
+def _excite(cfg: Config) -> str:
+    """The command that designs trajectories for what is left uncertain, but for the run's folder."""
+    arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
+    return f"python -m sidegan.run +experiment=excite {arm} 'stages=[excite]' selection.count=4"
 
 
 def _error(folder: Path) -> Metrics:
@@ -98,8 +113,8 @@ def _show(task: Task, tracker: Tracker) -> None:
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
     log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
-    for reason in verdict["reasons"]:
-        log.info("  %s", reason)
+    for line in (verdict["advice"], *verdict["reasons"]):
+        log.info("  %s", line)
     log.info("report: %s", target / REPORT)
 
 

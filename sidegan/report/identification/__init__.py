@@ -3,6 +3,7 @@
 from sidegan.report.identification.content import Origin
 from sidegan.report.identification.results import (
     CHECK,
+    PARAMETERS,
     REPORT,
     VERDICT,
     show_checks,
@@ -10,4 +11,13 @@ from sidegan.report.identification.results import (
     write_results,
 )
 
-__all__ = ["CHECK", "REPORT", "VERDICT", "Origin", "show_checks", "write_checks", "write_results"]
+__all__ = [
+    "CHECK",
+    "PARAMETERS",
+    "REPORT",
+    "VERDICT",
+    "Origin",
+    "show_checks",
+    "write_checks",
+    "write_results",
+]

@@ -9,6 +9,7 @@ import pandas as pd
 import torch
 import yaml
 
+from sidegan.identification.forward import Forward
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
@@ -60,6 +61,7 @@ class Report:
     title: str  # the arm
     verdict: str  # whether to trust the model, in a sentence
     level: Level  # of the verdict
+    advice: str  # which model to use, in a sentence
     reasons: Sequence[str]  # for the verdict, a sentence each
     facts: Mapping[str, str]  # what → how much, shown large
     joint_names: Sequence[str]  # of the J joints
@@ -70,6 +72,7 @@ class Report:
     covariance: Numbers  # of the parameters' errors in their order, (P, P)
     condition_number: float  # of the weighted regressor
     friction: Friction | None  # curves and samples; None of a model without any
+    forward: Mapping[str, Forward]  # by model: errors when it is simulated; empty where recordings are short
     links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
     recommendations: Sequence[str]  # what to do next, a sentence each
     settings: str  # as text
@@ -90,6 +93,7 @@ class Origin(NamedTuple):
     """How an identification was made."""
 
     command: str  # that made it
+    excite: str  # command that designs trajectories for the arm
     settings: Mapping[str, Any]  # by group, plain values
 
 
@@ -103,11 +107,12 @@ def content(
     """Content of the report of an identified arm."""
     trust, arm = identified.trust, identified.model.arm
     recordings, chosen = identified.recordings, identified.chosen
-    error = identified.tests[chosen.method].nmse_mean
+    error = identified.tests[identified.use].nmse_mean
     return Report(
         title=arm.name,
         verdict=f"{trust.verdict}: mean nMSE {error:.4f} ({identified.kind})",
         level=_LEVELS.get(trust.verdict, "poor"),
+        advice=advice(identified),
         reasons=trust.reasons,
         facts=_facts(identified),
         joint_names=arm.joint_names,
@@ -118,22 +123,41 @@ def content(
         covariance=chosen.covariance.numpy(),
         condition_number=chosen.condition,
         friction=_friction(identified),
+        forward=identified.forward,
         links=links,
-        recommendations=_recommendations(identified, origin.settings["identify"]["library"]),
+        recommendations=_recommendations(identified, origin.settings["identify"]["library"], origin.excite),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
         command=origin.command,
     )
 
 
+def advice(identified: IdentifiedArm) -> str:
+    """Which model to use and why, in a sentence."""
+    use, method = identified.use, identified.chosen.method
+    if use == CONSISTENT == method:
+        return "Use the consistent model: the URDF, the MJCF and the Python class hold it."
+    errors = identified.halves or {name: one.nmse_mean for name, one in identified.tests.items()}
+    where = "on halves by each other" if identified.halves else identified.kind
+    compared = f"mean nMSE {errors[CONSISTENT]:.4f} against {errors[method]:.4f} of the {method} one, {where}"
+    if use == CONSISTENT:
+        return (
+            "Use the consistent model: bodies that can exist predict as well or better "
+            f"({compared}). The URDF, the MJCF and the Python class hold it."
+        )
+    return (
+        f"Use the {method} model, which the Python class holds: no bodies that can exist predict as well "
+        f"({compared}). The URDF and the MJCF hold the consistent one, since simulators refuse others."
+    )
+
+
 def _facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
-    trust, chosen = identified.trust, identified.chosen
+    trust, chosen, use = identified.trust, identified.chosen, identified.use
     errors = {name: f"{one.nmse_mean:.4f}" for name, one in identified.tests.items()}
+    names = {chosen.method: chosen.method, EQUAL_WEIGHTS: "equal weights", CONSISTENT: CONSISTENT}
     return {
-        f"nMSE, {chosen.method}": errors[chosen.method],
-        "nMSE, equal weights": errors[EQUAL_WEIGHTS],
-        "nMSE, consistent": errors[CONSISTENT],
+        **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
         "nMSE, description": f"{trust.nominal_score.nmse_mean:.4f}",
         "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(trust.weak)} weak",
@@ -146,7 +170,8 @@ def _findings(recording: CheckedRecording) -> list[Finding]:
     raw, name = recording.statistics, recording.name
     use = (
         f"{recording.role}: {raw.samples} samples in {raw.duration:.4g} s at {1 / raw.step:.4g} Hz; "
-        f"{recording.grid.statement}; {recording.kept} samples of {recording.moving:.4g} s in motion are used"
+        f"{'; '.join(recording.statements)}; {recording.kept} samples of {recording.moving:.4g} s in motion "
+        "are used"
     )
     if recording.derived:
         use += f"; {' and '.join(recording.derived)} derived"
@@ -163,13 +188,13 @@ def _errors(identified: IdentifiedArm) -> pd.DataFrame:
     uses = {"training": identified.trained}
     if identified.tests is not identified.trained:
         uses["validation"] = identified.tests
-    errors = {use: by_method[identified.chosen.method]._asdict() for use, by_method in uses.items()}
+    errors = {use: by_method[identified.use]._asdict() for use, by_method in uses.items()}
     return pd.DataFrame({f"{k}_{use}": x.tolist() for use, one in errors.items() for k, x in one.items()})
 
 
 def _signals(identified: IdentifiedArm, recording: CheckedRecording) -> Signals:
     """Measured and predicted torques, with a row of NaN between stretches."""
-    model, theta, parts = identified.model, identified.chosen.parameters, []
+    model, theta, parts = identified.model, identified.used.parameters, []
     for segment in recording.segments:
         pieces = zip(*(x.split(SAMPLES_AT_ONCE) for x in (*segment[1:4], segment.sign)))
         predicted = torch.cat([model.torque(theta, *piece) for piece in pieces])
@@ -182,7 +207,7 @@ def _signals(identified: IdentifiedArm, recording: CheckedRecording) -> Signals:
 
 def _friction(identified: IdentifiedArm) -> Friction | None:
     """The friction law of each joint, beside the torque that rigid bodies and rotors leave."""
-    model, theta = identified.model, identified.chosen.parameters
+    model, theta = identified.model, identified.used.parameters
     if not model.kinds:
         return None
     segments = [segment[1:5] for recording in identified.training for segment in recording.segments]
@@ -199,7 +224,7 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
     return Friction(*(x.numpy() for x in (velocity.T, friction(velocity).T, dq, rest)))
 
 
-def _recommendations(identified: IdentifiedArm, library: str | None) -> list[str]:
+def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
     """What to run next, a sentence each."""
     runs = identified.trust.next_runs
     if runs is not None:
@@ -210,6 +235,7 @@ def _recommendations(identified: IdentifiedArm, library: str | None) -> list[str
     if not identified.trust.weak:
         return []
     return [
-        "excite what is weak: give a library of trajectories as identify.library, and those that help "
-        "most are named here"
+        "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
+        f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
+        "or give a library of trajectories as identify.library, and those that help most are named here",
     ]

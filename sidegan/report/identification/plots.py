@@ -117,6 +117,29 @@ def _friction_traces(law: Friction, joint: int) -> list[dict[str, Any]]:
     return [samples, curve]
 
 
+def forward(report: Report) -> go.Figure:
+    """Error of simulated joints over the time since they were let go, and with servos (dashed)."""
+    figure, one = go.Figure(), report.forward["consistent"]
+    x = one.horizon.numpy()
+    for j, name in enumerate(report.joint_names):
+        colour = _JOINTS[j % len(_JOINTS)]
+        free, tail, held = (_small(y[:, j].numpy()) for y in (one.free, one.tail, one.held))
+        group = {"legendgroup": name, "mode": "lines"}
+        figure.add_scatter(x=x, y=free, name=name, line={"color": colour, "width": 1.8}, **group)
+        band = {"fill": "tonexty", "line": {"width": 0}, "fillcolor": f"rgba{_rgb(colour)}"}
+        figure.add_scatter(x=x, y=tail, showlegend=False, hoverinfo="skip", **band, **group)
+        dashed = {"color": colour, "width": 1.2, "dash": "dash"}
+        figure.add_scatter(x=x, y=held, showlegend=False, name=f"{name}, with servos", line=dashed, **group)
+    figure.update_yaxes(type="log", title_text="error [rad]", exponentformat="power")
+    figure.update_xaxes(title_text="time since it was let go [s]")
+    return _style(figure, 420)
+
+
+def _rgb(colour: str) -> tuple[float, ...]:
+    """A colour of the style as numbers, nearly transparent."""
+    return (*(int(colour[k : k + 2], 16) for k in (1, 3, 5)), 0.08)
+
+
 def correlations(report: Report) -> go.Figure:
     """Correlation of the parameters' errors, (P, P)."""
     labels = [str(name) for name in report.parameters.name]
@@ -144,6 +167,7 @@ PLOTS: dict[str, Callable[[Report], go.Figure]] = {
     "errors": errors,
     "whiteness": residual_correlation,
     "friction": friction,
+    "forward": forward,
     "correlation": correlations,
 }
 

@@ -11,17 +11,20 @@ from torch import Tensor
 
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
+from sidegan.identification.trust import certainty
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
-from sidegan.report.identification.content import Origin, content
+from sidegan.report.identification.content import Origin, advice, content
 from sidegan.report.identification.page import write_report
-from sidegan.robot import Drives, write_mjcf, write_urdf
+from sidegan.robot import write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
 
 CHECK, VERDICT, REPORT = "check.json", "verdict.json", "report.html"
-_PARAMETERS, _MODEL, _LINKS = "parameters.csv", "parameters.json", "links.csv"
+PARAMETERS = "parameters.json"  # the model in full
+_TABLE, _LINKS = "parameters.csv", "links.csv"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 _UPPER = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
@@ -49,7 +52,7 @@ def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
     """A row per recording: its clock, and what is kept of it."""
     rows = {}
     for recording in recordings:
-        raw, grid = recording.statistics, recording.grid
+        raw, grid, repeated = recording.statistics, recording.grid, recording.repeated
         rows[recording.name] = {
             "use": recording.role,
             "samples": raw.samples,
@@ -62,7 +65,8 @@ def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
             "bandwidth [Hz]": f"{grid.bandwidth:.3g}",
             "cut-off [Hz]": f"{grid.cutoff:.3g}",
             "kept": recording.kept,
-            "lag [ms]": f"{1e3 * recording.agreement.lag:.0f}",
+            "lag [ms]": f"{1e3 * recording.lag:.3g}",
+            "repetitions": "—" if repeated is None else f"{sum(repeated.counts.values())}",
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("recording")
 
@@ -84,6 +88,7 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "fastest": f"{fastest[j]:.3g}",
                     load: f"{effort.lower[j]:.3g} … {effort.upper[j]:.3g}",
                     "noise floor": f"{effort.noise[j]:.2g}",
+                    "between repetitions": "—" if recording.noise is None else f"{recording.noise[j]:.2g}",
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
                     "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
@@ -104,33 +109,26 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     arm = identified.model.arm
     parameters, links = parameter_table(identified), link_table(identified)
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
-    drives = drives_of(identified)
+    drives = identified.drives
     files = {
-        "parameters with deviations": _PARAMETERS,
-        "parameters with covariance": _MODEL,
+        "parameters with deviations": _TABLE,
+        "parameters with covariance": PARAMETERS,
         "consistent links": _LINKS,
         "description with these links and friction": urdf,
         "the same for MuJoCo, with rotors": mjcf,
-        "the same as a Python class": _CLASS,
+        f"the model to use ({identified.use}) as a Python class": _CLASS,
         "check of the recordings": CHECK,
         "verdict for machines": VERDICT,
     }
     write_checks(identified.recordings, folder)
-    write_bytes(folder / _PARAMETERS, parameters.to_csv(index=False).encode())
+    write_bytes(folder / _TABLE, parameters.to_csv(index=False).encode())
     write_bytes(folder / _LINKS, links.to_csv(index=False).encode())
-    write_json(folder / _MODEL, model_numbers(identified) | {"mjcf": mjcf})
+    write_json(folder / PARAMETERS, model_numbers(identified) | {"mjcf": mjcf})
     write_json(folder / VERDICT, verdict(identified))
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
     write_report(content(identified, origin, parameters, links, files), folder / REPORT)
-
-
-def drives_of(identified: IdentifiedArm) -> Drives:
-    """Friction and rotors of the consistent model; none of a kind that it has not."""
-    model, drives = identified.model, vars(Drives.none(identified.model.joints))
-    found = {kind: identified.standard[model.standard_slice(kind)].clamp_min(0.0) for kind in model.kinds}
-    return Drives(**{kind: found.get(kind, none) for kind, none in drives.items()})
 
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
@@ -146,6 +144,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "std": chosen.deviation.tolist(),
             "relative_std": chosen.relative_deviation.tolist(),
             "urdf": nominal,
+            "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
             "effect": trust.effect.tolist(),
             "weak": [name in trust.weak for name in chosen.names],
         }
@@ -168,21 +167,24 @@ def link_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """What a machine needs to decide whether to use the model; lists are in the order of the joints."""
-    trust, chosen = identified.trust, identified.chosen
+    trust, chosen, use = identified.trust, identified.chosen, identified.use
     return {
         "robot": identified.model.arm.name,
         "joints": list(identified.model.arm.joint_names),
         "method": chosen.method,
+        "use": use,
+        "advice": advice(identified),
         "verdict": trust.verdict,
         "reasons": trust.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
             "kind": identified.kind,
             "recordings": [recording.name for recording in identified.validation],
-            **_all_errors(identified.tests, chosen.method),
+            **_all_errors(identified.tests, use, chosen.method),
             "description": _errors(trust.nominal_score),
         },
-        "training": _all_errors(identified.trained, chosen.method),
+        "training": _all_errors(identified.trained, use, chosen.method),
+        "forward": {name: one.as_json() for name, one in identified.forward.items()},
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
@@ -193,10 +195,10 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     }
 
 
-def _all_errors(errors: dict[str, Score], method: str) -> dict[str, Any]:
-    """Errors of the chosen method, and of those that it is compared with."""
-    compared = {name: _errors(errors[other]) for name, other in _COMPARED.items()}
-    return {**_errors(errors[method]), **compared}
+def _all_errors(errors: dict[str, Score], use: str, method: str) -> dict[str, Any]:
+    """Errors of the model to use, and by name those of the methods that were compared."""
+    compared = {name: _errors(errors[other]) for name, other in ({method: method} | _COMPARED).items()}
+    return {**_errors(errors[use]), **compared}
 
 
 def _errors(errors: Score) -> dict[str, Any]:
@@ -210,7 +212,6 @@ def _errors(errors: Score) -> dict[str, Any]:
 def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     """The identified model in full, for programs."""
     model, chosen = identified.model, identified.chosen
-    terms = {kind: identified.standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
     return {
         "robot": model.arm.name,
         "joints": list(model.arm.joint_names),
@@ -219,11 +220,21 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
+        "certainty": certainty(chosen).tolist(),
+        "rate": identified.training[0].grid.rate,
+        "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
         "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
-        "consistent": {"inertial_parameters": identified.links.tolist(), "terms": terms},
+        "consistent": _standard(model, identified.standard),
+        "use": {"method": identified.use, **_standard(model, identified.used_standard)},
     }
+
+
+def _standard(model: TorqueModel, standard: Tensor) -> dict[str, Any]:
+    """Standard parameters (F,) as links and terms."""
+    terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
+    return {"inertial_parameters": standard[: 10 * model.joints].reshape(-1, 10).tolist(), "terms": terms}
 
 
 def _numbers(values: Tensor) -> list[float | None]:

@@ -24,7 +24,9 @@ class TorqueModel:
 
     Attributes:
         joints: names of the joints, from the base outwards.
-        model: Pinocchio's model: physically consistent links, with the rotors' inertia as armature.
+        model: Pinocchio's model of the links, with the rotors' inertia as armature.
+        method: by which the model was identified: "consistent" for links that can exist; those of another
+            have the right torques only together.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -34,9 +36,13 @@ class TorqueModel:
         numbers = json.loads((folder / "parameters.json").read_text(encoding="utf-8"))
         self.joints: list[str] = numbers["joints"]
         self.model: Any = pinocchio.buildModelFromMJCF(str(folder / numbers["mjcf"]))
+        use = numbers["use"]
+        self.method: str = use["method"]
+        self._terms = {name: np.array(values) for name, values in use["terms"].items()}
+        for joint, link in enumerate(use["inertial_parameters"], start=1):
+            self.model.inertias[joint] = pinocchio.Inertia.FromDynamicParameters(np.array(link))
+        self.model.armature = self._terms.get("rotor_inertia", np.zeros(len(self.joints)))
         self._pinocchio, self._data = pinocchio, self.model.createData()
-        terms = numbers["consistent"]["terms"]
-        self._terms = {name: np.array(values) for name, values in terms.items()}
         self._sign_width = float(numbers["sign_width"])
         self._stribeck = np.array(numbers["stribeck_velocity"] or np.inf)
 

@@ -1,0 +1,200 @@
+"""Design for the held-out error itself: variance, plus bias from what the identified model lacks.
+
+Weighted least squares with information A = prior + Σ w Yᵀ Y turns a torque b that the model lacks into
+parameters X = A⁻¹ Σ w Yᵀ b, and on tasks into an error b − Y X. With T the tasks' mean YᵀY over squared
+torques, X* the parameters that are best on the tasks, and a size c for each misfit, the expected squared
+error above what the best parameters of the model reach is
+
+    tr(T A⁻¹) + Σ c² (X − X*)ᵀ T (X − X*) + Σ over recordings c² mᵀ A⁻¹ T A⁻¹ m,
+
+the last for what changes from one recording to the next, with m = Σ w Yᵀ b of a recording alone.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+
+from sidegan.base.typed import NonNegative, Positive, Seconds
+from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody
+
+_SHARP = 0.03  # [rad/s] of the smooth sign of misfits
+_LEAST = 1e-9  # of the largest eigenvalue of the tasks' information, below which they tell nothing
+
+
+class Linear(Protocol):
+    """A model of torque that is linear in P parameters: rigid body first, then terms of single joints."""
+
+    body: RigidBody
+    extras: Tensor  # term · J + joint of each of the latter
+
+    @property
+    def count(self) -> int:
+        """Number of parameters P."""
+
+    @property
+    def terms(self) -> Any:
+        """The terms, with ``signals(dq, ddq, stribeck)``."""
+
+
+@dataclass(frozen=True)
+class Misfits:
+    """Sizes of what the model lacks, and of noise; shares of each joint's torque, zero for none."""
+
+    noise: Positive  # standard deviation of the measured torque
+    correlation: Seconds  # time over which that noise keeps its sign
+    friction: Positive  # Coulomb friction, of which the next ones are shares
+    stribeck: NonNegative  # extra friction near rest
+    load: NonNegative  # friction that grows with the transmitted torque
+    power: NonNegative  # friction with the root of the speed
+    asymmetry: NonNegative  # friction whose slope differs between the directions
+    position: NonNegative  # friction that changes with the joint's position
+    wave: NonNegative  # torque that changes slowly with the joint's position, of the torque
+    ripple: NonNegative  # torque that changes fast with it, of the torque
+    drift: NonNegative  # change of friction from one recording to the next
+    bias: NonNegative  # change of the sensor's offset from one recording to the next, of the torque
+
+    def amplitudes(self, scale: Tensor) -> tuple[Tensor, Tensor]:
+        """Squared sizes of lasting misfits, (J, K), and of those of single recordings, (J, 3)."""
+        f = self.friction
+        lasting = [f * self.stribeck, self.load, f * self.power, f * self.asymmetry]
+        lasting += [self.wave] * 4 + [self.ripple] * 4 + [f * self.position] * 2
+        passing = [f * self.drift, f * self.drift / 2, self.bias]
+        return tuple((scale[:, None] * scale.new_tensor(x)) ** 2 for x in (lasting, passing))  # type: ignore[return-value]
+
+
+class Rows(NamedTuple):
+    """Of S states: the model's regressor (S, J, P); lasting and passing misfits (S, J, K), (S, J, 3)."""
+
+    regressor: Tensor
+    lasting: Tensor
+    passing: Tensor
+
+
+class Told(NamedTuple):
+    """What a recording, or several, tell: sums over them (…)."""
+
+    information: Tensor  # (…, P, P)
+    lasting: Tensor  # Σ w Yᵀ b, (…, P, J K)
+    passing: Tensor  # the same of single recordings times its size, (…, P, 3 J)
+
+
+class Prediction:
+    """Expected squared error on tasks of what is identified from trajectories, one after another.
+
+    Args:
+        model: what is identified.
+        tasks: position, velocity, acceleration of the tasks, (S, J) each.
+        scale: torque of the joints [N·m or N], (J,), of which sizes are shares.
+        misfits: the sizes.
+        belief: information of what is known before, (P, P), positive definite.
+    """
+
+    def __init__(
+        self,
+        model: Linear,
+        tasks: tuple[Tensor, Tensor, Tensor],
+        scale: Tensor,
+        misfits: Misfits,
+        belief: Tensor,
+    ) -> None:
+        self.model, self.scale, self.misfits = model, scale, misfits
+        self._lasting, self._passing = misfits.amplitudes(scale)
+        spread = scale * (misfits.noise**2 + (0.5 * misfits.friction) ** 2) ** 0.5
+        self._rate = 1 / (2 * misfits.correlation * spread**2)  # information of a second
+        rows = self.rows(*tasks)
+        share = 1 / (scale**2 * rows.regressor[:, :, 0].numel())
+        y = rows.regressor * share[:, None]
+        self.tasks = torch.einsum("sjp,sjq->pq", y, rows.regressor)
+        values, vectors = torch.linalg.eigh(self.tasks)
+        kept = values > _LEAST * values[-1]
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        self.best = inverse @ _moments(y, rows.lasting)  # X*, (P, J K)
+        self.root = vectors[:, kept] * values[kept].sqrt()  # T = root rootᵀ
+        empty = torch.zeros(model.count, model.count, dtype=torch.float64)
+        self.known = Told(belief.clone(), torch.zeros_like(self.best), empty)
+
+    def rows(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Rows:
+        """Regressor and misfits at states (S, J), differentiable in them."""
+        model, joints = self.model, q.shape[1]
+        rigid = model.body.base_regressor(q, dq, ddq)
+        signals = torch.stack(model.terms.signals(dq, ddq, None)).flatten(0, 0) if len(model.extras) else None
+        parts = [rigid]
+        if signals is not None:
+            term, joint = model.extras // joints, model.extras % joints
+            own = torch.nn.functional.one_hot(joint, joints).T.to(q)  # (J, E)
+            parts.append(own * signals[term, :, joint].T[:, None])
+        base = model.body.base
+        torque = rigid @ base.values.to(q)
+        return Rows(torch.cat(parts, 2), self._forms(q, dq, torque), _passing(dq))
+
+    def _forms(self, q: Tensor, dq: Tensor, torque: Tensor) -> Tensor:
+        """What the model lacks, each of size one, (S, J, K)."""
+        s, root = torch.tanh(dq / _SHARP), (dq * dq + 1e-4) ** 0.25
+        waves = [f(n * q) for n in (2, 8, 20, 100) for f in (torch.sin, torch.cos)]
+        size = torque / self.scale
+        forms = [s * torch.exp(-((dq / 0.1) ** 2)), s * torch.tanh(3 * size) * size]
+        forms += [s * root, s * dq, *waves, s * torch.sin(2 * q), s * torch.cos(2 * q)]
+        return torch.stack(forms, 2)
+
+    def told(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Told:
+        """What B trajectories of so many seconds tell, each alone, of their states (B, T, J)."""
+        batch, count, joints = q.shape
+        rows = self.rows(*(x.reshape(-1, joints) for x in (q, dq, ddq)))
+        y, lasting, passing = (x.unflatten(0, (batch, count)) for x in rows)
+        weighted = y * (self._rate * seconds / count)[:, None]
+        information = weighted.flatten(1, 2).mT @ y.flatten(1, 2)
+        moments = (_moments(weighted, b) for b in (lasting, passing))
+        return Told(information, next(moments), next(moments) * self._passing.flatten().sqrt())
+
+    def value(self, new: Told) -> Tensor:
+        """Logarithm of the expected error after each of B trajectories beside those that are known, (B,)."""
+        known = self.known
+        factor = torch.linalg.cholesky(known.information + new.information)
+        noise, lasting, passing = self._errors(factor, known.lasting + new.lasting, new.passing)
+        return (noise + lasting + passing).log()
+
+    def _errors(self, factor: Tensor, lasting: Tensor, passing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The error's three parts, (B,), of the factor of A (B, P, P) and the moments."""
+        carried = torch.cholesky_solve(self.root.expand(len(factor), -1, -1), factor)  # A⁻¹ root
+        noise = (self.root * carried).sum((1, 2))
+        off = carried.mT @ lasting - self.root.T @ self.best
+        bias = (off.square() * self._lasting.flatten()).sum((1, 2))
+        known = (carried.mT @ self.known.passing @ carried).diagonal(dim1=1, dim2=2).sum(1)
+        return noise, bias, known + (carried.mT @ passing).square().sum((1, 2))
+
+    def parts(self) -> tuple[float, float, float]:
+        """Expected squared error of what is known now: from noise, from lasting and from passing misfits."""
+        factor = torch.linalg.cholesky(self.known.information)[None]
+        none = self.known.lasting.new_zeros(1, len(self.tasks), 1)
+        noise, lasting, passing = self._errors(factor, self.known.lasting[None], none)
+        return float(noise), float(lasting), float(passing)
+
+    def take(self, new: Told) -> None:
+        """Count one trajectory as known, of its ``told`` alone, (1, …)."""
+        if len(new.information) != 1:
+            raise ShapeError(f"{len(new.information)} trajectories cannot be taken at once, expected one")
+        known, (information, lasting, passing) = self.known, (x[0].detach() for x in new)
+        both = known.passing + passing @ passing.T
+        self.known = Told(known.information + information, known.lasting + lasting, both)
+
+
+class Volume(Prediction):
+    """Minus the mean log eigenvalue of A in place of the error: D-optimal design of the same model."""
+
+    def value(self, new: Told) -> Tensor:
+        """The criterion after each of B trajectories beside those that are known, (B,)."""
+        factor = torch.linalg.cholesky(self.known.information + new.information)
+        return -2 * factor.diagonal(dim1=1, dim2=2).log().mean(1)
+
+
+def _moments(weighted: Tensor, b: Tensor) -> Tensor:
+    """Σ w Yᵀ b of rows w Y (…, S, J, P) and misfits of single joints (…, S, J, K), (…, P, J K)."""
+    return torch.einsum("...sjp,...sjk->...pjk", weighted, b).flatten(-2)
+
+
+def _passing(dq: Tensor) -> Tensor:
+    s = torch.tanh(dq / _SHARP)
+    return torch.stack([s, dq, torch.ones_like(dq)], 2)

@@ -1,0 +1,132 @@
+"""Drive gains, from motor current to joint torque, from runs without and with a known load."""
+
+from dataclasses import dataclass
+from itertools import chain
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.accuracy import inflation_of
+from sidegan.identification.loaded import LOAD, gathered
+from sidegan.identification.measurements import Measurements
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import Sums, solve
+
+_LEAST = 1e-6  # information on each parameter beside the samples'
+_REPETITIONS = 200
+_SETTLED = 1e-9
+_HALVINGS = 20
+_ROUNDING = 1e-13  # of the squares of currents: sums resolve no less
+_SILENT = 1e-9  # of the largest effect of the load on a joint
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Drive gains of an arm."""
+
+    gains: Tensor  # torque per current [N·m/A or N/A], (J,)
+    deviation: Tensor  # standard deviation of each, (J,)
+    parameters: Tensor  # of the arm's model without the load, found together with them, (P,)
+
+
+def drive_gains(
+    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], load: Tensor
+) -> Gains:
+    """Torque per current of each joint, from currents recorded without and with a known load.
+
+    Without a known load, currents tell the arm's parameters up to a factor per joint; the load sets it. The
+    model is i_j = (Y_j θ + y_load,j) / k_j with errors in the currents. Given the gains it is linear in θ,
+    and given θ in 1 / k_j; both are found together by Gauss-Newton on the sums over the samples.
+
+    Args:
+        model: of the arm without the load.
+        unloaded: measurements whose torque holds currents [A].
+        loaded: the same with the load.
+        load: its ten parameters in Pinocchio's order about the last joint's frame.
+
+    Raises:
+        ShapeError: when the load is not ten finite numbers, or measurements do not fit the model.
+        ConfigError: when the load has no effect on a joint, whose gain stays unknown.
+
+    Source: Gautier, Briot 2014, Global identification of joint drive gains and dynamic parameters of robots.
+    """
+    if load.shape != (LOAD,) or not load.isfinite().all():
+        raise ShapeError(f"the load is {tuple(load.shape)}, expected ten finite parameters")
+    parts = gathered(model, unloaded, loaded, load.double())
+    sums, effect = parts[0].sums.plus(parts[1].sums), parts[1].sums.information[:, -1, -1]
+    if silent := model.arm.named(effect <= _SILENT * effect.max()):
+        raise ConfigError(f"the load has no effect on {silent}: what its drive gives cannot be told")
+    system = _solved(sums, model.joints)
+    whole = torch.cat([system.parameters, torch.ones(1, dtype=torch.float64)])
+    residuals = chain.from_iterable(
+        (x.torque - system.inverse_gains * (part.model.regressor(*x.inputs) @ whole) for x in part.kept)
+        for part in parts
+    )
+    _, inverse = solve(system.normal, system.gradient, _LEAST)
+    gains = 1 / system.inverse_gains
+    variance = inverse.diagonal()[-model.joints :] * inflation_of(residuals).amax()
+    return Gains(gains, variance.sqrt() * gains.square(), system.parameters)
+
+
+def _solved(sums: Sums, joints: int) -> "_System":
+    """The equations at the gains and parameters that solve them."""
+    system = _System(sums, *_start(sums))
+    for _ in range(_REPETITIONS):
+        step, _ = solve(system.normal, system.gradient, _LEAST)
+        change = _damped(system, step)
+        system = _System(sums, system.inverse_gains + change[-joints:], system.parameters + change[:-joints])
+        if (change[-joints:] / system.inverse_gains).abs().max() < _SETTLED:
+            break
+    return system
+
+
+def _start(sums: Sums) -> tuple[Tensor, Tensor]:
+    """Inverse gains and parameters from k_j i_j − Y_j θ = y_load: linear, but biased by noisy currents."""
+    joints, count = sums.moment.shape
+    normal = torch.zeros(count - 1 + joints, count - 1 + joints, dtype=torch.float64)
+    normal[: count - 1, : count - 1] = sums.information[:, :-1, :-1].sum(0)
+    normal[: count - 1, count - 1 :] = -sums.moment[:, :-1].T
+    normal[count - 1 :, : count - 1] = -sums.moment[:, :-1]
+    normal[count - 1 :, count - 1 :] = torch.diag(sums.energy)
+    right = torch.cat([-sums.information[:, :-1, -1].sum(0), sums.moment[:, -1]])
+    found, _ = solve(normal, right, _LEAST)
+    return 1 / found[count - 1 :], found[: count - 1]
+
+
+class _System:
+    """Gauss-Newton's equations at some inverse gains (J,) and parameters (P,), from sums of [Y, y_load]."""
+
+    def __init__(self, sums: Sums, inverse_gains: Tensor, parameters: Tensor) -> None:
+        self._sums, self.inverse_gains, self.parameters = sums, inverse_gains, parameters
+        whole = torch.cat([parameters, torch.ones(1, dtype=torch.float64)])
+        reach = sums.information @ whole
+        power, match = reach @ whole, (sums.moment * whole).sum(1)
+        self._weights = sums.weight / self._squares(inverse_gains, parameters)
+        w, k = self._weights, inverse_gains
+        top = torch.einsum("j,jpq->pq", w * k.square(), sums.information[:, :-1, :-1])
+        side = (w * k)[:, None] * reach[:, :-1]
+        self.normal = torch.cat([torch.cat([top, side.T], 1), torch.cat([side, torch.diag(w * power)], 1)])
+        pull = torch.einsum("j,jp->p", w * k, sums.moment[:, :-1] - k[:, None] * reach[:, :-1])
+        self.gradient = torch.cat([pull, w * (match - k * power)])
+
+    def cost(self, step: Tensor) -> float:
+        """Weighted squares of the currents' residuals after a step, with the weights of before."""
+        joints = len(self.inverse_gains)
+        after = self._squares(self.inverse_gains + step[-joints:], self.parameters + step[:-joints])
+        return float(self._weights @ after)
+
+    def _squares(self, k: Tensor, x: Tensor) -> Tensor:
+        sums, whole = self._sums, torch.cat([x, torch.ones(1, dtype=torch.float64)])
+        found = sums.energy - 2 * k * (sums.moment @ whole) + k.square() * (sums.information @ whole @ whole)
+        return torch.maximum(found, _ROUNDING * sums.energy)
+
+
+def _damped(system: _System, step: Tensor) -> Tensor:
+    """The step, shortened until it does not lead uphill."""
+    now = system.cost(torch.zeros_like(step))
+    for _ in range(_HALVINGS):
+        if system.cost(step) <= now * (1 + _SETTLED):
+            break
+        step = step / 2
+    return step

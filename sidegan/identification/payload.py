@@ -1,0 +1,117 @@
+"""What an arm carries, from recordings without and with it: mass, centre of mass and inertia, with errors."""
+
+import warnings
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import InfeasibleError
+from sidegan.identification.accuracy import covariance_of, inflation_of
+from sidegan.identification.fit import TorqueErrors, reweighted
+from sidegan.identification.gather import residual_of
+from sidegan.identification.loaded import LOAD, gathered
+from sidegan.identification.measurements import Measurements
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import rows_of, solve
+from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, about_the_centre
+
+_LEAST = 1e-6  # information on each parameter beside the samples'
+_LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples do not tell
+_STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples do not tell
+_MARGIN = 1e-4  # smallest eigenvalue of the load's pseudo-inertia in its typical mass and length
+_CLEAR = 3.0  # deviations from which a mass is one
+VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """What an arm carries, rigidly fixed to its last link."""
+
+    link: str  # in whose frame it is told
+    estimate: Tensor  # its parameters in Pinocchio's order, as least squares gives them, (10,)
+    covariance: Tensor  # of their errors, (10, 10)
+    body: Tensor  # the most probable ones of a body that can exist, (10,)
+    without: Tensor  # nMSE of each joint on the runs with the load, where it is not accounted for, (J,)
+    explained: Tensor  # nMSE of each joint on these runs with it, (J,)
+
+    @property
+    def values(self) -> Tensor:
+        """Mass [kg], centre of mass [m] and inertia about it [kg·m²] of the body, as ``VALUES``, (10,)."""
+        return values_of(self.body)
+
+    @property
+    def deviation(self) -> Tensor:
+        """Standard deviation of each of these, (10,)."""
+        slope = torch.func.jacrev(values_of)(self.body)
+        return (slope @ self.covariance @ slope.T).diagonal().clamp_min(0).sqrt()
+
+    @property
+    def certain(self) -> bool:
+        """Whether there is a load beyond doubt."""
+        return float(self.values[0]) > _CLEAR * float(self.deviation[0])
+
+
+def values_of(parameters: Tensor) -> Tensor:
+    """Mass, centre of mass and inertia about it, in ``VALUES``' order, of link parameters (10,)."""
+    centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
+    rows, columns = torch.tensor([0, 0, 1, 0, 1, 2]), torch.tensor([0, 1, 1, 2, 2, 2])
+    return torch.cat([parameters[:1], centre, inertia[rows, columns]])
+
+
+def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> Payload:
+    """What is carried in the runs with a load and not in those without.
+
+    The arm's parameters are unknown too, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
+
+    Raises:
+        ShapeError: when there are no samples, or they do not fit the model.
+        InfeasibleError: when the solver finds no body.
+
+    Source: Khalil, Gautier, Lemoine 2007, Identification of the payload inertial parameters of industrial
+    manipulators, method 2.
+    """
+    parts = gathered(model, unloaded, loaded)
+    sums = parts[0].sums.plus(parts[1].sums)
+    fit = reweighted(sums, _LEAST)
+    residuals = chain.from_iterable(
+        (residual_of(part.model, x, fit.parameters) for x in part.kept) for part in parts
+    )
+    errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
+    covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
+    empty = torch.cat([fit.parameters[:-LOAD], torch.zeros(LOAD, dtype=torch.float64)])
+    with_load = parts[1].sums
+    return Payload(
+        link=model.arm.link_names[-1],
+        estimate=fit.parameters[-LOAD:],
+        covariance=covariance,
+        body=_possible(fit.parameters[-LOAD:], covariance),
+        without=with_load.nmse(empty),
+        explained=with_load.nmse(fit.parameters),
+    )
+
+
+def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
+    """The most probable parameters (10,) of a body that can exist, from an estimate and its covariance.
+
+    min over pseudo-inertias P of ½ |x − x̂|² in units of the errors + strength · d(P, P⁰), P⁰ a small ball.
+    """
+    import cvxpy as cp
+
+    _, information = solve(covariance, torch.zeros(LOAD, dtype=torch.float64), 1e-12)
+    rows, right = rows_of(information, information @ estimate)
+    unit = max(float(estimate[0]), _LIGHTEST) ** 0.5 * np.array([_LENGTH, _LENGTH, _LENGTH, 1.0])
+    body = cp.Variable((4, 4), symmetric=True)  # in typical units, in which the ball is the identity
+    outer = np.outer(unit, unit).reshape(-1)
+    x = FROM_PSEUDO_INERTIA.numpy() @ cp.multiply(outer, cp.vec(body, order="C"))
+    misfit = cp.sum_squares(rows.numpy() @ x - right.numpy()) / 2
+    pull = _STRENGTH * (cp.trace(body) - cp.log_det(body))
+    problem = cp.Problem(cp.Minimize(1e-2 * (misfit + pull)), [body >> _MARGIN * np.eye(4)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # about accuracy
+        problem.solve(solver=cp.CLARABEL)
+    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+        raise InfeasibleError(f"there is no body that explains the load: {problem.status}")
+    return torch.from_numpy(np.asarray(x.value, dtype=np.float64))

@@ -1,0 +1,175 @@
+"""Whether a model of an arm is still right: what a fresh recording says, and what would explain a change."""
+
+from dataclasses import dataclass
+from functools import reduce
+
+import torch
+from torch import Tensor
+
+from sidegan.identification.accuracy import inflation_of
+from sidegan.identification.fit import weights_of
+from sidegan.identification.gather import residual_of
+from sidegan.identification.linear import restricted
+from sidegan.identification.loaded import LOAD
+from sidegan.identification.measurements import Measurements, pieces
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.score import Score, score
+from sidegan.identification.sums import Sums, sums_of
+
+RIGHT, CHANGED, WRONG = "still right", "changed", "no longer right"
+
+_LEAST = 1e-6  # information on each parameter beside the samples'
+_MORE = 1.5  # times the error at the time of the identification, beyond which something has changed
+_FINE = 0.02  # of a joint's torque, an error that is none whatever it was before
+_REST = 0.2  # of the error, that a change which explains it may leave
+_CLEAR = 4.0  # deviations from which a change is one
+_MATTERS = 0.2  # share of the squared error that a change explains at least
+_ROUNDS = 3  # of weighting joints by what is left
+_FRICTION = ("viscous", "coulomb")
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What may have changed since the identification."""
+
+    what: str  # "friction", "offsets" or "load"
+    names: tuple[str, ...]  # of its parameters, (K,)
+    values: Tensor  # by how much, (K,)
+    deviation: Tensor  # standard deviation of each, (K,)
+    left: Tensor  # root mean square of what it does not explain [N·m or N], (J,)
+    evidence: float  # Bayesian information criterion against no change: the larger the better
+
+    @property
+    def clear(self) -> list[tuple[str, float, float]]:
+        """Parameters that changed beyond doubt: name, value and deviation."""
+        each = zip(self.names, self.values.tolist(), self.deviation.tolist())
+        return [(name, x, sigma) for name, x, sigma in each if abs(x) > _CLEAR * sigma]
+
+
+@dataclass(frozen=True, eq=False)
+class Recheck:
+    """What a fresh recording says about a model."""
+
+    errors: Score  # of the model on the recording, (J,)
+    before: Tensor  # root mean square error when it was identified [N·m or N], (J,)
+    change: Change | None  # the one that explains the recording best; None when it needs none
+    joint_names: tuple[str, ...]
+
+    @property
+    def ratio(self) -> Tensor:
+        """Error now over the error at the identification, (J,)."""
+        return self.errors.rmse / self.before
+
+    @property
+    def limit(self) -> Tensor:
+        """Error up to which nothing has changed [N·m or N], (J,)."""
+        size = self.errors.rmse / self.errors.nmse.sqrt().clamp_min(1e-12)
+        return torch.maximum(_MORE * self.before, _FINE * size)
+
+    @property
+    def verdict(self) -> str:
+        """``"still right"``, ``"changed"`` (and by what) or ``"no longer right"``."""
+        if self.change is None:
+            return WRONG if (self.errors.rmse > self.limit).any() else RIGHT
+        enough = torch.maximum(self.limit, _REST * self.errors.rmse)
+        return WRONG if (self.change.left > enough).any() else CHANGED
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why, a sentence each."""
+        worse = [
+            f"{name}: {ratio:.1f} times the error at the identification"
+            for name, ratio, more in zip(
+                self.joint_names, self.ratio.tolist(), (self.errors.rmse > self.limit).tolist()
+            )
+            if more
+        ]
+        told = []
+        if self.change is not None:
+            listed = ", ".join(f"{name} {x:+.3g} ± {sigma:.1g}" for name, x, sigma in self.change.clear)
+            told.append(f"{self.change.what} changed: {listed}")
+        if self.verdict == WRONG:
+            told.append("neither friction, offsets nor a load at the tip explain it: identify the arm anew")
+        return [*worse, *told] or [
+            f"mean nMSE {self.errors.nmse_mean:.4f}; no joint has more than {_MORE:g} times its error at the "
+            "identification, and no change of friction, offsets or load is seen"
+        ]
+
+
+def recheck(
+    model: TorqueModel, parameters: Tensor, before: Tensor, measurements: list[Measurements]
+) -> Recheck:
+    """Whether a model with parameters (P,) is still right, by a fresh recording.
+
+    What it leaves unexplained is looked at for a change of friction, of offsets, or of what the last link
+    carries; the change of most evidence is told, if it is clear and matters.
+
+    Args:
+        model: of the arm.
+        parameters: that were identified, (P,).
+        before: root mean square error of each joint at that time [N·m or N], (J,).
+        measurements: the fresh recording.
+
+    Raises:
+        ShapeError: when something does not fit the model.
+    """
+    errors = score(model, parameters, measurements)
+    names, groups = _columns(model)
+    left = [(x, residual_of(model, x, parameters)) for x in pieces(measurements)]
+    sums = reduce(Sums.plus, (sums_of(_regressor(model, x), r) for x, r in left))
+    all_at_once = restricted(sums, weights_of(sums, _nothing(names)), torch.arange(len(names)), _LEAST)
+    each = inflation_of(r - _regressor(model, x) @ all_at_once.parameters for x, r in left)
+    changes = [_change(what, sums, places, names, each) for what, places in groups.items()]
+    likely = [one for one in changes if one.evidence > 0 and _worth(one, errors.rmse)]
+    best = max(likely, key=lambda one: one.evidence, default=None)
+    return Recheck(errors, before, best, model.arm.joint_names)
+
+
+def _worth(change: Change, error: Tensor) -> bool:
+    """Whether a change is clear, and explains a good part of some joint's error."""
+    return bool(change.clear) and float((1 - (change.left / error).square()).max()) > _MATTERS
+
+
+def _columns(model: TorqueModel) -> tuple[list[str], dict[str, list[int]]]:
+    """Names of all changes' parameters, and which of them belong together."""
+    joints = model.arm.joint_names
+    names: list[str] = []
+    groups: dict[str, list[int]] = {"friction": [], "offsets": [], "load": []}
+    for kind in (*_FRICTION, "offset"):
+        group = groups["offsets" if kind == "offset" else "friction"]
+        group += range(len(names), len(names) + len(joints))
+        names += [f"{kind} of {joint}" for joint in joints]
+    groups["load"] += range(len(names), len(names) + LOAD)
+    units = ("mass [kg]", *(f"m·{axis} [kg·m]" for axis in "xyz"), *(f"I{ab}" for ab in _INERTIA))
+    return [*names, *units], groups
+
+
+_INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
+
+
+def _regressor(model: TorqueModel, part: Measurements) -> Tensor:
+    """Columns of all changes, (S, J, 3 J + 10)."""
+    dq = part.velocity
+    sign = torch.tanh(dq / model.terms.sign_width) if part.sign is None else part.sign
+    own = [torch.diag_embed(x) for x in (dq, sign, torch.ones_like(dq))]
+    return torch.cat([*own, model.body.regressor(*part.states)[..., -LOAD:]], 2)
+
+
+def _nothing(names: list[str]) -> Tensor:
+    """No change of any parameter."""
+    return torch.zeros(len(names), dtype=torch.float64)
+
+
+def _change(what: str, sums: Sums, places: list[int], names: list[str], inflation: Tensor) -> Change:
+    """The change of some parameters that explains most, joints weighted by what it leaves."""
+    weights = weights_of(sums, _nothing(names)) / inflation.sqrt()
+    nothing = (sums.energy / sums.weight).sqrt()
+    for _ in range(_ROUNDS):
+        fit = restricted(sums, weights, torch.tensor(places), _LEAST)
+        left = (sums.squares(fit.parameters) / sums.weight).sqrt()
+        weights = 1 / (left * inflation.sqrt())
+    samples = sums.weight / inflation  # that tell as much as independent ones, (J,)
+    likelier = 2 * float((samples * (nothing / left).log()).sum())
+    evidence = likelier - len(places) * float(samples.sum().log())
+    deviation = fit.inverse.diagonal().clamp_min(0).sqrt()[places]
+    return Change(what, tuple(names[k] for k in places), fit.parameters[places], deviation, left, evidence)

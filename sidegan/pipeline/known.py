@@ -1,0 +1,67 @@
+"""What an earlier run of identify left, for commands that go on from it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from sidegan.base.storage import read_json
+from sidegan.errors import ConfigError, SideganError
+from sidegan.identification.model import Terms, TorqueModel
+from sidegan.motion.dynamics import RigidBody
+from sidegan.report.identification import PARAMETERS
+from sidegan.robot import Arm
+
+_TERMS = ("rotor_inertia", "viscous", "coulomb", "offset")
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """An identified model, read back."""
+
+    model: TorqueModel  # what torque is explained with
+    parameters: Tensor  # of the model to use, (P,)
+    rmse: Tensor  # its error when it was identified [N·m or N], (J,)
+    estimate: Tensor  # parameters as the chosen method gave them, (P,)
+    covariance: Tensor  # of their errors, (P, P)
+    certainty: Tensor  # one over the deviation of an independent sample's torque, (J,)
+    rate: float  # of the samples [Hz]
+
+
+def known_model(folder: Path, arm: Arm) -> Known:
+    """The model that a run of identify left in its folder.
+
+    Raises:
+        ConfigError: when the folder holds none, or one of another arm.
+    """
+    path = folder / PARAMETERS
+    try:
+        numbers = read_json(path)
+        if numbers["joints"] != list(arm.joint_names):
+            raise ConfigError(f"{path} is of an arm with joints {', '.join(numbers['joints'])}")
+        use, stribeck = numbers["use"], numbers["stribeck_velocity"]
+        kinds = {name: name in use["terms"] for name in _TERMS}
+        terms = Terms(**kinds, stribeck=stribeck is not None, sign_width=numbers["sign_width"])
+        model = TorqueModel(RigidBody(arm), terms, stribeck)
+        parts = [use["inertial_parameters"], *(use["terms"][kind] for kind in terms.kinds)]
+        standard = torch.cat([_tensor(part).reshape(-1) for part in parts])
+        return Known(
+            model,
+            parameters=model.mapping @ standard,
+            rmse=_tensor(numbers["rmse"]),
+            estimate=_tensor(numbers["parameters"]),
+            covariance=_tensor(numbers["covariance"]),
+            certainty=_tensor(numbers["certainty"]),
+            rate=float(numbers["rate"]),
+        )
+    except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError(
+            f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify: {error}"
+        ) from error
+
+
+def _tensor(values: list[float]) -> Tensor:
+    return torch.tensor(values, dtype=torch.float64)

@@ -1,0 +1,83 @@
+"""Stage payload: what an arm carries, from recordings without and with it."""
+
+import logging
+from typing import Any
+
+import pandas as pd
+
+from sidegan.base.storage import write_json
+from sidegan.errors import ConfigError
+from sidegan.identification.measurements import Measurements
+from sidegan.identification.payload import VALUES, Payload, identify_payload
+from sidegan.identification.workflow import measurements_of, model_of
+from sidegan.pipeline.settings import Config
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.identify import recorded_arm
+from sidegan.pipeline.task import Task
+from sidegan.pipeline.tracking import Tracker
+from sidegan.recording.check import read_and_check
+from sidegan.recording.overlap import refuse_shared
+from sidegan.report.export import publish
+from sidegan.robot import Arm
+
+RESULT = "payload.json"
+_UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]
+log = logging.getLogger(__name__)
+
+
+def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
+    """Measurements without and with the load, checked and preprocessed.
+
+    Raises:
+        ConfigError: when there are no recordings of one kind.
+        RecordingError: when one cannot be used, or two have a stretch of samples in common.
+    """
+    kinds = []
+    for name, files in (("recordings", cfg.recordings), ("loaded", cfg.loaded)):
+        if not files:
+            which = "with the load" if name == "loaded" else "without the load"
+            raise ConfigError(f"{name} is empty, expected files {which}: '{name}=[a.csv]'")
+        kinds.append(read_and_check(files, "training", arm, cfg.recording, gains, cfg.model.sign_width))
+    refuse_shared([(one.name, one.statistics.rows) for kind in kinds for one in kind])
+    return measurements_of(kinds[0]), measurements_of(kinds[1])
+
+
+def _show(task: Task, tracker: Tracker) -> None:
+    """Identify the load, and leave it in the run's folder."""
+    cfg, arm = task.cfg, recorded_arm(task.cfg)
+    unloaded, loaded = both(cfg, arm, cfg.robot.gains)
+    found = identify_payload(model_of(arm, cfg.model, unloaded), unloaded, loaded)
+    write_json(task.store.run_folder / RESULT, as_json(found))
+    before, after = float(found.without.mean()), float(found.explained.mean())
+    caption = (
+        f"What {arm.name} carries, in the frame of {found.link}, inertia about the centre of mass; mean nMSE "
+        f"of the runs with it {before:.3g} without a load and {after:.3g} with this one"
+    )
+    publish(_table(found), task.store.run_folder / "payload", caption, tracker)
+    mass, sigma = float(found.values[0]), float(found.deviation[0])
+    place = ", ".join(f"{x:.4f} ± {s:.1g}" for x, s in zip(found.values[1:4], found.deviation[1:4]))
+    told = f"{mass:.3f} ± {sigma:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
+    log.info("load: %s", told if found.certain else f"none that can be told ({mass:.2g} ± {sigma:.1g} kg)")
+
+
+def as_json(found: Payload) -> dict[str, Any]:
+    """The load for programs: SI units, inertia about the centre of mass in ``VALUES``' order."""
+    return {
+        "link": found.link,
+        "certain": found.certain,
+        **dict(zip(VALUES, found.values.tolist())),
+        "deviation": dict(zip(VALUES, found.deviation.tolist())),
+        "inertial_parameters": found.body.tolist(),
+        "least_squares": found.estimate.tolist(),
+        "covariance": found.covariance.tolist(),
+        "nmse": {"without": found.without.tolist(), "with": found.explained.tolist()},
+    }
+
+
+def _table(found: Payload) -> pd.DataFrame:
+    rows = {"value": found.values.tolist(), "σ": found.deviation.tolist()}
+    shown = {name: [f"{x:.4g}" for x in column] for name, column in rows.items()}
+    return pd.DataFrame({**shown, "unit": _UNITS}, index=pd.Index(VALUES, name="load"))
+
+
+STAGE = Stage(show=_show, check=lambda task: recorded_arm(task.cfg))

@@ -1,0 +1,201 @@
+"""Randomised plants that tell motions apart: many motions of one plant at once, in MuJoCo.
+
+Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are heavier or lighter than the
+description says, the servos feed forward what the description says, and friction is not of a model's form.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+
+from sidegan.base.typed import Hertz, NonNegative, Positive, Share
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Motion
+from sidegan.plant.execute import Plant
+from sidegan.plant.friction import Array, Form, FrictionSettings, Law
+from sidegan.plant.model import mujoco_model
+from sidegan.plant.settings import IDEAL
+from sidegan.robot import Arm, require_consistent
+
+if TYPE_CHECKING:
+    import mujoco
+
+_STATES = 2_000  # random ones, for the scale of the joints' torques
+_STIFF = 1.5  # steps that friction near rest takes at least to stop a rotor: an explicit step stays stable
+
+
+@dataclass(frozen=True)
+class VariedSettings:
+    """How a plant differs from its description; shares of torque are of ``torque_scale``."""
+
+    rate: Hertz  # of the servos and of the physics
+    bandwidth: Hertz  # of the servos
+    tolerance: Positive  # [rad] off the reference at which an execution has failed
+    parameters: Share  # by which inertial parameters of a link differ from the description
+    tool: NonNegative  # largest mass of an unknown tool [kg]
+    rotor: Positive  # inertia of a rotor, of the joint's largest inertia
+    floor: Share  # of the largest joint's torque, that a small joint's counts as at least
+    friction: FrictionSettings
+    compliance: NonNegative  # wind-up of a joint at its torque [rad], which encoders at the motors see
+    backlash: NonNegative  # [rad], which they see too
+    encoder: NonNegative  # resolution [rad]
+    resolution: NonNegative  # of measured torques, as a share
+    delay: NonNegative  # of torques behind positions [s]
+
+
+class Signals(NamedTuple):
+    """What a plant did, at its rate, (B, T, J) each: SI units."""
+
+    position: Array  # as encoders at the motors see it
+    torque: Array  # of the motors, as measured, without noise
+    friction: Array  # of that, friction
+    link: Array  # position of the links themselves
+
+
+def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
+    """Root mean square rigid torque of each joint over random states, (J,), not below a share of the largest.
+
+    Joints whose links hardly weigh anything would otherwise have no friction to speak of.
+    """
+    arm, random = body.arm, torch.Generator().manual_seed(seed)
+    draw = torch.rand(3, _STATES, arm.joints, generator=random, dtype=torch.float64)
+    q = torch.lerp(arm.position_lower, arm.position_upper, draw[0])
+    dq = arm.velocity_limit * (2 * draw[1] - 1) / 2
+    most = arm.velocity_limit if arm.acceleration_limit is None else arm.acceleration_limit
+    rms = body.torque(q, dq, most * (2 * draw[2] - 1)).square().mean(0).sqrt()
+    return rms.clamp_min(floor * float(rms.max())).numpy()
+
+
+class VariedPlant:
+    """One plant, drawn from a seed; its friction follows ``form``.
+
+    Raises:
+        RobotError: when a link is not physically consistent, or MuJoCo refuses the arm.
+    """
+
+    def __init__(self, arm: Arm, settings: VariedSettings, form: Form, seed: np.random.SeedSequence) -> None:
+        require_consistent(arm)
+        self.arm, self.settings = arm, settings
+        self.body = RigidBody(arm)
+        self.scale = torque_scale(self.body, settings.floor)
+        random = np.random.default_rng(seed)
+        share = settings.parameters * random.uniform(-1, 1, (arm.joints, 1))
+        own = arm.inertial_parameters * torch.from_numpy(1 + share)
+        own[-1] += torch.from_numpy(_tool(random, settings.tool))
+        self.true = replace(arm, inertial_parameters=own)
+        top = arm.velocity_limit.numpy()
+        self.law = Law.drawn(form, settings.friction, self.scale, top, random)
+        largest = Plant(arm, IDEAL)._largest_inertia().numpy()
+        steep = (1 + settings.friction.stribeck + settings.friction.asymmetry) * self.law.coulomb
+        slope = steep / settings.friction.width + self.law.viscous
+        self.rotor = np.maximum(settings.rotor * largest, _STIFF * slope / settings.rate)
+        speed = 2 * np.pi * settings.bandwidth
+        self._gains = (largest + self.rotor) * speed**2, 2 * (largest + self.rotor) * speed
+
+    @cached_property
+    def model(self) -> "mujoco.MjModel":
+        """MuJoCo's model: links and rotors alone, no contacts and no limits."""
+        from mujoco import mjtDisableBit, mjtIntegrator
+
+        settings = replace(IDEAL, rate=self.settings.rate, rotor_inertia=self.rotor.tolist())
+        model = mujoco_model(self.true, settings)
+        model.opt.integrator = mjtIntegrator.mjINT_EULER
+        for unused in ("CONSTRAINT", "LIMIT", "SENSOR", "EQUALITY", "FRICTIONLOSS", "ACTUATION", "WARMSTART"):
+            model.opt.disableflags |= int(getattr(mjtDisableBit, f"mjDSBL_{unused}"))
+        return model
+
+    def feed_forward(self, motion: Motion) -> Array:
+        """What the controller believes the torque is, (B, T, J): of the description, without friction."""
+        shape = motion.position.shape
+        states = [x.reshape(-1, shape[2]).split(16_384) for x in motion[1:]]
+        return torch.cat([self.body.torque(*part) for part in zip(*states)]).reshape(shape).numpy()
+
+    def follow(self, motion: Motion, feed_forward: Array | None = None) -> Signals:
+        """What the plant does along B motions at its rate, each from rest, (B, T, J).
+
+        Args:
+            motion: the references, at the plant's rate.
+            feed_forward: that of ``feed_forward``, where it is known already.
+
+        Raises:
+            ShapeError: when the motion is not at the plant's rate.
+            InfeasibleError: when a joint does not follow.
+        """
+        if abs(float(motion.time[1] - motion.time[0]) * self.settings.rate - 1) > 1e-3:
+            raise ShapeError(f"the motion is not at the plant's {self.settings.rate:g} Hz")
+        ahead = self.feed_forward(motion) if feed_forward is None else feed_forward
+        ahead = ahead + self.rotor * motion.acceleration.numpy()
+        q, torque, friction = self._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
+        late = np.abs(q - motion.position.numpy()).max((0, 1)) if np.isfinite(q).all() else [np.inf]
+        if max(late) > self.settings.tolerance:
+            raise InfeasibleError(f"joints of a plant do not follow: they are up to {max(late):.3g} rad off")
+        return self._sensed(q, torque, friction)
+
+    def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
+        """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J)."""
+        from mujoco import MjData, mj_stateSize, mjtState, rollout
+
+        spec, applied = mjtState.mjSTATE_FULLPHYSICS, int(mjtState.mjSTATE_QFRC_APPLIED)
+        data, (batch, count, joints) = MjData(self.model), q.shape
+        state = np.zeros((batch, mj_stateSize(self.model, spec)))  # time, positions, velocities
+        state[:, 1 : 1 + joints], state[:, 1 + joints : 1 + 2 * joints] = q[:, 0], dq[:, 0]
+        (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
+        out = np.empty((3, batch, count, joints))
+        friction, push, past = np.zeros((batch, joints)), np.zeros((batch, joints)), dq[:, 0]
+        with rollout.Rollout(nthread=0) as step:
+            for i in range(count):
+                own, speed = state[:, 1 : 1 + joints], state[:, 1 + joints : 1 + 2 * joints]
+                motor = ahead[:, i] + stiffness * (q[:, i] - own) + damping * (dq[:, i] - speed)
+                motor = np.clip(motor, -limit, limit)
+                load = push - self.rotor * (speed - past) * self.settings.rate  # that the gears pass on
+                friction, past = self.law(own, speed, load), speed
+                push = motor - friction
+                out[:, :, i] = own, motor, friction
+                state = step.rollout(self.model, data, state, push[:, None], control_spec=applied)[0][:, 0]
+        return out[0], out[1], out[2]
+
+    def _sensed(self, q: Array, torque: Array, friction: Array) -> Signals:
+        """What encoders at the motors and torque sensors make of it, without noise."""
+        if self.law.form == "linear":
+            return Signals(_rounded(q, self.settings.encoder), torque, friction, q)
+        acceleration = np.gradient(np.gradient(q, axis=1), axis=1) * self.settings.rate**2
+        load = (torque - friction - self.rotor * acceleration) / self.scale
+        seen = q + self.settings.compliance * load + self.settings.backlash / 2 * np.tanh(20 * load)
+        seen = _rounded(seen, self.settings.encoder)
+        torque, friction = (_later(x, self.settings.delay * self.settings.rate) for x in (torque, friction))
+        return Signals(seen, _rounded(torque, self.settings.resolution * self.scale), friction, q)
+
+
+def _tool(random: np.random.Generator, most: float) -> Array:
+    """Inertial parameters about the last joint's frame, (10,), of a solid sphere of random mass and place."""
+    mass, centre, radius = random.uniform(0, most), random.uniform(-0.08, 0.08, 3), 0.05
+    about = 0.4 * mass * radius**2 * np.eye(3) + mass * (
+        centre @ centre * np.eye(3) - np.outer(centre, centre)
+    )
+    return np.array([mass, *(mass * centre), *about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+
+
+def _rounded(x: Array, step: Array | float) -> Array:
+    return np.round(x / step) * step if np.all(step) else x
+
+
+def _later(x: Array, steps: float) -> Array:
+    """Signals (B, T, J) that come so many steps later, in between linearly."""
+    if not steps:
+        return x
+    times = np.arange(x.shape[1]) - steps
+    low = np.clip(np.floor(times).astype(int), 0, None)
+    share = np.clip(times - low, 0, 1)[:, None]
+    return (1 - share) * x[:, low] + share * x[:, np.minimum(low + 1, x.shape[1] - 1)]
+
+
+def plants(
+    arm: Arm, settings: VariedSettings, forms: Sequence[Form], seed: np.random.SeedSequence
+) -> list[VariedPlant]:
+    """The same plant, but for the form of its friction, in each of the forms."""
+    return [VariedPlant(arm, settings, form, seed) for form in forms]

@@ -1,0 +1,77 @@
+"""By how much a recording's torques are later than its motion, from the motion and the torques alone."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.recording import Segment
+
+_SAMPLES = 3000  # that are looked at, spread over the recording
+_ROUNDS = 4  # of Gauss-Newton
+_SETTLED = 1e-5  # [s]
+_LONGEST = 0.1  # [s]
+_ROUNDING = 1e-12  # relative eigenvalue that is no information
+_CORRELATED = (
+    5.0  # samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
+)
+_CLEAR = 3.0  # deviations off zero at which a delay is believed
+
+
+class Delay(NamedTuple):
+    """Time by which torques are later than states."""
+
+    seconds: float  # negative where they are earlier
+    deviation: float  # standard deviation of that [s]
+
+    @property
+    def believed(self) -> bool:
+        """Whether there is one beyond doubt."""
+        return abs(self.seconds) > _CLEAR * self.deviation
+
+
+def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:
+    """Delay of the torques with which an arm of these kinematics explains them best.
+
+    A torque that is late by d is Y θ − d τ̇. That is fitted with rigid bodies, friction, offsets and rotors,
+    so that the description's inertias do not matter; each joint counts by its residual.
+    """
+    whole = [torch.cat(x) for x in zip(*(_rates(one) for one in segments if len(one.time) > 4))]
+    every = max(1, len(whole[0]) // _SAMPLES)
+    q, dq, ddq, torque, sign, rate, bend = (x[::every] for x in whole)
+    each = torch.eye(body.joints, dtype=torch.float64)
+    others = torch.stack([dq, sign, torch.ones_like(dq), ddq], -1)
+    terms = torch.einsum("sjk,ji->sjik", others, each).flatten(2)
+    known = torch.cat([body.base_regressor(q, dq, ddq), terms], 2)
+    late, deviation = 0.0, float("inf")
+    for _ in range(_ROUNDS):
+        # where the torque would be if it came earlier by what was found so far
+        now = torque + late * rate + late**2 / 2 * bend
+        step, deviation = _step(torch.cat([known, -(rate + late * bend)[..., None]], 2), now)
+        late = max(-_LONGEST, min(_LONGEST, late + step))
+        if abs(step) < _SETTLED:
+            break
+    return Delay(late, deviation)
+
+
+def _step(columns: Tensor, torque: Tensor) -> tuple[float, float]:
+    """The last parameter of weighted least squares on columns (S, J, P), and its deviation."""
+    weights = 1 / torque.std(0).clamp_min(1e-300)
+    for _ in range(2):
+        rows = (columns * weights[:, None]).flatten(0, 1)
+        scale = rows.norm(dim=0).clamp_min(1e-300)
+        values, vectors = torch.linalg.eigh((rows / scale).T @ (rows / scale))
+        kept = values > _ROUNDING * values[-1]
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        found = inverse @ ((rows / scale).T @ (torque * weights).flatten()) / scale
+        weights = 1 / (torque - columns @ found).square().mean(0).sqrt().clamp_min(1e-12 / weights)
+    return float(found[-1]), float((_CORRELATED * inverse[-1, -1]).sqrt() / scale[-1])
+
+
+def _rates(segment: Segment) -> list[Tensor]:
+    """A segment's states, torque and sign, with the torque's first and second derivative."""
+    step = float(segment.time[1] - segment.time[0])
+    rate = torch.gradient(segment.torque, spacing=step, dim=0)[0]
+    bend = torch.gradient(rate, spacing=step, dim=0)[0]
+    return [x[2:-2] for x in (*segment[1:], rate, bend)]

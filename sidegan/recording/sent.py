@@ -1,0 +1,197 @@
+"""What was sent to the arm, found again in its recording: repetitions, their mean, how far they differ."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from scipy.interpolate import PchipInterpolator
+from scipy.signal import correlate
+from torch import Tensor
+
+from sidegan.base.storage import reading
+from sidegan.errors import RecordingError
+from sidegan.recording.recording import Recording
+from sidegan.recording.statistics import bandwidth_of
+from sidegan.recording.tables import Numbers
+
+FOLDER = "trajectories"  # of a run of excite
+_RATE = 50.0  # [Hz] at which trajectories are looked for
+_ALIKE = 0.9  # correlation of velocities from which a trajectory is one of those that were sent
+_NEAR = 0.1  # [rad or m] between the means of what was sent and what was recorded
+_ROUNDS = 4  # of finding the moment at which a repetition begins
+
+
+@dataclass(frozen=True, eq=False)
+class Sent:
+    """A trajectory that was sent to the arm."""
+
+    name: str  # of its file
+    time: Numbers  # [s], (T,), from 0 on
+    position: Numbers  # [rad or m], (T, J)
+
+    def at(self, times: Numbers) -> tuple[Numbers, Numbers]:
+        """Positions and velocities at some times [s] within, (S, J) each."""
+        curve = PchipInterpolator(self.time, self.position)
+        return curve(times), curve(times, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """How often trajectories were found in a recording, and how far their repetitions differ."""
+
+    counts: dict[str, int]  # by the name of what was sent
+    # standard deviation of a sample of each joint's torque [N·m or N] or current [A] between repetitions,
+    # (J,); None where nothing was repeated
+    noise: Tensor | None
+    bandwidth: float  # of what was sent [Hz]
+
+    @property
+    def statement(self) -> str:
+        """What was found, in words."""
+        listed = ", ".join(f"{name} × {count}" for name, count in self.counts.items())
+        return f"found what was sent: {listed}" + (
+            "; repetitions are averaged" if self.noise is not None else ""
+        )
+
+
+def sent_files(path: Path) -> list[Path]:
+    """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run.
+
+    Raises:
+        RecordingError: when there is none.
+    """
+    runs = sorted(path.glob(f"*/{FOLDER}"))  # named by their time
+    folder = runs[-1] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
+    files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda one: one.stem.zfill(9))
+    files = [one for one in files if folder.is_file() or one.stem.isdigit()]
+    if not files:
+        raise RecordingError(f"recording.sent is {path}, expected a table of excite or the folder of its run")
+    return files
+
+
+def load_sent(path: Path, joint_names: Sequence[str]) -> list[Sent]:
+    """The trajectories that were sent, in the columns of ``excite``.
+
+    Raises:
+        RecordingError: when there is none, or one is of other joints.
+    """
+    found = []
+    for file in sent_files(path):
+        with reading(file, "CSV", RecordingError):
+            table = pd.read_csv(file)
+        columns = ["time", *(f"q_{name}" for name in joint_names)]
+        if missing := [name for name in columns if name not in table]:
+            raise RecordingError(f"{file} has no column {', '.join(missing)}: is it of this arm?")
+        values = table[columns].to_numpy(np.float64)
+        found.append(Sent(file.stem, values[:, 0], values[:, 1:]))
+    return found
+
+
+def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[list[Recording], Repeated]:
+    """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
+
+    Args:
+        recording: whole.
+        sent: what may be in it.
+        gap: time without samples [s] with which a repetition does not count.
+
+    Raises:
+        RecordingError: when there is nothing of what was sent in it.
+    """
+    fresh = np.append(True, np.diff(recording.time.numpy()) > 0)
+    time = recording.time.numpy()[fresh]
+    signals = {name: x.numpy()[fresh] for name, x in recording.signals().items()}
+    starts = _starts(time, signals["position"], sent, gap)
+    if not starts:
+        raise RecordingError(
+            f"{recording.name}: none of the {len(sent)} trajectories that were sent is in it; was it "
+            "executed at another speed, or is recording.sent of another run?"
+        )
+    step = float(np.median(np.diff(time)))
+    curves = {name: PchipInterpolator(time, x) for name, x in signals.items()}
+    load = "torque" if "torque" in signals else "current"
+    white = PchipInterpolator(time, np.random.default_rng(0).standard_normal(signals["position"].shape))
+    found, squares, free = [], np.zeros(len(recording.joint_names)), 0
+    for k, begins in starts.items():
+        grid = np.arange(0.0, sent[k].time[-1], step)
+        each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
+        means = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
+        position = means.pop("position")
+        found.append(_recorded(recording, torch.from_numpy(grid + begins[0]), position, means))
+        if len(begins) > 1 and load in each:
+            # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
+            left = np.mean([white(grid + start) ** 2 for start in begins])
+            squares += ((each[load] - each[load].mean(0)) ** 2).sum((0, 1)) / left
+            free += (len(begins) - 1) * len(grid)
+    noise = torch.from_numpy(np.sqrt(squares / free)) if free else None
+    counts = {sent[k].name: len(begins) for k, begins in starts.items()}
+    found.sort(key=lambda one: float(one.time[0]))
+    return found, Repeated(counts, noise, bandwidth_of(_recordings(recording, sent)))
+
+
+def _recorded(of: Recording, time: Tensor, position: Tensor, others: dict[str, Tensor]) -> Recording:
+    """A part of a recording with other samples."""
+    velocity, acceleration, torque, current = (
+        others.get(name) for name in ("velocity", "acceleration", "torque", "current")
+    )
+    return Recording(of.name, of.joint_names, time, position, velocity, acceleration, torque, current)
+
+
+def _recordings(recording: Recording, sent: Iterable[Sent]) -> list[Recording]:
+    """What was sent, as if it had been recorded."""
+    names = recording.joint_names
+    return [Recording(s.name, names, torch.from_numpy(s.time), torch.from_numpy(s.position)) for s in sent]
+
+
+def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) -> dict[int, list[float]]:
+    """Moments [s] at which trajectories begin, by their number; no two overlap."""
+    step = 1 / _RATE
+    grid = np.arange(time[0], time[-1], step)
+    velocity = np.gradient(np.stack([np.interp(grid, time, q) for q in position.T], 1), step, axis=0)
+    alike = [_alike(velocity, one.at(np.arange(0.0, one.time[-1], step))[1]) for one in sent]
+    lengths = [round(float(one.time[-1]) / step) for one in sent]
+    holes = time[:-1][np.diff(time) > gap]
+    starts: dict[int, list[float]] = {}
+    while True:
+        k = int(np.argmax([x.max(initial=0.0) for x in alike]))
+        if alike[k].max(initial=0.0) < _ALIKE:
+            return {k: sorted(starts[k]) for k in sorted(starts)}
+        at = int(alike[k].argmax())
+        start = _begun(time, position, sent[k], float(grid[at]))
+        for x, length in zip(alike, lengths):  # another one may neither begin nor end within this one
+            x[max(0, at - length + 1) : at + lengths[k]] = 0.0
+        whole = start is not None and not ((holes >= start) & (holes < start + sent[k].time[-1])).any()
+        if start is not None and whole:
+            starts.setdefault(k, []).append(start)
+
+
+def _alike(velocity: Numbers, wanted: Numbers) -> Numbers:
+    """Correlation, −1 to 1, of velocities (S, J) with wanted ones (T, J) that begin at each sample."""
+    if len(wanted) > len(velocity):
+        return np.zeros(0)
+    match = sum(correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
+    energy = np.cumsum(np.append(0.0, (velocity**2).sum(1)))
+    power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), 1e-300)
+    return np.asarray(match / np.sqrt(power))
+
+
+def _begun(time: Numbers, position: Numbers, sent: Sent, start: float) -> float | None:
+    """The moment at which a trajectory begins [s]; None where it is another one or not all of it is there.
+
+    What a servo is late by is part of it: the recording is compared with itself, not with what was asked for.
+    """
+    grid = np.arange(0.0, sent.time[-1], 1 / _RATE)
+    wanted, rate = sent.at(grid)
+    for _ in range(_ROUNDS):
+        now = np.stack([np.interp(grid + start, time, q) for q in position.T], 1)
+        error = now - wanted
+        off, error = np.abs(error.mean(0)).max(), error - error.mean(0)
+        start -= float((error * (rate - rate.mean(0))).sum() / (rate**2).sum())
+    slack = 1 / _RATE
+    inside = time[0] - slack <= start and start + sent.time[-1] <= time[-1] + slack
+    return (
+        min(max(start, float(time[0])), float(time[-1] - sent.time[-1])) if inside and off < _NEAR else None
+    )

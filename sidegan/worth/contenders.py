@@ -1,0 +1,230 @@
+"""Ways to make excitation sets, all under the same limits."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.design.information import information_of
+from sidegan.design.optimal import d_optimal
+from sidegan.design.prediction import Prediction, Volume
+from sidegan.design.problem import Problem
+from sidegan.design.sequence import designed
+from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.identification import RIGID, TorqueModel
+from sidegan.identification.prior import information
+from sidegan.library.draw import draw_valid
+from sidegan.motion.trajectory import Trajectory
+from sidegan.plant.varied import torque_scale
+from sidegan.seeds.gradient import Gradient
+from sidegan.validity import Constraints, check
+from sidegan.worth.settings import Contender, WorthSettings
+from sidegan.worth.tasks import legs, states
+
+_REACH = 0.9  # of the tightest limit, that random motions and sines use
+_TINY = 0.03  # the same of motions that are known to be bad
+_TRIES = 2000
+_TASK_RATE = 20.0  # [Hz] of the states that tasks are designed for with
+_SHRINK, _SHRINKS = 0.9, 5  # of an attempt that was invalid, and how often
+_FLAT = 1e-4  # of the samples: how strongly the fit of a sweep avoids large coefficients that cancel
+_STEPS = 60  # evaluations per optimised trajectory
+_RESERVE = 0.05  # of each limit, as ``excite`` keeps it
+
+
+class SetOf(NamedTuple):
+    """A set of trajectories, (n, J, H, 2), of one family."""
+
+    family: Trajectory
+    coefficients: Tensor
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a set is made for."""
+
+    constraints: Constraints
+    home: tuple[float, ...] | None
+    settings: WorthSettings
+    contender: Contender
+    count: int
+    seed: np.random.SeedSequence
+
+    def family(self, period: float | None = None) -> Trajectory:
+        """The trajectories' family."""
+        one = self.contender
+        joints = self.constraints.arm.joints
+        return Trajectory(joints, one.harmonics, period or one.period, self.home)
+
+    def problem(self, period: float | None = None) -> Problem:
+        """The optimisation of one of them."""
+        return Problem(self.constraints, self.family(period), max(60, 3 * self.contender.harmonics))
+
+    @property
+    def generator(self) -> torch.Generator:
+        """Random numbers of the set."""
+        return torch.Generator().manual_seed(int(self.seed.generate_state(1, np.uint64)[0] >> 1))
+
+    def option(self, name: str, default: float) -> float:
+        """An option of the maker."""
+        return (self.contender.options or {}).get(name, default)
+
+
+def make_set(order: Order) -> SetOf:
+    """The set that is ordered.
+
+    Raises:
+        ConfigError: when there is no such maker.
+        InfeasibleError: when nothing valid is found.
+    """
+    if order.contender.maker not in MAKERS:
+        raise ConfigError(f"worth: {order.contender.maker!r} makes no sets, expected one of {sorted(MAKERS)}")
+    return MAKERS[order.contender.maker](order)
+
+
+def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Prediction:
+    """What a designed set is good for; without friction, of rigid bodies alone."""
+    settings, body = order.settings, order.constraints.body
+    terms = settings.model if friction else replace(RIGID, sign_width=settings.model.sign_width)
+    model = TorqueModel(body, terms)
+    scale = torch.from_numpy(torque_scale(body, settings.plant.floor))
+    generator = torch.Generator().manual_seed(1 + order.generator.initial_seed() % 1000)
+    place, rate = order.constraints, 100.0
+    moves = [move for one in settings.design_tasks.values() for move in legs(place, one, rate, generator)]
+    tasks = states(moves, round(rate / _TASK_RATE))
+    return kind(model, tasks, scale, settings.misfits, belief(model, scale, settings.believed))
+
+
+def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
+    """Information of what is believed before, (P, P): links of typical size, terms of the joint's torque."""
+    out = information(model, share)
+    places = torch.arange(model.rigid, model.count)
+    out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
+    return out
+
+
+def _random(order: Order) -> SetOf:
+    problem, generator = order.problem(), order.generator
+    reach = order.option("reach", _REACH)
+
+    def valid(c: Tensor):  # type: ignore[no-untyped-def]
+        return check(problem.constraints, problem.trajectory, c)
+
+    draws = draw_valid(
+        lambda n: problem.start(n, generator, reach), valid, order.count, order.count, _TRIES * order.count
+    )
+    if draws.valid < order.count:
+        raise InfeasibleError("random trajectories are almost never valid in this workspace")
+    return SetOf(problem.trajectory, draws.coefficients)
+
+
+def _until_valid(order: Order, draw: Callable[[np.random.Generator, int], Tensor]) -> SetOf:
+    """Draws (J, H, 2) by number, each scaled to the limits and then down until it is valid."""
+    problem, random = order.problem(), np.random.default_rng(order.seed)
+    chosen: list[Tensor] = []
+    for _ in range(_TRIES * order.count):
+        c = draw(random, len(chosen))[None]
+        c = c * (_REACH / problem.limit_use(c))[:, :, None, None] * (c != 0).any(-1, keepdim=True)
+        for _ in range(_SHRINKS):
+            if bool(check(problem.constraints, problem.trajectory, c).valid.all()):
+                chosen.append(c[0])
+                break
+            c = _SHRINK * c
+        if len(chosen) == order.count:
+            return SetOf(problem.trajectory, torch.stack(chosen))
+    raise InfeasibleError(f"{order.contender.title}: never valid in this workspace")
+
+
+def _sinusoids(order: Order) -> SetOf:
+    """A sine of its own frequency for each joint."""
+    joints, harmonics, _ = order.family().shape
+
+    def draw(random: np.random.Generator, number: int) -> Tensor:
+        c = torch.zeros(joints, harmonics, 2, dtype=torch.float64)
+        which = random.permutation(max(joints, harmonics))[:joints] % harmonics
+        phase = random.uniform(0, 2 * np.pi, joints)
+        c[range(joints), which] = torch.from_numpy(np.stack([np.cos(phase), np.sin(phase)], 1))
+        return c
+
+    return _until_valid(order, draw)
+
+
+def _chirp(order: Order) -> SetOf:
+    """Sweeps of frequency on all joints, with phases of their own; fitted by the harmonics."""
+    family = order.family()
+    times = family.grid(20 * family.harmonics)
+    basis = family.basis(times, 1).flatten(1)
+    low, high = order.option("low", 0.1), order.option("high", 0.5)
+    sweep = (high - low) / family.period
+    angle, rate = (2 * np.pi * x for x in (low * times + sweep * times**2 / 2, low + sweep * times))
+    flat = _FLAT * len(times) * torch.eye(basis.shape[1], dtype=torch.float64)
+
+    def draw(random: np.random.Generator, number: int) -> Tensor:
+        phase = torch.from_numpy(random.uniform(0, 2 * np.pi, family.joints))
+        speed = rate[:, None] * torch.cos(angle[:, None] + phase)
+        return torch.linalg.solve(basis.T @ basis + flat, basis.T @ speed).T.reshape(family.shape)
+
+    return _until_valid(order, draw)
+
+
+def _single(order: Order) -> SetOf:
+    """One joint at a time, the others at rest: known to be bad."""
+    joints, harmonics, _ = order.family().shape
+
+    def draw(random: np.random.Generator, number: int) -> Tensor:
+        c = torch.zeros(joints, harmonics, 2, dtype=torch.float64)
+        c[number % joints] = torch.from_numpy(random.standard_normal((harmonics, 2)))
+        return c
+
+    return _until_valid(order, draw)
+
+
+def _tiny(order: Order) -> SetOf:
+    """Motions that hardly move: known to be bad."""
+    small = replace(order, contender=replace(order.contender, options={"reach": _TINY}))
+    return _random(small)
+
+
+def _conditioned(order: Order, count: int | None = None) -> SetOf:
+    """Each of the smallest condition number."""
+    problem = order.problem()
+    best = Gradient(_STEPS, 5, _RESERVE).optimise(problem, count or order.count, order.seed)
+    return SetOf(problem.trajectory, best.coefficients)
+
+
+def _excite(order: Order) -> SetOf:
+    """What ``+experiment=excite`` gives: a D-optimal pick from a pool of optimised trajectories."""
+    family, pool = _conditioned(order, round(order.option("pool", 4) * order.count))
+    information = information_of(order.constraints.body, family, pool)
+    return SetOf(family, pool[d_optimal(information, min(order.count, len(pool)))])
+
+
+def _volume(order: Order, friction: bool) -> SetOf:
+    aim = aim_of(order, Volume, friction)
+    problem, c = designed([order.problem()], aim, order.count, order.settings.search, order.generator)
+    return SetOf(problem.trajectory, c)
+
+
+def _prediction(order: Order) -> SetOf:
+    """Designed for the error on tasks, at the best of its periods."""
+    periods = [order.contender.period, *(v for k, v in (order.contender.options or {}).items() if k == "or")]
+    problems = [order.problem(period) for period in periods]
+    aim = aim_of(order, Prediction)
+    problem, c = designed(problems, aim, order.count, order.settings.search, order.generator)
+    return SetOf(problem.trajectory, c)
+
+
+MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
+    "sinusoids": _sinusoids,
+    "chirp": _chirp,
+    "random": _random,
+    "single": _single,
+    "tiny": _tiny,
+    "condition": _conditioned,
+    "excite": _excite,
+    "volume": lambda order: _volume(order, friction=True),
+    "rigid_volume": lambda order: _volume(order, friction=False),
+    "prediction": _prediction,
+}

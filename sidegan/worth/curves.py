@@ -1,0 +1,213 @@
+"""The error on held-out tasks of what is identified, as the robot moves on."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from scipy.signal import butter, sosfiltfilt
+from torch import Tensor
+
+from sidegan.errors import ShapeError
+from sidegan.identification import TorqueModel
+from sidegan.motion.trajectory import Motion
+from sidegan.plant.friction import Array
+from sidegan.plant.varied import Signals, VariedPlant
+from sidegan.worth.contenders import SetOf, belief
+from sidegan.worth.settings import Regime, Sensors, WorthSettings
+
+PIECE = 4.0  # [s] of motion whose sums are kept
+_TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
+_REWEIGHTED = 3
+_FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
+
+
+class Truth(NamedTuple):
+    """A plant on the tasks, without noise: means over samples and joints of relative squares."""
+
+    information: Tensor  # of each joint over its torque's variance, (J, P, P)
+    moment: Tensor  # (J, P)
+    energy: Tensor  # (J,)
+
+    def errors(self, parameters: Tensor) -> Tensor:
+        """Root mean square error of each joint relative to its torque, (…, J), of parameters (…, P)."""
+        twice = torch.einsum("jp,...p->...j", self.moment, parameters)
+        squares = torch.einsum("jpq,...p,...q->...j", self.information, parameters, parameters)
+        return (self.energy - 2 * twice + squares).clamp_min(1e-12).sqrt()
+
+    def floor(self) -> Tensor:
+        """The smallest mean error that parameters of the model's class reach, ()."""
+        scale = self.information.sum(0).diagonal().clamp_min(1e-300).sqrt()
+        matrix = self.information.sum(0) / scale[:, None] / scale
+        best = torch.linalg.pinv(matrix, rtol=1e-10, hermitian=True) @ (self.moment.sum(0) / scale) / scale
+        return mean_error(self.errors(best))
+
+
+def mean_error(errors: Tensor) -> Tensor:
+    """Root of the mean over joints of squared relative errors (…, J), (…)."""
+    return errors.square().mean(-1).sqrt()
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Identifies plants from sets, and judges what came of it."""
+
+    settings: WorthSettings
+    model: TorqueModel
+
+    @property
+    def times(self) -> Array:
+        """Times [s] at which the error is taken."""
+        times = PIECE * np.array(_TIMES, dtype=float)
+        return times[times <= self.settings.horizon + 1e-9]
+
+    def truth(self, plant: VariedPlant, moves: list[Motion]) -> Truth:
+        """A plant on tasks, executed without noise."""
+        signals = plant.follow(_padded(moves))
+        parts = []
+        for i, move in enumerate(moves):
+            own = Signals(*(x[i : i + 1, : len(move.time)] for x in signals))
+            parts.append(self._samples(own, plant.settings.rate))
+        y, torque = torch.cat([p[0][0] for p in parts]), torch.cat([p[1][0] for p in parts])
+        rows = y.transpose(0, 1) / torch.from_numpy(plant.scale)[:, None, None]
+        count = len(torque)
+        relative = torque.T / torch.from_numpy(plant.scale)[:, None]
+        share = relative.var(1) / 1.0
+        weight = 1 / (count * share)
+        information = (rows * weight[:, None, None]).mT @ rows
+        moment = ((rows * weight[:, None, None]).mT @ relative[..., None])[..., 0]
+        return Truth(information, moment, weight * relative.square().sum(1))
+
+    def curves(
+        self, plant: VariedPlant, sets: list[SetOf], truth: Truth, regimes: dict[str, Regime], seed: int
+    ) -> dict[str, Tensor]:
+        """Relative errors of each joint after each time, (sets, T, J), by regime."""
+        family = sets[0].family
+        if any(one.family != family for one in sets):
+            raise ShapeError("sets of one contender are of one family")
+        motion = family.roll_out(
+            torch.cat([one.coefficients for one in sets]), _clock(family.period, plant.settings.rate)
+        )
+        signals = plant.follow(motion)
+        y, torque, friction = self._samples(signals, plant.settings.rate)
+        sizes = [len(one.coefficients) for one in sets]
+        found: dict[str, list[Tensor]] = {name: [] for name in regimes}
+        for k, parts in enumerate(zip(*(x.split(sizes) for x in (y, torque, friction)))):
+            pieces = [_pieces(x, family.period) for x in parts]
+            for name, regime in regimes.items():
+                random = np.random.default_rng([seed, k, *name.encode()])
+                parameters = self._identified(plant, pieces, family.period, regime, random)
+                found[name].append(truth.errors(parameters))
+        return {name: torch.stack(x) for name, x in found.items()}
+
+    def _identified(
+        self,
+        plant: VariedPlant,
+        pieces: list[Tensor],
+        period: float,
+        regime: Regime,
+        random: np.random.Generator,
+    ) -> Tensor:
+        """Parameters after each time, (T, P), of pieces (n, S, J, …) that are repeated."""
+        y, torque, friction = pieces
+        total, each = round(self.times[-1] / PIECE), round(period / PIECE)
+        order = torch.arange(total) % len(y)
+        own = _gram(y)
+        measured = torque[order] + _disturbed(
+            friction[order], plant.scale, self.settings.sensors, regime.drift, each, random
+        )
+        moment = torch.stack([(y[k] * t[..., None]).sum(0) for k, t in zip(order, measured)])
+        energy = measured.square().sum(1)
+        places = torch.from_numpy(np.round(self.times / PIECE).astype(int) - 1)
+        sums = [x.cumsum(0)[places] for x in (own[order], moment, energy)]
+        samples = (places + 1) * y.shape[1]
+        return self._estimates(sums, samples.double(), torch.from_numpy(plant.scale))
+
+    def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> Tensor:
+        """Weighted least squares with weights from residuals and a weak belief in the description, (T, P)."""
+        information, moment, energy = sums
+        prior = belief(self.model, scale, self.settings.believed)
+        nominal = self.model.nominal
+        variance = (_FIRST * scale).square().expand(len(samples), -1)
+        for _ in range(_REWEIGHTED):
+            matrix = prior + (information / variance[:, :, None, None]).sum(1)
+            right = prior @ nominal + (moment / variance[:, :, None]).sum(1)
+            unit = matrix.diagonal(dim1=1, dim2=2).sqrt()
+            factor = torch.linalg.cholesky(matrix / unit[:, :, None] / unit[:, None])
+            x = torch.cholesky_solve((right / unit)[..., None], factor)[..., 0] / unit
+            left = energy - 2 * (moment @ x[..., None])[..., 0]
+            left = left + torch.einsum("tjpq,tp,tq->tj", information, x, x)
+            variance = (left / samples[:, None]).clamp_min(1e-10 * float(scale.min()) ** 2)
+            variance = torch.maximum(variance, (1e-3 * scale).square())
+        return x
+
+    def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
+        sensors, step = self.settings.sensors, round(rate / self.settings.sensors.rate)
+        sos = butter(2, sensors.cutoff, fs=rate, output="sos")
+        q, torque, friction = (sosfiltfilt(sos, x, axis=1) for x in signals[:3])
+        dq = np.gradient(q, 1 / rate, axis=1)
+        ddq = np.empty_like(q)
+        ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
+        ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
+        batch = len(q)
+        states = [torch.from_numpy(np.ascontiguousarray(x[:, step // 2 :: step])) for x in (q, dq, ddq)]
+        y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (batch, -1))
+        rest = (torch.from_numpy(np.ascontiguousarray(x[:, step // 2 :: step])) for x in (torque, friction))
+        return y, next(rest), next(rest)
+
+
+def _disturbed(
+    friction: Tensor, scale: Array, sensors: Sensors, drift: bool, each: int, random: np.random.Generator
+) -> Tensor:
+    """What is added to the torques of pieces (n, S, J): coloured noise, and drift of friction and offset.
+
+    What drifts is constant within a recording of so many pieces, and forgets itself slowly.
+    """
+    count, samples, joints = friction.shape
+    noise = _coloured(random, count * samples, joints, np.exp(-1 / (sensors.rate * sensors.correlation)))
+    out = sensors.noise * scale * noise.reshape(count, samples, joints)
+    if drift:
+        steps = -(-count // each)
+        slow = [_coloured(random, steps, joints, np.exp(-each * PIECE / sensors.slow)) for _ in range(2)]
+        factor, offset = (x.repeat(each, 0)[:count, None] for x in slow)
+        out = out + sensors.temperature * factor * friction.numpy() + sensors.bias * scale * offset
+    return torch.from_numpy(out)
+
+
+def _coloured(random: np.random.Generator, count: int, joints: int, keep: float) -> Array:
+    """Gaussian noise of unit variance, (count, joints), that keeps this share of itself from step to step."""
+    from scipy.signal import lfilter
+
+    draw = random.standard_normal((count, joints))
+    draw[1:] *= np.sqrt(1 - keep**2)
+    return lfilter([1.0], [1.0, -keep], draw, axis=0)
+
+
+def _gram(y: Tensor) -> Tensor:
+    """Sums of each joint over pieces (n, S, J, P), (n, J, P, P)."""
+    rows = y.transpose(1, 2)
+    return rows.mT @ rows
+
+
+def _pieces(x: Tensor, period: float) -> Tensor:
+    """Signals of whole trajectories (n, S, …) in pieces, (n · period / PIECE, S', …)."""
+    parts = round(period / PIECE)
+    size = x.shape[1] // parts
+    return x[:, : parts * size].unflatten(1, (parts, size)).flatten(0, 1)
+
+
+def _clock(period: float, rate: float) -> Tensor:
+    """Times [s] of a period at a rate, without its end."""
+    return torch.arange(round(period * rate), dtype=torch.float64) / rate
+
+
+def _padded(moves: list[Motion]) -> Motion:
+    """Motions of several lengths as one batch; those that have ended rest where they are."""
+    longest = max(moves, key=lambda x: len(x.time))
+    columns = []
+    for one in moves:
+        more = len(longest.time) - len(one.time)
+        tail = [x[:, -1:].expand(-1, more, -1) for x in one[1:]]
+        columns.append([torch.cat([x, end], 1) for x, end in zip(one[1:], tail)])
+    return Motion(longest.time, *(torch.cat(x) for x in zip(*columns)))

@@ -1,0 +1,99 @@
+"""Settings of the study: plants, regimes, tasks and contenders."""
+
+from dataclasses import dataclass
+
+from sidegan.base.typed import Count, Hertz, NonNegative, Positive, Seconds, Share, Size
+from sidegan.design.prediction import Misfits
+from sidegan.design.sequence import Search
+from sidegan.errors import ConfigError
+from sidegan.identification import Terms
+from sidegan.plant.friction import Form
+from sidegan.plant.varied import VariedSettings
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Moves from rest to rest between random postures."""
+
+    count: Size  # motions
+    waypoints: Size  # postures that each visits
+    distance: tuple[Share, Share]  # of the joints' ranges, from one to the next
+    velocity: Share  # of the limit; of the acceleration limit its square
+    rest: Seconds  # in each posture
+
+
+@dataclass(frozen=True)
+class Regime:
+    """What makes identification hard."""
+
+    form: Form  # of the plant's friction
+    drift: bool  # whether friction and offsets change in the course of time
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Noise and drift of torques, in shares of each joint's torque, and how signals are processed."""
+
+    noise: NonNegative  # standard deviation
+    correlation: Seconds  # time over which noise keeps its sign
+    temperature: NonNegative  # standard deviation of friction's factor
+    bias: NonNegative  # of the offset
+    slow: Seconds  # time over which both change
+    cutoff: Hertz  # of the filter without delay that positions and torques go through
+    rate: Hertz  # of the samples that are identified from
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One way to make excitation sets."""
+
+    maker: str  # a name in ``contenders.MAKERS``
+    title: str
+    period: Seconds
+    harmonics: Count
+    seconds: Seconds  # of motion of its own in a set; then the set is repeated
+    ours: bool = False  # whether it is what this study wants to show
+    practice: bool = False  # whether laboratories run it today: what the goal compares ours with
+    bad: bool = False  # whether it is known to be bad: what tells whether the study can tell
+    options: dict[str, float] | None = None  # of the maker
+
+
+@dataclass(frozen=True)
+class WorthSettings:
+    """The study."""
+
+    others: dict[str, str]  # further arms: descriptions by name, studied in free space where they are there
+    plants: Count
+    sets: Count  # of each contender
+    distinct: Seconds  # of motion of its own in a set that nobody designs
+    designed: Seconds  # of one that is designed
+    horizon: Seconds  # how long a robot moves at most
+    within: Positive  # share of the floor by which an error may exceed it
+    resolution: Positive  # relative error that a floor counts as at least
+    acceleration: Positive  # limit where the arm has none: this many 1/s times its velocity limit
+    resamples: Count  # of the bootstrap
+    goal: Positive  # of the robot seconds of the best contender that is not ours, that ours need at most
+    plant: VariedSettings
+    sensors: Sensors
+    regimes: dict[str, Regime]
+    judged: list[str]  # regimes that the goal is about; the others tell whether the ranking stays
+    model: Terms  # what is identified beside the rigid bodies
+    believed: Positive  # how well the description is believed before, in typical sizes of its parameters
+    tasks: dict[str, Legs]  # held out
+    design_tasks: dict[str, Legs]  # that ``prediction`` designs for
+    misfits: Misfits  # that it knows
+    search: Search
+    contenders: dict[str, Contender]
+
+    def __post_init__(self) -> None:
+        if unknown := set(self.judged) - set(self.regimes):
+            raise ConfigError(f"worth.judged has {sorted(unknown)}, expected some of {sorted(self.regimes)}")
+        for name, one in self.contenders.items():
+            if one.seconds < one.period:
+                raise ConfigError(
+                    f"worth.contenders.{name}: {one.seconds} s hold no period of {one.period} s"
+                )
+
+    def count(self, one: Contender) -> int:
+        """Trajectories in a set of a contender."""
+        return max(1, int(min(one.seconds, self.horizon) // one.period))

@@ -1,0 +1,51 @@
+"""Gains of drives, against currents that Pinocchio's torques would need."""
+
+import pinocchio as pin
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import Measurements
+from sidegan.identification.drive_gains import drive_gains
+from tests.identification.recordings import model_of
+from tests.identification.test_payload import CENTRE, INERTIA, MASS, runs
+
+TRUE = torch.tensor([11.0, 12.5, 9.0, 10.5, 8.0, 7.5, 6.0], dtype=torch.float64)  # N·m/A
+
+
+@pytest.fixture(scope="module")
+def load():
+    return torch.from_numpy(pin.Inertia(3 * MASS, CENTRE, 3 * INERTIA).toDynamicParameters())
+
+
+def currents(arm, load, seed, noise=0.02):
+    """Measurements whose torque is a noisy current [A]."""
+    data = runs(arm, load.numpy(), seed, 0.0)
+    random = torch.Generator().manual_seed(seed)
+    draw = torch.randn(data.torque.shape, generator=random, dtype=torch.float64)
+    return Measurements(*data.states, data.torque / TRUE + noise * draw)
+
+
+def test_gains_come_back_within_their_deviations(arm, load):
+    found = drive_gains(model_of(arm), [currents(arm, 0 * load, 0)], [currents(arm, load, 1)], load)
+    assert ((found.gains - TRUE).abs() < 4 * found.deviation + 1e-3 * TRUE).all()
+    assert (found.deviation < 0.05 * TRUE).all()
+
+
+def test_without_noise_they_are_exact(arm, load):
+    clean = [currents(arm, 0 * load, 0, 0.0)], [currents(arm, load, 1, 0.0)]
+    found = drive_gains(model_of(arm), *clean, load)
+    torch.testing.assert_close(found.gains, TRUE, rtol=1e-4, atol=0)
+
+
+def test_a_load_that_does_nothing_is_refused(planar, load):
+    lying = torch.zeros(10, dtype=torch.float64)
+    data = [currents_of(planar)]
+    with pytest.raises(ConfigError, match="the load has no effect on shoulder, elbow"):
+        drive_gains(model_of(planar), data, data, lying)
+    with pytest.raises(ShapeError, match="expected ten finite parameters"):
+        drive_gains(model_of(planar), data, data, load[:3])
+
+
+def currents_of(planar):
+    return runs(planar, torch.zeros(10).double().numpy(), 0, 0.0, 200)

@@ -1,0 +1,91 @@
+"""What an arm carries, against a load whose torque Pinocchio gives."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import torch
+
+from sidegan.identification import Measurements
+from sidegan.identification.payload import VALUES, identify_payload, values_of
+from sidegan.robot import chain_model, pseudo_inertia
+from tests.identification.recordings import model_of, multisine, truth_of
+
+MASS, CENTRE = 1.7, np.array([0.02, -0.03, 0.09])
+INERTIA = np.diag([0.006, 0.005, 0.003])  # about the centre
+
+
+@pytest.fixture(scope="module")
+def load():
+    """Parameters of the load about the last joint's frame, (10,)."""
+    return pin.Inertia(MASS, CENTRE, INERTIA).toDynamicParameters()
+
+
+def carrying(arm, load):
+    """Pinocchio's model of an arm with the load on its last link."""
+    model = chain_model(arm)
+    if load[0] > 0:
+        model.inertias[arm.joints] += pin.Inertia.FromDynamicParameters(load)
+    return model
+
+
+def runs(arm, load, seed, noise, samples=1500, size=1.0):
+    """Measurements with the load's torque from Pinocchio's inverse dynamics, and with friction."""
+    model = model_of(arm)
+    q, dq, ddq = (size * x for x in multisine(arm.joints, samples, seed))
+    friction = model.torque(truth_of(model), q, dq, ddq) - model.torque(model.nominal, q, dq, ddq)
+    loaded = carrying(arm, load)
+    data = loaded.createData()
+    states = zip(*(x.numpy() for x in (q, dq, ddq)))
+    torque = torch.from_numpy(np.stack([pin.rnea(loaded, data, *state) for state in states])) + friction
+    draw = np.random.default_rng([seed, 5]).normal(size=torque.shape)
+    return Measurements(q, dq, ddq, torque + noise * torch.from_numpy(draw))
+
+
+@pytest.fixture(scope="module")
+def found(arm, load):
+    free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
+    return identify_payload(model_of(arm), [free], [laden])
+
+
+def test_the_load_comes_back_within_its_deviations(found, load):
+    truth = torch.from_numpy(load)
+    np.testing.assert_allclose(values_of(truth)[:4], [MASS, *CENTRE], atol=1e-12)
+    np.testing.assert_allclose(values_of(truth)[[4, 6, 9]], np.diag(INERTIA), atol=1e-12)
+    error = found.estimate - truth
+    assert float(error @ torch.linalg.solve(found.covariance, error)) < 40  # χ² of ten, inflated errors
+    assert found.certain and found.link == "link_7" and len(VALUES) == 10
+    assert abs(found.values[0] - MASS) < 4 * found.deviation[0] < 0.3
+    assert (abs(found.values[1:4].numpy() - CENTRE) < 4 * found.deviation[1:4].numpy() + 1e-3).all()
+    assert (found.explained[:4] < 0.1 * found.without[:4]).all()
+
+
+def test_deviations_are_those_of_the_errors_that_are_made(arm, load):
+    """Over repeated noise the estimate's spread is what is told."""
+    model, errors, told = model_of(arm), [], []
+    for seed in range(8):
+        quiet = runs(arm, 0 * load, 0, 0.0, 400), runs(arm, load, 1, 0.0, 400)
+        random = torch.Generator().manual_seed(seed)
+        noisy = [
+            Measurements(*x.states, x.torque + 0.3 * torch.randn(x.torque.shape, generator=random).double())
+            for x in quiet
+        ]
+        result = identify_payload(model, noisy[:1], noisy[1:])
+        errors.append(result.estimate - torch.from_numpy(load))
+        told.append(result.covariance.diagonal().sqrt())
+    spread = torch.stack(errors).square().mean(0).sqrt()
+    ratio = spread / torch.stack(told).mean(0)
+    assert (ratio > 0.4).all() and (ratio < 2.0).all()
+
+
+def test_what_is_told_can_exist_however_noisy_it_is(arm, load):
+    """A motion so small that least squares gives a body that cannot exist."""
+    free, laden = (runs(arm, x, seed, 3.0, 300, 0.3) for seed, x in enumerate((0 * load, load)))
+    found = identify_payload(model_of(arm), [free], [laden])
+    assert torch.linalg.eigvalsh(pseudo_inertia(found.estimate))[0] < 0
+    assert torch.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0
+
+
+def test_no_load_is_told_as_none(arm, load):
+    free, again = runs(arm, 0 * load, 0, 0.3), runs(arm, 0 * load, 1, 0.3)
+    found = identify_payload(model_of(arm), [free], [again])
+    assert not found.certain and float(found.values[0]) < 0.1

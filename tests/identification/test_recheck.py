@@ -1,0 +1,66 @@
+"""A model that is still right, and each change that is told, against Pinocchio's torques."""
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.identification import Measurements, estimate, score
+from sidegan.identification.recheck import CHANGED, RIGHT, WRONG, recheck
+from tests.identification.recordings import model_of
+from tests.identification.test_payload import load, runs  # noqa: F401
+
+NOISE = 0.3
+
+
+@pytest.fixture(scope="module")
+def known(arm):
+    """A model, its parameters, and its errors on a recording that was held out, (J,)."""
+    model, nothing = model_of(arm), np.zeros(10)
+    found = estimate("weighted", model, [runs(arm, nothing, 0, NOISE)]).parameters
+    return model, found, score(model, found, [runs(arm, nothing, 1, NOISE)]).rmse
+
+
+def today(arm, seed=7, change=0.0, **options):
+    """A fresh recording with torques that changed."""
+    data = runs(arm, options.pop("load", np.zeros(10)), seed, NOISE, **options)
+    return Measurements(*data.states, data.torque + change)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_arm_that_is_as_it_was(arm, known, seed):
+    result = recheck(*known, [today(arm, 20 + seed)])
+    assert result.verdict == RIGHT and result.change is None
+    assert len(result.reasons) == 1 and "no change" in result.reasons[0]
+
+
+def test_more_friction_is_told_with_its_joint(arm, known):
+    data = today(arm)
+    extra = torch.zeros_like(data.velocity)
+    extra[:, 2] = 0.8 * torch.tanh(data.velocity[:, 2] / known[0].terms.sign_width)
+    result = recheck(*known, [Measurements(*data.states, data.torque + extra)])
+    assert result.verdict == CHANGED and result.change.what == "friction"
+    (name, value, sigma), *others = sorted(result.change.clear, key=lambda one: -abs(one[1] / one[2]))
+    assert name == "coulomb of joint_3" and abs(value - 0.8) < 4 * sigma and not others
+    assert "friction changed: coulomb of joint_3" in "; ".join(result.reasons)
+
+
+def test_a_drift_of_an_offset_is_told(arm, known):
+    drift = torch.tensor([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], dtype=torch.float64)
+    result = recheck(*known, [today(arm, change=drift)])
+    assert result.verdict == CHANGED and result.change.what == "offsets"
+    assert [name for name, *_ in result.change.clear] == ["offset of joint_4"]
+
+
+def test_another_tool_is_told_with_its_mass(arm, known, load):  # noqa: F811
+    result = recheck(*known, [today(arm, load=load)])
+    assert result.verdict == CHANGED and result.change.what == "load"
+    name, value, sigma = result.change.clear[0]
+    assert name == "mass [kg]" and abs(value - load[0]) < 4 * sigma
+
+
+def test_another_arm_is_not_explained_away(arm, known):
+    data = today(arm)
+    strange = Measurements(*data.states, 1.5 * data.torque)
+    result = recheck(*known, [strange])
+    assert result.verdict == WRONG and "identify the arm anew" in result.reasons[-1]
+    assert any(reason.startswith("joint_2: ") for reason in result.reasons)

@@ -1,0 +1,140 @@
+"""Payload, drive gains and the check of a known model, through their commands."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, RecordingError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.settings import validate
+from sidegan.recording.recording import Recording
+from tests.identification.test_drive_gains import TRUE
+from tests.identification.test_payload import CENTRE, MASS, load, runs  # noqa: F401
+from tests.recording.files import frame
+from tests.recording.made import moved
+from tests.tiny import composed
+
+NOISE = 0.2
+
+
+def ran(outputs, experiment, *overrides):
+    """Folder of a run."""
+    folder = outputs / "runs" / experiment
+    arm = () if any(one.startswith("robot=") for one in overrides) else ("robot=kuka_lwr4",)
+    common = (f"+experiment={experiment}", "tracking=off", "parallel.workers=1", f"outputs={outputs}")
+    run_stages(validate(composed(*common, *arm, *overrides)), folder, experiment)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def files(arm, load, tmp_path_factory):  # noqa: F811
+    """Recordings of 20 s at 100 Hz: two without a load, one with it, and currents of both kinds."""
+    folder, nothing = tmp_path_factory.mktemp("files"), 0 * load
+    for seed, (name, carried) in enumerate({"free": nothing, "again": nothing, "laden": load}.items()):
+        data = runs(arm, carried, seed, NOISE, 2000)
+        signals = {"position": data.position, "velocity": data.velocity, "torque": data.torque}
+        recording = Recording(name, arm.joint_names, torch.arange(2000).double() / 100, **signals)
+        frame(recording).to_csv(folder / f"{name}.csv", index=False)
+        drives = replace(recording, torque=None, current=data.torque / TRUE)
+        frame(drives).to_csv(folder / f"{name}_current.csv", index=False)
+    return folder
+
+
+def test_the_payload_command_tells_mass_and_centre(files, tmp_path):
+    folder = ran(tmp_path, "payload", f"recordings=[{files / 'free.csv'}]", f"loaded=[{files / 'laden.csv'}]")
+    found = json.loads((folder / "payload.json").read_text())
+    assert found["certain"] and found["link"] == "link_7"
+    for name, true in zip(("mass", "cx", "cy", "cz"), (MASS, *CENTRE)):
+        assert abs(found[name] - true) < 4 * found["deviation"][name] + 5e-3
+    assert "Ixx" in (folder / "payload.csv").read_text()
+
+
+def test_the_gains_command_tells_a_setting(files, tmp_path):
+    free, laden = (f"[{files / f'{name}_current.csv'}]" for name in ("free", "laden"))
+    place = ",".join(map(str, CENTRE))
+    known = (f"load.mass={MASS}", f"load.centre=[{place}]", "load.inertia=[0.006,0,0.005,0,0,0.003]")
+    folder = ran(tmp_path, "gains", f"recordings={free}", f"loaded={laden}", *known)
+    found = json.loads((folder / "gains.json").read_text())
+    error = np.abs(np.array(found["gain"]) - TRUE.numpy())
+    assert (error < 5 * np.array(found["deviation"]) + 0.01 * TRUE.numpy()).all()
+
+
+def test_the_recheck_command_tells_another_tool(files, tmp_path):
+    held = f"validation=[{files / 'again.csv'}]"
+    known = ran(tmp_path, "identify", "model=motor_current", f"recordings=[{files / 'free.csv'}]", held)
+    for name, verdict in (("again", "still right"), ("laden", "changed")):
+        folder = ran(tmp_path, "recheck", f"known={known}", f"recordings=[{files / f'{name}.csv'}]")
+        found = json.loads((folder / "recheck.json").read_text())
+        assert found["verdict"] == verdict, found["reasons"]
+    assert found["change"]["what"] == "load" and found["change"]["clear"][0][0] == "mass [kg]"
+    assert abs(found["change"]["clear"][0][1] - MASS) < 0.1
+
+
+def test_the_compare_command_tells_chance_from_change(files, planar, tmp_path):
+    folders = []
+    for k, (seed, viscous) in enumerate(((1, 1.0), (2, 1.0), (3, 1.4))):
+        made = moved(planar, np.arange(3000) / 100, viscous, 0.5, torch.Generator().manual_seed(seed))
+        frame(made).to_csv(tmp_path / f"{k}.csv", index=False)
+        file = f"recordings=[{tmp_path / f'{k}.csv'}]"
+        folders.append(ran(tmp_path / str(k), "identify", "robot=planar2", "model.sign_width=0.03", file))
+    for other, differ in ((folders[1], False), (folders[2], True)):
+        where = f"known={folders[0]}", f"other={other}"
+        folder = ran(tmp_path, "compare", "robot=planar2", *where)
+        found = json.loads((folder / "compare.json").read_text())
+        assert found["differ"] == differ
+    assert {name for name, *_ in found["clear"]} >= {"fv1", "fv2"}
+    with pytest.raises(ConfigError, match="expected the folder of a run of"):
+        ran(tmp_path, "compare", "robot=planar2", where[0])
+
+
+def test_what_to_do_next_is_a_command_that_designs_for_it(planar, tmp_path):
+    """From a recording in which the elbow hardly moves, to trajectories that move it."""
+    time = np.arange(20 * 100) / 100
+    still = moved(planar, time, 1.0, 0.5, torch.Generator().manual_seed(1))
+    q = still.position * torch.tensor([1.0, 0.01])
+    v = still.velocity * torch.tensor([1.0, 0.01])
+    torque = (
+        RigidBody(planar).torque(q, v, torch.gradient(v, spacing=0.01, dim=0)[0])
+        + v
+        + 0.5 * torch.tanh(v / 0.03)
+    )
+    noisy = torque + 0.2 * torch.randn(torque.shape, generator=torch.Generator().manual_seed(2)).double()
+    frame(Recording("poor", planar.joint_names, still.time, q, v, torque=noisy)).to_csv(
+        tmp_path / "poor.csv", index=False
+    )
+    known = ran(tmp_path, "identify", "robot=planar2", f"recordings=[{tmp_path / 'poor.csv'}]")
+    report = (known / "report.html").read_text()
+    assert "+experiment=excite robot.name=planar2" in report and "known=FOLDER" in report
+    small = (
+        "workspace=free",
+        "selection.count=2",
+        "trajectory.harmonics=3",
+        "trajectory.period=8",
+        "controllers.rate=50",
+    )
+    folder = ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={known}", *small)
+    said = (folder / "set.md").read_text()
+    left = float(re.search(r"deviations fall to (\d+)%", said)[1])
+    assert 0 < left < 50
+    table = pd.read_csv(folder / "trajectories" / "1.csv")
+    assert np.ptp(table.q_elbow) > 5 * np.ptp(q[:, 1].numpy())
+    with pytest.raises(ConfigError, match="expected the folder of a run of"):
+        ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={tmp_path}", *small)
+
+
+def test_what_is_missing_is_asked_for(files, tmp_path):
+    free = f"recordings=[{files / 'free.csv'}]"
+    with pytest.raises(ConfigError, match=r"loaded is empty, expected files with the load"):
+        ran(tmp_path, "payload", free)
+    with pytest.raises(ConfigError, match=r"load\.mass is 0, expected the mass of the known load"):
+        ran(tmp_path, "gains", free, free.replace("recordings", "loaded"))
+    with pytest.raises(RecordingError, match=r"holds samples of free\.csv"):
+        ran(tmp_path, "payload", free, free.replace("recordings", "loaded"))
+    with pytest.raises(ConfigError, match="expected the folder of a run of"):
+        ran(tmp_path, "recheck", free, f"known={tmp_path}")

@@ -1,0 +1,125 @@
+"""Randomised plants: MuJoCo moves them, each misfit is a switch, and one seed gives one plant."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from sidegan.base.typed import build
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.run import CONF
+from sidegan.plant.friction import FrictionSettings, Law
+from sidegan.plant.varied import VariedPlant, VariedSettings, torque_scale
+from sidegan.robot import load_robot
+
+OFF = {"stribeck": 0.0, "load": 0.0, "asymmetry": 0.0, "position": 0.0, "ripple": 0.0}
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def settings():
+    values = yaml.safe_load((CONF / "worth" / "_base.yaml").read_text(encoding="utf-8"))["plant"]
+    return build(VariedSettings, values)
+
+
+@pytest.fixture(scope="module")
+def plain(settings):
+    """Friction of a model's class, sensors without errors."""
+    sensors = {"compliance": 0.0, "backlash": 0.0, "encoder": 0.0, "resolution": 0.0, "delay": 0.0}
+    return replace(settings, friction=replace(settings.friction, **OFF), **sensors)
+
+
+@pytest.fixture(scope="module")
+def motion(planar, motions_at):
+    return motions_at(planar)
+
+
+@pytest.fixture(scope="module")
+def motions_at():
+    from sidegan.motion.trajectory import Trajectory
+
+    def make(arm, rate=500.0):
+        family = Trajectory(arm.joints, 3, 4.0)
+        random = torch.Generator().manual_seed(0)
+        c = 0.1 * torch.randn(3, arm.joints, 3, 2, generator=random, dtype=torch.float64)
+        return family.roll_out(c * arm.velocity_limit[:, None, None], family.times(rate))
+
+    return make
+
+
+def plant(arm, settings, form="eyring", seed=SEED):
+    return VariedPlant(arm, settings, form, np.random.SeedSequence(seed))
+
+
+@pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
+def test_motor_torque_is_the_true_arms_with_rotor_and_friction(name, plain, motions_at):
+    arm = load_robot(name)
+    made = plant(arm, plain, "linear")
+    signals = made.follow(motions_at(arm))
+    q = torch.from_numpy(signals.link)
+    rate = plain.rate
+    before = (q[:, 1:-1] - q[:, :-2]) * rate  # semi-implicit steps: the speed at which a step begins
+    acceleration = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
+    states = q[:, 1:-1], before, acceleration
+    rigid = RigidBody(made.true).torque(*states) + torch.from_numpy(made.rotor) * acceleration
+    expected = rigid + torch.from_numpy(made.law.linear(before.numpy()))
+    torch.testing.assert_close(torch.from_numpy(signals.torque[:, 1:-1]), expected, rtol=0, atol=1e-5)
+
+
+def test_the_controller_believes_the_description(planar, plain, motion):
+    made = plant(planar, plain)
+    assert (made.true.inertial_parameters - planar.inertial_parameters).abs().max() > 0.01
+    torch.testing.assert_close(
+        torch.from_numpy(made.feed_forward(motion)), RigidBody(planar).torque(*motion[1:])
+    )
+
+
+def test_one_seed_is_one_plant_whatever_the_form(planar, settings, motion):
+    one, again, other = (plant(planar, settings, form) for form in ("eyring", "eyring", "tustin"))
+    assert np.array_equal(one.follow(motion).torque, again.follow(motion).torque)
+    assert torch.equal(one.true.inertial_parameters, other.true.inertial_parameters)
+    assert np.array_equal(one.law.coulomb, other.law.coulomb)
+    assert np.abs(one.follow(motion).torque - other.follow(motion).torque).max() > 1e-3
+    assert not np.array_equal(plant(planar, settings, seed=4).law.coulomb, one.law.coulomb)
+
+
+@pytest.mark.parametrize("switch", [*OFF, "compliance", "backlash", "delay", "resolution", "encoder"])
+@pytest.mark.parametrize("form", ["eyring", "tustin"])
+def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, switch, form):
+    if switch in OFF:
+        size = getattr(settings.friction, switch)
+        changed = replace(plain, friction=replace(plain.friction, **{switch: size}))
+    else:
+        changed = replace(plain, **{switch: getattr(settings, switch)})
+    one, other = (plant(planar, x, form).follow(motion) for x in (plain, changed))
+    assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
+
+
+@pytest.mark.parametrize("form", ["eyring", "tustin"])
+def test_misfits_are_no_combination_of_what_a_model_has(form):
+    size = FrictionSettings((0.1, 0.1), (0.5, 0.5), 0.03, 0.4, 0.05, 0.15, 0.15, 0.0)
+    ones = np.ones(1)
+    law = Law.drawn(form, size, 10 * ones, 2 * ones, np.random.default_rng(0))
+    random = np.random.default_rng(1)
+    q, dq, load = random.uniform(-2, 2, (3, 400, 1)) * [[[1.0]], [[1.0]], [[8.0]]]
+    basis = np.concatenate([np.tanh(dq / size.width), dq, np.ones_like(dq), load], 1)
+    friction = law(q, dq, load)
+    left = friction - basis @ np.linalg.lstsq(basis, friction, rcond=None)[0]
+    assert left.std() > 0.05 * friction.std()
+    assert np.abs(law.linear(dq) - basis[:, :1] * law.coulomb - dq * law.viscous).max() < 1e-12
+
+
+def test_torque_scales_have_a_floor(arm):
+    scale = torque_scale(RigidBody(arm), 0.02)
+    assert scale.min() == pytest.approx(0.02 * scale.max())
+    assert scale.argmax() == 1
+
+
+def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, settings, motion, motions_at):
+    with pytest.raises(InfeasibleError, match="do not follow"):
+        plant(planar, replace(settings, tolerance=1e-9)).follow(motion)
+    with pytest.raises(ShapeError, match="500 Hz"):
+        plant(planar, settings).follow(motions_at(planar, 100.0))

@@ -1,0 +1,122 @@
+"""Trajectories that were sent, found in what MuJoCo's arm made of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from sidegan.controllers import Course, csv_text
+from sidegan.errors import RecordingError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.plant import IDEAL, Plant
+from sidegan.recording.check import check_recording
+from sidegan.recording.recording import Recording
+from sidegan.recording.sent import averaged, load_sent
+from tests.recording.conftest import of_file
+
+FAMILY = Trajectory(2, harmonics=4, period=8.0)
+NOISE, RATE = 0.2, 200.0
+PAUSE = 3.1237  # [s] before each, no whole number of samples
+
+
+@pytest.fixture(scope="module")
+def coefficients():
+    return 0.11 * torch.randn(3, 2, 4, 2, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def sent(planar, coefficients, tmp_path_factory):
+    """Folder of three tables as excite writes them."""
+    folder = tmp_path_factory.mktemp("run") / "trajectories"
+    folder.mkdir()
+    for k, c in enumerate(coefficients):
+        course = Course.of(planar.joint_names, FAMILY.roll_out(c[None], FAMILY.times(100)))
+        (folder / f"{k + 1}.csv").write_text(csv_text(course))
+    (folder / "all.csv").write_text("not,of,interest")
+    return folder.parent
+
+
+@pytest.fixture(scope="module")
+def true(planar, coefficients):
+    """What the servos made of them, without sensors."""
+    settings = replace(IDEAL, rate=1000.0, viscous=[1.0], coulomb=[0.5], feed_forward=0.5)
+    return [*Plant(planar, settings).follow_each(FAMILY, coefficients)]
+
+
+def logged(planar, true, order, delay=0.0, gap=None):
+    """A recording in which trajectories come in some order, with rest before each and late torques."""
+    parts, start, signals = [], 0.0, []
+    for k in order:
+        start += PAUSE
+        parts.append(start)
+        signals.append((true[k].time.numpy() + start, true[k].position.numpy(), true[k].torque.numpy()))
+        start += FAMILY.period
+    time = np.arange(0, start + PAUSE, 1 / RATE)
+    knots, position, torque = (np.concatenate(x) for x in zip(*signals))
+    curves = [
+        np.stack([np.interp(t, knots, x) for x in y.T], 1)
+        for t, y in ((time, position), (time - delay, torque))
+    ]
+    curves[1] += NOISE * np.random.default_rng(0).standard_normal(curves[1].shape)
+    keep = np.ones(len(time), bool) if gap is None else (time < gap) | (time > gap + 0.3)
+    q, tau = (torch.from_numpy(x[keep]) for x in curves)
+    return Recording("log", planar.joint_names, torch.from_numpy(time[keep]), q, torque=tau), parts
+
+
+def test_repetitions_are_found_and_averaged(planar, true, sent):
+    recording, begins = logged(planar, true, (0, 1, 0, 2, 1, 0))
+    parts, repeated = averaged(recording, load_sent(sent, planar.joint_names), 0.1)
+    assert repeated.counts == {"1": 3, "2": 2, "3": 1}
+    found = [float(part.time[0]) for part in parts]
+    assert found == pytest.approx([begins[k] for k in (0, 1, 3)], abs=0.05)  # servos are late by some ms
+    torch.testing.assert_close(repeated.noise, torch.full((2,), NOISE).double(), rtol=0.1, atol=0)
+    assert repeated.bandwidth == pytest.approx(FAMILY.harmonics / FAMILY.period, rel=0.3)
+    clean = np.stack([np.interp(parts[0].time, true[0].time + begins[0], x) for x in true[0].torque.T], 1)
+    error = (parts[0].torque.numpy() - clean)[100:-100].std()
+    assert 0.7 < error / (NOISE / 3**0.5) < 1.05  # interpolation takes some of it off, too
+
+
+def test_a_repetition_with_a_gap_does_not_count(planar, true, sent):
+    recording, begins = logged(planar, true, (0, 1, 0), gap=PAUSE + 4)
+    parts, repeated = averaged(recording, load_sent(sent, planar.joint_names), 0.1)
+    assert repeated.counts == {"1": 1, "2": 1} and repeated.noise is None
+    assert float(parts[-1].time[0]) == pytest.approx(begins[2], abs=0.05)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.006, -0.004])
+def test_delay_noise_and_bandwidth_are_told(planar, true, sent, delay):
+    recording, _ = logged(planar, true, (0, 1, 2) * 3, delay)
+    checked = check_recording(recording, planar, of_file(sent=str(sent), delay=None))
+    assert checked.delay.seconds == pytest.approx(delay, abs=max(4 * checked.delay.deviation, 1e-3))
+    assert checked.delay.deviation < 1e-3
+    assert checked.grid.source == "of what was sent"
+    said = "; ".join(checked.statements)
+    assert "found what was sent: 1 × 3, 2 × 3, 3 × 3" in said and "later than the motion" in said
+    assert len(checked.segments) == 3 and checked.as_json()["repetitions"] == {"1": 3, "2": 3, "3": 3}
+
+
+def test_the_newest_run_is_meant_where_only_their_folder_is_given(planar, sent, tmp_path):
+    for day in ("2026-01-02", "2026-01-01"):
+        (tmp_path / day / "trajectories").mkdir(parents=True)
+    (tmp_path / "2026-01-02" / "trajectories" / "1.csv").write_text(
+        (sent / "trajectories" / "2.csv").read_text()
+    )
+    (found,) = load_sent(tmp_path, planar.joint_names)
+    np.testing.assert_array_equal(found.position, load_sent(sent, planar.joint_names)[1].position)
+
+
+def test_what_is_not_in_it_is_refused(planar, true, sent, tmp_path):
+    recording, _ = logged(planar, true, (0, 1))
+    trajectories = load_sent(sent, planar.joint_names)
+    with pytest.raises(RecordingError, match="none of the 1 trajectories that were sent is in it"):
+        averaged(recording, trajectories[2:], 0.1)
+    slow = [replace(one, time=2 * one.time) for one in trajectories]
+    with pytest.raises(RecordingError, match="executed at another speed"):
+        averaged(recording, slow, 0.1)
+    with pytest.raises(RecordingError, match="expected a table of excite"):
+        load_sent(tmp_path, planar.joint_names)
+    pd.DataFrame({"time": [0.0, 1.0], "q_elbow": [0.0, 1.0]}).to_csv(tmp_path / "1.csv", index=False)
+    with pytest.raises(RecordingError, match="has no column q_shoulder: is it of this arm"):
+        load_sent(tmp_path / "1.csv", planar.joint_names)

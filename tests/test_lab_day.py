@@ -1,0 +1,113 @@
+"""docs/lab_day.md as a person follows it: every command and script in order, MuJoCo's arm as the robot."""
+
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+from sidegan.pipeline.run import main
+
+PAGE = Path(__file__).parents[1] / "docs" / "lab_day.md"
+QUICK = ("tracking=off", "parallel.workers=1")  # neither changes a result
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def commands(text):
+    """Words of each command of a block, which may go over several lines."""
+    return [shlex.split(line) for line in text.replace("\\\n", " ").splitlines() if line.strip()]
+
+
+@pytest.fixture(scope="module")
+def day(tmp_path_factory):
+    """The folder in which all of the page was executed, and the names that its scripts left."""
+    folder, names = tmp_path_factory.mktemp("lab"), {"__name__": "page"}
+    blocks = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
+    assert len(blocks) >= 8 and {kind for kind, _ in blocks} == {"sh", "python"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for kind, text in blocks:
+            if kind == "python":
+                exec(compile(text, str(PAGE), "exec"), names)
+                continue
+            for words in commands(text):
+                assert words[:3] == ["python", "-m", "sidegan.run"]
+                patch.setattr(sys, "argv", ["run", *words[3:], *QUICK])
+                assert main() == 0, " ".join(words)
+    return folder / "day", names
+
+
+def read(path):
+    return json.loads(path.read_text())
+
+
+def test_the_set_was_rehearsed_and_a_slow_one_has_its_way_there(day):
+    folder, _ = day
+    assert len(pd.read_csv(folder / "set" / "rehearsal.csv")) == 4
+    slow = pd.read_csv(folder / "slow" / "trajectories" / "1.csv")
+    assert slow.time.iloc[-1] == pytest.approx(64)
+    assert (folder / "slow" / "trajectories" / "approach.csv").is_file()
+
+
+def test_the_log_is_understood(day):
+    (checked,) = read(day[0] / "check" / "check.json")
+    assert checked["repetitions"] == {"1": 2, "2": 2, "3": 2, "4": 2}
+    assert np.array(checked["noise"]) == pytest.approx(0.2, rel=0.1)  # N·m
+    assert checked["delay"]["seconds"] == pytest.approx(0.003, abs=5e-4)
+
+
+def test_the_model_is_good_and_friction_comes_back(day):
+    folder, _ = day
+    verdict = read(folder / "model" / "verdict.json")
+    assert verdict["verdict"] == "good" and verdict["validation"]["kind"] == "held out"
+    assert verdict["validation"]["nmse_mean"] < 0.01
+    table = pd.read_csv(folder / "model" / "parameters.csv").set_index("name")
+    for j in range(1, 8):
+        assert table.loc[f"fv{j}"].value == pytest.approx(2.0, rel=0.1)
+        assert table.loc[f"fc{j}"].value == pytest.approx(1.0, rel=0.1)
+    forward, plain = (
+        np.array(verdict["forward"][name]["free"])[-1] for name in ("consistent", "description")
+    )
+    assert (
+        forward.max() < 0.2 and np.median(forward / plain) < 1.1
+    )  # the description's links are the true ones
+
+
+def test_what_others_load_gives_the_true_torques(day):
+    """Against MuJoCo's inverse dynamics of the arm that was executed."""
+    folder, names = day
+    plant = names["Plant"](names["arm"], names["replace"](names["IDEAL"], **names["real"])).model
+    identified = mujoco.MjModel.from_xml_path(str(folder / "model" / "kuka_lwr4.xml"))
+    random, errors, torques = np.random.default_rng(0), [], []
+    for _ in range(50):
+        state = random.uniform(-1, 1, 7), random.uniform(-1, 1, 7), random.uniform(-2, 2, 7)
+        found = []
+        for model in (plant, identified):
+            data = mujoco.MjData(model)
+            data.qpos[:], data.qvel[:], data.qacc[:] = state
+            mujoco.mj_inverse(model, data)
+            found.append(data.qfrc_inverse.copy())
+        torques.append(found[0])
+        errors.append([found[1] - found[0], names["model"].torque(*state) - found[0]])
+    share = np.square(errors).mean(0) / np.var(torques, axis=0)
+    assert (share < 0.05).all() and share.mean() < 0.01
+
+
+def test_the_tool_is_told(day):
+    found, tool = read(day[0] / "payload" / "payload.json"), day[1]["tool"].numpy()
+    sigma = found["deviation"]
+    assert found["certain"] and abs(found["mass"] - tool[0]) < max(4 * sigma["mass"], 0.02)
+    assert abs(found["cz"] - tool[3] / tool[0]) < max(4 * sigma["cz"], 0.01) and sigma["mass"] < 0.05
+
+
+def test_what_changed_over_night_is_told(day):
+    before, after = (read(day[0] / name / "recheck.json") for name in ("recheck_before", "recheck"))
+    assert before["verdict"] == "still right" and after["verdict"] == "changed"
+    assert after["change"]["what"] == "friction"
+    name, value, _ = max(after["change"]["clear"], key=lambda one: abs(one[1]))
+    assert name == "coulomb of joint_2" and value == pytest.approx(1.5, abs=0.15)

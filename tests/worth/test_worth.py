@@ -1,0 +1,180 @@
+"""The study: contenders under the same limits, exact where it must be, and with a sense for bad sets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from experiments import worth as page
+from experiments import worth_measures as measures
+from sidegan.errors import ConfigError
+from sidegan.identification import TorqueModel
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages.worth import arms, groups, load, sets, worth
+from sidegan.plant.varied import VariedPlant
+from sidegan.validity import Constraints, Plane, check
+from sidegan.worth import MAKERS, Judge, estimate, legs, make_set
+from sidegan.worth.contenders import Order
+from sidegan.worth.curves import _disturbed, mean_error
+from sidegan.worth.tasks import states
+
+
+@pytest.fixture(scope="module")
+def order(task, place):
+    def make(name, count=2, seed=0):
+        settings = task.cfg.worth
+        source = np.random.SeedSequence(seed)
+        return Order(place, task.trajectory.home, settings, settings.contenders[name], count, source)
+
+    return make
+
+
+def maker_of(name, task):
+    return next(key for key, one in task.cfg.worth.contenders.items() if one.maker == name)
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_every_contender_is_valid_under_the_same_limits_and_repeatable(task, place, order, maker):
+    one, again, other = (make_set(order(maker_of(maker, task), seed=s)) for s in (1, 1, 2))
+    assert check(place, one.family, one.coefficients).valid.all()
+    assert torch.equal(one.coefficients, again.coefficients)
+    assert not torch.equal(one.coefficients, other.coefficients)
+    assert "acceleration" in place.higher
+
+
+def test_an_unknown_maker_is_refused(order):
+    one = order("random_8")
+    wrong = replace(one, contender=replace(one.contender, maker="magic"))
+    with pytest.raises(ConfigError, match="'magic' makes no sets"):
+        make_set(wrong)
+
+
+def test_one_joint_at_a_time_moves_one_joint(order):
+    c = make_set(order("single")).coefficients
+    assert ((c != 0).flatten(2).any(2).sum(1) == 1).all()
+
+
+def test_tasks_begin_and_end_at_rest_within_the_limits(task, place):
+    for one in task.cfg.worth.tasks.values():
+        moves = legs(place, one, 100.0, torch.Generator().manual_seed(0))
+        assert len(moves) == one.count
+        for move in moves:
+            assert move.velocity[0, [0, -1]].abs().max() < 1e-9
+        q, dq, ddq = states(moves, 1)
+        margins = place.margins(q, dq, ddq)
+        assert all(float(x.min()) >= 0 for x in margins.values())
+        assert (dq.abs().amax(0) / place.arm.velocity_limit).max() <= one.velocity
+
+
+@pytest.fixture(scope="module")
+def judged(task, place, order):
+    """Errors on a plant whose friction is of the model's class, without noise and hardly filtered."""
+    settings = task.cfg.worth
+    sensors = replace(settings.sensors, noise=0.0, temperature=0.0, bias=0.0, cutoff=60.0)
+    plant = replace(settings.plant, encoder=0.0)
+    settings = replace(settings, sensors=sensors, plant=plant, believed=1e3)
+    judge = Judge(settings, TorqueModel(place.body, settings.model))
+    made = VariedPlant(place.arm, plant, "linear", np.random.SeedSequence(1))
+    random = torch.Generator().manual_seed(0)
+    moves = [m for one in settings.tasks.values() for m in legs(place, one, plant.rate, random)]
+    truth = judge.truth(made, moves)
+    regimes = {"noise": settings.regimes["noise"]}
+    return truth, judge.curves(made, [make_set(order("random_8", 4))], truth, regimes, 0)["noise"]
+
+
+def test_without_noise_and_misfit_the_plant_is_identified(judged):
+    truth, errors = judged
+    assert float(truth.floor()) < 2e-3
+    assert errors.shape[::2] == (1, 2)
+    assert float(errors[0, -1].max()) < 1e-2
+
+
+def test_no_parameters_predict_nothing(judged):
+    truth, _ = judged
+    nothing = truth.errors(torch.zeros(truth.moment.shape[1], dtype=torch.float64))
+    assert (nothing >= 1 - 1e-9).all()  # the square's mean is its variance or more
+
+
+def test_noise_and_drift_have_their_sizes(task):
+    sensors = replace(task.cfg.worth.sensors, noise=0.1, temperature=0.2, bias=0.0)
+    friction = 3 * torch.ones(4000, 20, 2, dtype=torch.float64)
+    scale = np.array([1.0, 10.0])
+    quiet, drifting = (
+        _disturbed(friction, scale, sensors, drift, 2, np.random.default_rng(0)).numpy()
+        for drift in (False, True)
+    )
+    assert quiet.std((0, 1)) == pytest.approx(0.1 * scale, rel=0.05)
+    slow = drifting - _disturbed(friction, scale, sensors, False, 2, np.random.default_rng(0)).numpy()
+    assert slow.std((0, 1)) == pytest.approx(0.2 * 3, rel=0.25)
+    assert np.abs(np.diff(slow, axis=1)).max() < 1e-12  # constant within a piece
+    assert np.abs(np.diff(slow[:, 0], axis=0)[::2]).max() < 1e-12  # and within a recording of two
+
+
+@pytest.mark.slow
+def test_known_bad_sets_come_last_with_intervals_apart(task, arm):
+    """On the LWR, with misfits and drift: what the study is for is to tell motions apart."""
+    settings = task.cfg.worth
+    few = {name: replace(one, count=4) for name, one in settings.tasks.items()}
+    settings = replace(settings, tasks=few)
+    limited = replace(arm, acceleration_limit=settings.acceleration * arm.velocity_limit)
+    place = Constraints(limited, [Plane((0.0, 0.0, 1.0), 0.1)])
+    judge, random = Judge(settings, TorqueModel(place.body, settings.model)), torch.Generator().manual_seed(0)
+    moves = [m for one in few.values() for m in legs(place, one, settings.plant.rate, random)]
+    seeds = [np.random.SeedSequence(k) for k in range(3)]
+    made = {}
+    for name in ("single", "tiny", "random_8", "condition", "chirp"):
+        orders = (Order(place, None, settings, settings.contenders[name], 2, seed) for seed in seeds)
+        made[name] = [make_set(one) for one in orders]
+    last = {name: [] for name in made}
+    for seed in seeds:
+        plant = VariedPlant(place.arm, settings.plant, "eyring", seed)
+        truth, regimes = judge.truth(plant, moves), {"drift": settings.regimes["drift"]}
+        for name, ones in made.items():
+            errors = judge.curves(plant, ones, truth, regimes, 0)["drift"]
+            last[name].append(mean_error(errors)[:, -1].numpy())
+    intervals = {name: estimate(np.stack(x), 300) for name, x in last.items()}
+    bad = min(intervals[name].low for name in ("single", "tiny"))
+    assert bad > max(one.high for name, one in intervals.items() if name not in ("single", "tiny"))
+
+
+@pytest.fixture(scope="module")
+def run(small, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    run_stages(small.cfg, folder, "worth")
+    return folder
+
+
+def test_the_page_tells_the_goal_first_and_has_a_metric_for_every_contender(small, run):
+    text = (run / "worth.md").read_text(encoding="utf-8")
+    assert (run / "worth.html").exists() and (run / "worth" / "metrics.json").exists()
+    first = text.split("\n\n")[1]
+    found = page.collect(small)
+    missed = [one for one in measures.goals(found) if not one.met and one.against == measures.PRACTICE]
+    assert ("misses its goal" in first) == bool(missed)
+    numbers = measures.metrics(found)[small.arm.name]
+    assert set(numbers) == set(small.cfg.worth.contenders)
+    assert set(numbers["tiny"]) == set(small.cfg.worth.regimes)
+
+
+def test_what_was_made_is_not_made_again(small, run):
+    name = next(iter(small.cfg.worth.contenders))
+    before = [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)]
+    run_stages(replace(small.cfg, stages=["worth"]), run, "again")
+    assert [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)] == before
+    assert len(load(small, name)) == small.cfg.worth.sets
+
+
+def test_regimes_that_are_not_judged_are_artifacts_of_their_own(task):
+    study = task.cfg.worth
+    assert list(groups(task)) == ["", "others"]
+    judged = {name: study.regimes[name] for name in study.judged}
+    alone = task.with_settings(worth=replace(study, regimes=judged))
+    assert list(groups(alone)) == [""]
+    assert worth(alone, "chirp").digest == worth(task, "chirp").digest
+    assert worth(task, "chirp", "others").digest != worth(task, "chirp").digest
+
+
+def test_an_arm_whose_description_is_missing_is_left_out(task):
+    others = replace(task.cfg.worth, others={"gone": "/nowhere/arm.urdf"})
+    assert list(arms(task.with_settings(worth=others))) == [task.arm.name]
