@@ -41,6 +41,8 @@ CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
+_MODE = ("hydra.mode", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
+
 EVERYTHING = "--help-all"
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
@@ -137,8 +139,8 @@ def main() -> int:
     """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
     # Hydra copies its store of configurations, of which there is one, for every group that --help lists.
     ConfigStore.__deepcopy__ = lambda store, memo: store  # type: ignore[attr-defined]
-    # It composes everything a first time to read hydra.mode, which only the command line may set here.
-    if not any("hydra.mode" in argument for argument in sys.argv):
+    # It composes everything a first time to read hydra.mode, which is set nowhere in our conf/.
+    if not any(word in argument for argument in sys.argv for word in _MODE):
         Hydra.get_mode = lambda *arguments, **named: None  # type: ignore[method-assign]
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
     # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
