@@ -373,7 +373,7 @@ def test_all_of_the_help_has_every_stage_group_and_setting(tmp_path):
     for words in (
         "sidegan +experiment=exp1 ",
         "  long            the single long trajectory in each of its readings",
-        "experiment: beyond, design, excite, exp1",
+        "experiment: beyond, compare, design, excite, exp1",
         "workspace: desk, free",
     ):
         assert words in done.stdout
