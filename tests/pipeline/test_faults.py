@@ -121,7 +121,9 @@ def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monk
 def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     pytest.importorskip("distributed")
     code = (
-        "import sys, time\nfrom functools import partial\n"
+        "import signal, sys, time\nfrom functools import partial\n"
+        # Where the tests themselves run in the background, shells have told them to ignore it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from sidegan.base.parallel import engine, run_jobs\n"
         "def note(number, report):\n"
         f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(30)\n"
