@@ -317,6 +317,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     costs = {name: getattr(rows, name)(setting) for name in ("design_evaluation", "design_setup")}
     following = rows.design_next(setting)
     text = template(Path(__file__).with_name("design.md.j2")).render(
+        options=options,
         situations={group: len(some) for group, some in page.situations.items()},
         tables=tables,
         columns=COLUMNS,
