@@ -40,7 +40,7 @@ class Outcome(NamedTuple):
     kills: int
     finished: int  # runs that came to their end after kills
     unequal: list[str]  # files that differ from those of a run without a kill, or are too many or missing
-    left: int  # semaphores in shared memory more than before
+    left: int  # semaphores of the killed runs that are still in shared memory
     stages: dict[str, int]  # how often each stage was hit
 
 
@@ -62,15 +62,14 @@ class Kills:
 
     def run(self, count: int) -> Outcome:
         """Run again and again, killed ``count`` times in all, and compare what each finished run leaves."""
-        semaphores = _semaphores()
         took, expected = self._whole, contents(self.work / "whole")
         torn = self.work / "torn"
         while (killed := len(self._told("killed"))) < count or torn.exists():
             moment = random.Random(f"{self.seed}-{self.arm}-{killed}").uniform(0, _REACH * took)
             before = len(_logs(torn))
-            code = self._start(torn, moment if killed < count else None)
+            process, code = self._start(torn, moment if killed < count else None)
             if code is None:
-                self._tell({"killed": moment, "stage": stage_of(_logs(torn)[before:])})
+                self._tell({"killed": moment, "stage": stage_of(_logs(torn)[before:]), "process": process})
                 continue
             unequal = differences(expected, contents(torn)) + [f"{self.arm}: failed"] * (code != 0)
             self._keep(unequal)
@@ -78,8 +77,9 @@ class Kills:
             shutil.rmtree(torn)
         finished = self._told("finished")
         wrong = [name for one in finished for name in one["unequal"]] + self._unsteady(expected)
-        stages = Counter(one["stage"] for one in self._told("killed"))
-        return Outcome(killed, len(finished), wrong, len(_semaphores() - semaphores), dict(stages))
+        kills = self._told("killed")
+        left = sum(len(semaphores(one["process"])) for one in kills if "process" in one)
+        return Outcome(killed, len(finished), wrong, left, dict(Counter(one["stage"] for one in kills)))
 
     @cached_property
     def _whole(self) -> float:
@@ -100,8 +100,8 @@ class Kills:
             return [f"{self.arm}: nothing was made"]
         return [f"without a kill: {x}" for x in differences(expected, contents(self.work / "first"))]
 
-    def _start(self, outputs: Path, moment: float | None) -> int | None:
-        """Exit code of a run, or None when it was killed at a moment [s]; nothing of it stays alive."""
+    def _start(self, outputs: Path, moment: float | None) -> tuple[int, int | None]:
+        """Process and exit code of a run, None when killed at a moment [s]; nothing of it stays alive."""
         settings = (f"robot={self.arm}", f"outputs={outputs.resolve()}", _WORKERS, *ARMS[self.arm])
         null, environment = subprocess.DEVNULL, {**os.environ, "PYTHONPATH": str(self.tree.resolve())}
         process = subprocess.Popen(
@@ -113,9 +113,9 @@ class Kills:
             start_new_session=True,
         )
         try:
-            return process.wait(moment)
+            return process.pid, process.wait(moment)
         except subprocess.TimeoutExpired:
-            return None
+            return process.pid, None
         finally:
             if process.returncode is None:
                 os.killpg(process.pid, signal.SIGKILL)
@@ -171,5 +171,6 @@ def differences(expected: dict[str, bytes], found: dict[str, bytes]) -> list[str
     return sorted(name for name in {*expected, *found} if expected.get(name) != found.get(name))
 
 
-def _semaphores() -> set[str]:
-    return {path.name for path in _SEMAPHORES.glob("sem.*")}
+def semaphores(process: int) -> list[str]:
+    """Names in shared memory of what a process made for its workers; loky names them after the process."""
+    return sorted(path.name for path in _SEMAPHORES.glob(f"sem.loky-{process}-*"))

@@ -1,7 +1,9 @@
+import os
 import sys
 from pathlib import Path
 
 import pytest
+from joblib.externals.loky.backend.synchronize import Lock
 
 from benchmarks.hostile import kills
 
@@ -67,3 +69,10 @@ def test_a_command_that_makes_nothing_shows_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(kills, "_COMMAND", (sys.executable, "-c", "pass"))
     outcome = kills.Kills("planar2", tmp_path, Path.cwd()).run(0)
     assert outcome.unequal == ["planar2: nothing was made"]
+
+
+def test_semaphores_of_a_process_and_of_no_other_are_found():
+    lock = Lock()
+    made = kills.semaphores(os.getpid())
+    assert f"sem.{lock._semlock.name.removeprefix('/')}" in made
+    assert not set(made) & set(kills.semaphores(os.getppid()))
