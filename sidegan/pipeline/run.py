@@ -184,11 +184,20 @@ def explain(error: Exception) -> str:
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
         return _unknown(unknown[1])
+    listed = re.search(r"invalid literal for int\(\) with base 10: '([^']+)'", text)
+    if listed:
+        return f"{_argument(listed[1])}: what this would set is a list, and {listed[1]} names no entry of it"
     plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
     if plugin and "Could not" in text:
         return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
     lines = text.partition("\nConfig search path:")[0].splitlines()
     return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
+
+
+def _argument(word: str) -> str:
+    """The setting on the command line whose name has a word in it, else the word."""
+    names = [argument.partition("=")[0].lstrip("+~") for argument in sys.argv[1:]]
+    return next((name for name in names if word in name.split(".")), word)
 
 
 def _unknown(key: str) -> str:

@@ -134,6 +134,10 @@ def test_whoever_starts_elsewhere_finds_the_results_there(command, tmp_path):
         (["seeds.cuont=3"], "error: seeds.cuont: there is no such setting; did you mean seeds.count?"),
         (["+seeds.cuont=3"], "error: seeds.cuont: there is no such setting; did you mean seeds.count?"),
         (["sedes=paper"], "error: sedes: there is no such setting; did you mean seeds?"),
+        (
+            ["+experiment=excite", "excite.count=0"],
+            "error: excite.count: what this would set is a list, and count names no entry of it",
+        ),
         (["seeds.count=many"], "error: seeds.count is 'many', expected a whole number ≥ 1"),
         (["gan=eigne"], "Could not find 'gan/eigne'"),
         (["experiment=exp1"], "use +experiment=exp1"),
