@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from scipy.signal import butter, sosfiltfilt
 from torch import Tensor
 
 from sidegan.errors import ShapeError
@@ -143,6 +142,8 @@ class Judge:
 
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
+        from scipy.signal import butter, sosfiltfilt  # takes half a second to import
+
         sensors, step = self.settings.sensors, round(rate / self.settings.sensors.rate)
         sos = butter(2, sensors.cutoff, fs=rate, output="sos")
         q, torque, friction = (sosfiltfilt(sos, x, axis=1) for x in signals[:3])
