@@ -23,6 +23,8 @@ CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
 # Claims about what valid generated trajectories add to the seeds.
 _ADDED = {"diverse_union", "generated_beat_seeds", "real_generated_beat_seeds", "smallest_norm"}
 _ADDED |= set(claims_identification.OF_WHOLE_SETS)
+# Claims about samples as they come.
+_SAMPLES = {"vanilla_first", "fitter", "inertial", "diverse_diagonals", "few_seeds_excite", "faster"}
 
 
 class Claim(NamedTuple):
@@ -53,6 +55,8 @@ def claims(groups: Mapping[str, Group]) -> list[Claim]:
 def _found(key: str, group: Group) -> Finding:
     """What was measured of a claim; of one about what is added to the seeds, also where nothing is."""
     finding, barren = CRITERIA[key](group), barren_variants(group)
+    if key in _SAMPLES and set(SIDE_GANS) <= set(barren):
+        return replace(finding, ours=f"{finding.ours}; no sample of the SIDE-GANs' is valid at the end")
     if key not in _ADDED or not barren:
         return finding
     nothing = f"no valid draw of {' or '.join(f'{name} (of {n:,})' for name, n in barren.items())}"

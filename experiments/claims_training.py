@@ -65,9 +65,11 @@ def _reliable(group: Group) -> Finding:
 
 
 def _vanilla_fails(group: Group) -> Finding:
-    best = _odds(group, by_epoch(group, "vanilla", "success").max())
-    ours = f"at best {shares({'vanilla': best})} valid"
-    return Finding(below(best, logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
+    curve = by_epoch(group, "vanilla", "success")
+    best, end = (shares({"vanilla": _odds(group, x)}) for x in (curve.max(), curve.iloc[-1]))
+    epochs = ", ".join(str(epoch) for epoch in sorted(set(curve.idxmax())))
+    ours = f"at best {best} valid (after epoch {epochs}), at the end {end}"
+    return Finding(below(_odds(group, curve.max()), logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
 
 
 def _odds(group: Group, success: pd.Series) -> pd.Series:

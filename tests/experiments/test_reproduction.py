@@ -133,6 +133,22 @@ def test_what_made_nothing_valid_adds_nothing_to_the_seeds(groups, artifacts, mo
     for key in ("generated_improve", "smallest_norm", "real_generated_beat_seeds"):
         assert all_three[key].verdict == NOT and "nothing is added to the seeds" in all_three[key].ours
     assert all_three["short_beat_long"] == usual["short_beat_long"]
+    assert all_three["faster"].verdict == usual["faster"].verdict
+    assert (
+        all_three["faster"].ours == f"{usual['faster'].ours}; no sample of the SIDE-GANs' is valid at the end"
+    )
+
+
+def test_vanilla_is_judged_by_its_best_epoch_which_is_told(artifacts, monkeypatch):
+    histories = artifacts.histories
+    vanilla = histories.variant == "vanilla"
+    success = np.where(vanilla & (histories.epoch == 1), 0.9, np.where(vanilla, 0.0, histories.success))
+    monkeypatch.setitem(artifacts.__dict__, "histories", histories.assign(success=success))
+    (found,) = (
+        x for x in claims({"ours": Group("ours", "ours", {"ours": artifacts})}) if x.key == "vanilla_fails"
+    )
+    assert found.findings["ours"].verdict == NOT
+    assert "(after epoch 1), at the end vanilla 0%" in found.findings["ours"].ours
 
 
 def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
