@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -70,19 +71,19 @@ class Source:
                 raise RecordingError(f"there is no recording {self.path}")
             if self.path.is_dir():
                 bag_files(self.path)
+        suffix = self.path.suffix.lower()
+        header = self.columns.named(self.name, self.joint_names)
+        if header is not None and _READERS.get(suffix) is not text_table:
+            raise RecordingError(f"{self.path} is no text without names of its columns: no recording.header")
         if is_bag(self.path):
             return bag_pieces(self.path, self.columns, self.joint_names, self.rows)
-        suffix = self.path.suffix.lower()
         if suffix not in _READERS:
             raise RecordingError(
                 f"{self.path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag"
             )
-        header = self.columns.named(self.name, self.joint_names)
         with reading(self.path, suffix[1:], RecordingError):
-            if _READERS[suffix] is text_table:
-                table = text_table(self.path, self.rows, header)
-            else:
-                table = _READERS[suffix](self.path, self.rows)
+            reader = _READERS[suffix] if header is None else partial(text_table, header=header)
+            table = reader(self.path, self.rows)
         where = self.columns.resolve(self.name, table.columns, self.joint_names)
         return table.pieces([c for columns in where.values() for c in columns]), where
 
