@@ -38,6 +38,10 @@ class Linear(Protocol):
     def terms(self) -> Any:
         """The terms, with ``signals(dq, ddq, stribeck)``."""
 
+    @property
+    def stribeck(self) -> Tensor | None:
+        """Velocity of each joint's Stribeck term, (J,); None without it."""
+
 
 @dataclass(frozen=True)
 class Misfits:
@@ -118,17 +122,9 @@ class Prediction:
 
     def rows(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Rows:
         """Regressor and misfits at states (S, J), differentiable in them."""
-        model, joints = self.model, q.shape[1]
-        rigid = model.body.base_regressor(q, dq, ddq)
-        signals = torch.stack(model.terms.signals(dq, ddq, None)).flatten(0, 0) if len(model.extras) else None
-        parts = [rigid]
-        if signals is not None:
-            term, joint = model.extras // joints, model.extras % joints
-            own = torch.nn.functional.one_hot(joint, joints).T.to(q)  # (J, E)
-            parts.append(own * signals[term, :, joint].T[:, None])
-        base = model.body.base
+        base, rigid = self.model.body.base, self.model.body.base_regressor(q, dq, ddq)
         torque = rigid @ base.values.to(q)
-        return Rows(torch.cat(parts, 2), self._forms(q, dq, torque), _passing(dq))
+        return Rows(with_terms(self.model, rigid, dq, ddq), self._forms(q, dq, torque), _passing(dq))
 
     def _forms(self, q: Tensor, dq: Tensor, torque: Tensor) -> Tensor:
         """What the model lacks, each of size one, (S, J, K)."""
@@ -179,6 +175,17 @@ class Prediction:
         known, (information, lasting, passing) = self.known, (x[0].detach() for x in new)
         both = known.passing + passing @ passing.T
         self.known = Told(known.information + information, known.lasting + lasting, both)
+
+
+def with_terms(model: Linear, rigid: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    """A model's regressor (S, J, P) from that of its rigid bodies (S, J, R), differentiable in all."""
+    if not len(model.extras):
+        return torch.cat([rigid], 2)
+    joints = dq.shape[1]
+    signals = torch.stack(model.terms.signals(dq, ddq, model.stribeck))
+    term, joint = model.extras // joints, model.extras % joints
+    own = torch.nn.functional.one_hot(joint, joints).T.to(dq)  # (J, E)
+    return torch.cat([rigid, own * signals[term, :, joint].T[:, None]], 2)
 
 
 class Volume(Prediction):

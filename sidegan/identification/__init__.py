@@ -7,6 +7,7 @@ from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import (
     EstimationSettings,
+    GoalSettings,
     KnownLoad,
     Recursion,
     ReplicationSettings,
@@ -20,6 +21,7 @@ __all__ = [
     "RIGID",
     "Estimate",
     "EstimationSettings",
+    "GoalSettings",
     "KnownLoad",
     "Live",
     "Measurements",

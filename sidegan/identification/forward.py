@@ -16,7 +16,7 @@ from sidegan.robot import Arm, Drives
 _RATE = 1000.0  # [Hz] of the simulation
 _HORIZONS = 20  # at which errors are told
 _STARTS = 24  # moments from which the model is let go, at most
-_LEAST = 5  # horizons that a recording is long at least
+_LEAST = 5  # samples of a stretch that curves are drawn through
 _BANDWIDTH = 1.0  # of the servos that hold the model near the recorded motion [Hz]
 _TAIL = 0.9  # of all starts, whose error is told beside the root mean square
 

@@ -51,6 +51,14 @@ def information(model: TorqueModel, relative: float) -> Tensor:
     return out
 
 
+def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
+    """Information of what is believed before, (P, P): links of typical size, terms of the joint's torque."""
+    out = information(model, share)
+    places = torch.arange(model.rigid, model.count)
+    out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
+    return out
+
+
 @dataclass(frozen=True)
 class Ridge(Ols):
     """Weighted least squares pulled towards the description, as strongly as that is believed.

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Positive
+from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Positive, Seconds
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
@@ -73,6 +73,31 @@ class KnownLoad:
         own = torch.tensor(self.inertia or [0.0] * 6, dtype=torch.float64)
         moved = own + about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
         return torch.cat([torch.tensor([self.mass], dtype=torch.float64), self.mass * c, moved])
+
+
+@dataclass(frozen=True)
+class GoalSettings:
+    """What a set of trajectories is designed for, and what it is measured with."""
+
+    # "condition": each of a small condition number, of rigid bodies alone; the others are of the configured
+    # model, and a list is of links whose parameters are wanted
+    wanted: Literal["condition", "all", "payload", "prediction"] | list[str]
+    # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N]
+    noise: Positive | list[Positive]
+    correlation: Seconds  # time over which that noise keeps its sign
+    believed: Positive  # deviation of the description's parameters, in their typical sizes
+
+    def deviation(self, usual: Tensor) -> Tensor:
+        """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N].
+
+        Raises:
+            ConfigError: when there is not one per joint.
+        """
+        if not isinstance(self.noise, list):
+            return self.noise * usual
+        if len(self.noise) != len(usual):
+            raise ConfigError(f"goal.noise has {len(self.noise)} numbers, the arm has {len(usual)} joints")
+        return torch.tensor(self.noise, dtype=torch.float64)
 
 
 @dataclass(frozen=True)

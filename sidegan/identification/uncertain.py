@@ -1,32 +1,48 @@
-"""What recordings left uncertain, as an aim of design: trajectories that tell it beside what is known."""
+"""What is uncertain of a model, as an aim of design: trajectories that tell it beside what is known."""
+
+from functools import partial
 
 import torch
 from torch import Tensor
 
-from sidegan.design.prediction import Prediction, Told
-from sidegan.errors import ShapeError
-from sidegan.identification.model import TorqueModel
+from sidegan.design.prediction import Prediction, Told, with_terms
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.goals import Everything, OfLinks, Tool, Torques, Wanted
+from sidegan.identification.model import Terms, TorqueModel
+from sidegan.identification.prior import belief
+from sidegan.identification.settings import GoalSettings
+from sidegan.motion.dynamics import RigidBody
+from sidegan.plant.varied import torque_scale
 
+_FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's counts as at least
 _LEAST = 1e-9  # of what is known of a parameter: keeps factors of singular information finite
 
 
 class Uncertain(Prediction):
-    """Minus the mean log eigenvalue of the information on a model's parameters, rotors and friction included.
+    """The uncertainty of what is wanted of a model, rotors and friction included.
 
     An aim of ``design.sequence``: trajectories are designed one after another, each given those before it.
 
     Args:
-        model: that was identified.
+        model: that was, or is to be, identified.
         covariance: of its parameters' errors, (P, P).
         certainty: one over the deviation that a sample's torque error would have if samples were
             independent, (J,).
         rate: of the samples [Hz].
+        wanted: what of it is wanted.
 
     Raises:
         ShapeError: when something does not fit the model.
     """
 
-    def __init__(self, model: TorqueModel, covariance: Tensor, certainty: Tensor, rate: float) -> None:
+    def __init__(
+        self,
+        model: TorqueModel,
+        covariance: Tensor,
+        certainty: Tensor,
+        rate: float,
+        wanted: Wanted = Everything,
+    ) -> None:
         if covariance.shape != (model.count, model.count) or certainty.shape != (model.joints,):
             raise ShapeError(
                 f"covariance {tuple(covariance.shape)} and certainty {tuple(certainty.shape)} are not of a "
@@ -36,38 +52,78 @@ class Uncertain(Prediction):
         self._scale = covariance.diagonal().clamp_min(1e-300).sqrt()  # deviations: units of the parameters
         scaled = covariance / self._scale / self._scale[:, None]
         known = torch.linalg.pinv(scaled, hermitian=True)
-        self.information = (known + known.T) / 2 + _LEAST * torch.eye(model.count, dtype=torch.float64)
+        least = _LEAST * torch.eye(model.count, dtype=torch.float64)
+        self._before, self._motion = (known + known.T) / 2 + least, torch.zeros_like(least)
+        self.goal = wanted(model, self._scale)
 
     def told(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Told:
         """What B trajectories of so many seconds tell, each alone, of their states (B, T, J)."""
         batch, count, joints = q.shape
         states = [x.reshape(-1, joints) for x in (q, dq, ddq)]
-        y = self._regressor(*states) * self._certainty[:, None] * self._scale
+        y = with_terms(self._model, self._model.body.base_regressor(*states), *states[1:])
+        y = y * self._certainty[:, None] * self._scale
         y = y.unflatten(0, (batch, count)).flatten(1, 2)
         nothing = q.new_zeros(batch, 0, 0)
         return Told(self._rate * seconds / count * (y.mT @ y), nothing, nothing)
 
     def value(self, new: Told) -> Tensor:
-        """The aim after each of B trajectories beside what is known, (B,)."""
-        factor = torch.linalg.cholesky(self.information + new.information)
-        return -2 * factor.diagonal(dim1=1, dim2=2).log().mean(1)
+        """The goal after each of B trajectories beside what is known, (B,)."""
+        return self.goal.value(self._before, self._motion + new.information)
 
     def take(self, new: Told) -> None:
         """Count one trajectory as known."""
-        self.information = self.information + new.information[0].detach()
+        self._motion = self._motion + new.information[0].detach()
 
-    def left(self, before: "Uncertain") -> float:
-        """Deviations of the parameters over those of an earlier state of knowledge, geometric mean."""
-        change = torch.logdet(self.information) - torch.logdet(before.information)
-        return float((-change / (2 * self._model.count)).exp())
+    @property
+    def before(self) -> Tensor:
+        """Deviation of each of what is wanted without any trajectory, (K,)."""
+        return self.goal.deviations(self._before, torch.zeros_like(self._motion))
 
-    def _regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
-        """The model's regressor (S, J, P), differentiable in the states."""
-        model, joints = self._model, self._model.joints
-        rigid = model.body.base_regressor(q, dq, ddq)
-        if not len(model.extras):
-            return rigid
-        signals = torch.stack(model.terms.signals(dq, ddq, model.stribeck))
-        term, joint = model.extras // joints, model.extras % joints
-        own = torch.nn.functional.one_hot(joint, joints).T.to(q)  # (J, E)
-        return torch.cat([rigid, own * signals[term, :, joint].T[:, None]], 2)
+    @property
+    def deviations(self) -> Tensor:
+        """Deviation of each of what is wanted with those that count as known, (K,)."""
+        return self.goal.deviations(self._before, self._motion)
+
+    @property
+    def left(self) -> float:
+        """Deviations of what is wanted over those without any trajectory, mean along the principal axes."""
+        values = (self.goal.value(self._before, x) for x in (self._motion, torch.zeros_like(self._motion)))
+        return float(((next(values) - next(values)) / 2).exp())
+
+
+def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
+    """What is uncertain of an arm of which there is a description and nothing else.
+
+    Raises:
+        ConfigError: when a setting does not fit the arm.
+    """
+    if terms.stribeck:
+        raise ConfigError(
+            "velocities of model.stribeck are found from recordings: design with model.stribeck=false, or "
+            "with known=… for what an identification left uncertain"
+        )
+    model, usual = TorqueModel(body, terms), usual_torque(body)
+    covariance = torch.linalg.inv(belief(model, usual, goal.believed))
+    rate = 1 / (2 * goal.correlation)  # of samples whose noise is independent
+    return Uncertain(
+        model, covariance, 1 / goal.deviation(usual), rate, wanted_of(goal, usual, identified=False)
+    )
+
+
+def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:
+    """What the settings say is wanted of an arm with these usual torques (J,) [N·m or N].
+
+    Where nothing is said, everything: each of a small condition number is no goal for a set.
+    """
+    if isinstance(goal.wanted, list):
+        return partial(OfLinks, links=goal.wanted)
+    if goal.wanted == "payload":
+        return partial(Tool, identified=identified)
+    if goal.wanted == "prediction":
+        return partial(Torques, usual=usual)
+    return Everything
+
+
+def usual_torque(body: RigidBody) -> Tensor:
+    """Root mean square torque of each joint within the limits [N·m or N], (J,)."""
+    return torch.from_numpy(torque_scale(body, _FLOOR))

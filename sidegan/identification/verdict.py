@@ -157,7 +157,7 @@ def _excitation(trust: Trust) -> Iterator[Finding]:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
     for j, share in enumerate(trust.torque_deviation.tolist()):
-        own = listed([name for name in trust.weak if _joint_of(name) == j], _NAMED)
+        own = listed([name for name in trust.weak if joint_of(name) == j], _NAMED)
         if share > _GOOD_TORQUE:
             level = BAD if share > _USABLE_TORQUE else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
@@ -174,7 +174,7 @@ def _negative(trust: Trust) -> Iterator[Finding]:
     for name, value, deviation in each:
         if name.rstrip("0123456789") in _FRICTION and value < -_CLEAR * deviation:
             what = "a rotor has no negative inertia" if name.startswith("Ia") else "friction drives no joint"
-            yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", _joint_of(name))
+            yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", joint_of(name))
 
 
 def _advice(trust: Trust, j: int) -> str:
@@ -193,7 +193,7 @@ def _advice(trust: Trust, j: int) -> str:
     return f"excite it with a motion that {' and '.join(wishes)}"
 
 
-def _joint_of(name: str) -> int:
+def joint_of(name: str) -> int:
     """Joint or link, from 0, that a parameter's name ends with."""
     number = re.search(r"\d+$", name)
     return int(number.group()) - 1 if number else -1

@@ -45,7 +45,8 @@ class IdentifiedArm:
     trust: Trust  # whether to trust the model that is to be used
     # method of that model: the consistent one unless the chosen one predicts what it has not seen better
     use: str
-    halves: dict[str, float]  # mean nMSE by which that was decided where nothing was held out
+    # mean nMSE by which that was decided where nothing was held out; nothing where halves told too little
+    halves: dict[str, float]
 
     @property
     def recordings(self) -> list[CheckedRecording]:
@@ -97,6 +98,13 @@ class IdentifiedArm:
             arms["description"] = model.arm
         found = {name: forward_errors(arm, self.drives, offset, segments) for name, arm in arms.items()}
         return {name: one for name, one in found.items() if one is not None}
+
+    @property
+    def unseen(self) -> dict[str, float]:
+        """Mean nMSE on what was not seen, by method; nothing where there is no such error."""
+        if self.halves or self.tests is self.trained:
+            return self.halves
+        return {method: one.nmse_mean for method, one in self.tests.items()}
 
     @property
     def chosen(self) -> Estimate:
@@ -165,7 +173,8 @@ def identify_arm(
         turns = {method: folds(method, model, whole, **values) for method, values in methods.items()}
         tests = {method: one.pooled for method, one in turns.items()}
     halves = _halves(model, samples, methods, settings.method) if tests is trained else {}
-    use = preferred(settings.method, halves or {method: one.nmse_mean for method, one in tests.items()})
+    unseen = halves if tests is trained else {method: one.nmse_mean for method, one in tests.items()}
+    use = preferred(settings.method, unseen)
     chosen = estimates[settings.method]
     runs = _candidates(model, chosen, training[0].grid.rate, settings)
     trusted = trust(model, chosen, held_out or None, turns.get(use), **runs)
@@ -174,22 +183,27 @@ def identify_arm(
 
 
 def preferred(method: str, errors: Mapping[str, float]) -> str:
-    """The model to use, by the mean nMSE of each: one that can exist, unless another is clearly better."""
-    return method if errors[CONSISTENT] > _AS_GOOD * errors[method] else CONSISTENT
+    """The model to use, by the mean nMSE of each: one that can exist, unless another is clearly better.
+
+    Without any errors on what was not seen, the one that can exist.
+    """
+    better = bool(errors) and errors[CONSISTENT] > _AS_GOOD * errors[method]
+    return method if better else CONSISTENT
 
 
 def _halves(
     model: TorqueModel, samples: list[Measurements], methods: dict[str, dict[str, Any]], method: str
 ) -> dict[str, float]:
-    """Mean nMSE of each half of the recordings by the other, of a method and the consistent one."""
-    halves = halves_of(samples)
+    """Mean nMSE of each half of the recordings by the other, of a method and the consistent one.
+
+    Nothing where a half tells too little.
+    """
     try:
-        return {
-            name: folds(name, model, halves, **methods[name]).pooled.nmse_mean
-            for name in (method, CONSISTENT)
-        }
-    except (InfeasibleError, ShapeError):  # a half tells too little: then what can exist is preferred
-        return {method: 1.0, CONSISTENT: 1.0}
+        halves = halves_of(samples)
+        each = {name: folds(name, model, halves, **methods[name]) for name in (method, CONSISTENT)}
+    except (InfeasibleError, ShapeError):
+        return {}
+    return {name: one.pooled.nmse_mean for name, one in each.items()}
 
 
 def _methods(settings: EstimationSettings) -> dict[str, dict[str, Any]]:

@@ -21,6 +21,7 @@ from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
 from sidegan.identification import (
     EstimationSettings,
+    GoalSettings,
     KnownLoad,
     Recursion,
     ReplicationSettings,
@@ -128,7 +129,8 @@ class Config:
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
     other: str | None = _group("other")  # folder of another such run
-    search: Search = _group("search")  # of trajectories that tell what that run left uncertain
+    goal: GoalSettings = _group("goal")  # what excite designs for
+    search: Search = _group("search")  # of such trajectories
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")

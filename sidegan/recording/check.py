@@ -46,9 +46,9 @@ class CheckedRecording:
     warnings: list[str]  # what a person should look at
     delay: Delay | None = None  # of the torques, where it was not given
     corrected: bool = False  # whether it was taken off
-    repeated: Repeated | None = (
-        None  # what of the trajectories that were sent was found, where they are known
-    )
+    given: float = 0.0  # delay of the torques [s] that was given, and taken off
+    # what of the trajectories that were sent was found, where they are known
+    repeated: Repeated | None = None
 
     @property
     def name(self) -> str:
@@ -67,8 +67,8 @@ class CheckedRecording:
 
     @property
     def lag(self) -> float:
-        """Time by which torques are later than states [s], as it is known best."""
-        return self.agreement.lag if self.delay is None else self.delay.seconds
+        """Time by which recorded torques are later than states [s], as it is known best."""
+        return self.given if self.delay is None else self.delay.seconds
 
     @property
     def noise(self) -> Tensor | None:
@@ -84,6 +84,8 @@ class CheckedRecording:
         if self.delay is not None:
             size = f"{self.delay.seconds * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
             said.append(f"torques are {size} later than the motion: {self._treated(self.delay)}")
+        if self.given:
+            said.append(f"torques are taken to be {self.given * 1e3:g} ms later than the motion, as is set")
         return said
 
     def _treated(self, delay: Delay) -> str:
@@ -231,7 +233,7 @@ def check_recording(
     noise = None if repeated is None else repeated.noise
     excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains, noise))
     warnings += agreement.warnings(arm) + excitation.warnings()
-    found = segments, agreement, excitation, warnings, delay, corrected, repeated
+    found = segments, agreement, excitation, warnings, delay, corrected, settings.delay or 0.0, repeated
     return CheckedRecording(role, arm.joint_names, statistics, grid, *found)
 
 
@@ -253,6 +255,6 @@ def _torque_noise(
     measured = "torque" if "torque" in statistics.signals else "current"
     noise = statistics.signals[measured].noise if noise is None else noise
     if measured == "current":
-        noise = noise * torch.tensor(gains, dtype=torch.float64)
+        noise = noise * torch.tensor(gains, dtype=torch.float64).abs()
     size = torch.cat([segment.torque for segment in segments]).square().mean(0).sqrt()
     return torch.maximum(noise, _LEAST_NOISE * size.max())

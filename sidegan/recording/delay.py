@@ -13,9 +13,8 @@ _ROUNDS = 4  # of Gauss-Newton
 _SETTLED = 1e-5  # [s]
 _LONGEST = 0.1  # [s]
 _ROUNDING = 1e-12  # relative eigenvalue that is no information
-_CORRELATED = (
-    5.0  # samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
-)
+# samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
+_CORRELATED = 5.0
 _CLEAR = 3.0  # deviations off zero at which a delay is believed
 
 
@@ -27,8 +26,8 @@ class Delay(NamedTuple):
 
     @property
     def believed(self) -> bool:
-        """Whether there is one beyond doubt."""
-        return abs(self.seconds) > _CLEAR * self.deviation
+        """Whether there is one beyond doubt; one as long as the search goes is where that was stopped."""
+        return _CLEAR * self.deviation < abs(self.seconds) < _LONGEST
 
 
 def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:

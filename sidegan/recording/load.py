@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_pieces, is_bag
+from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import SIGNALS, Columns
 from sidegan.recording.tables import Numbers, Piece, Where, npz_table, parquet_table, text_table
@@ -33,7 +35,8 @@ _READERS = {
 class Source:
     """A recorded file that can be read in pieces, as often as needed."""
 
-    path: Path  # CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3 or .mcap)
+    # CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3, .mcap), LeRobot dataset (folder)
+    path: Path
     columns: Columns  # where it keeps what, and in which units
     joint_names: tuple[str, ...]  # of the arm
     rows: int = _ROWS  # most samples per piece
@@ -68,23 +71,37 @@ class Source:
         with reading(self.path, "recording", RecordingError):
             if not self.path.exists():
                 raise RecordingError(f"there is no recording {self.path}")
-            if self.path.is_dir():
-                bag_files(self.path)
+            files_of(self.path)
+        suffix = self.path.suffix.lower()
+        header = self.columns.named(self.name, self.joint_names)
+        if header is not None and _READERS.get(suffix) is not text_table:
+            raise RecordingError(f"{self.path} is no text without names of its columns: no recording.header")
+        if is_dataset(self.path):
+            table = dataset_table(self.path, self.rows)
+            where = self.columns.resolve(self.name, table.columns, self.joint_names)
+            return table.pieces([c for columns in where.values() for c in columns]), where
         if is_bag(self.path):
             return bag_pieces(self.path, self.columns, self.joint_names, self.rows)
-        suffix = self.path.suffix.lower()
         if suffix not in _READERS:
             raise RecordingError(
                 f"{self.path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag"
             )
-        header = self.columns.named(self.name, self.joint_names)
         with reading(self.path, suffix[1:], RecordingError):
-            if _READERS[suffix] is text_table:
-                table = text_table(self.path, self.rows, header)
-            else:
-                table = _READERS[suffix](self.path, self.rows)
+            reader = _READERS[suffix] if header is None else partial(text_table, header=header)
+            table = reader(self.path, self.rows)
         where = self.columns.resolve(self.name, table.columns, self.joint_names)
         return table.pieces([c for columns in where.values() for c in columns]), where
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files of a recording: itself, or those of a folder.
+
+    Raises:
+        RecordingError: when the folder is neither a bag nor a dataset.
+    """
+    if not path.is_dir():
+        return [path]
+    return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
 def _recording(source: Source, piece: Piece, where: Where) -> Recording:

@@ -17,7 +17,6 @@ SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at
 class Recording:
     """S samples of a J-joint arm as they were recorded, float64 in SI units; rows without a number are out.
 
-
     Raises:
         RecordingError: when the shapes are not alike or a value is not finite.
     """

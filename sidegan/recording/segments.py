@@ -76,7 +76,7 @@ def grid_for(statistics: Statistics, settings: Preprocessing, sent: float | None
             f"{statistics.name}: the bandwidth is {bandwidth:g} Hz, expected less than half the rate, "
             f"{half:.4g} Hz"
         )
-    cutoff = min(settings.cutoff or settings.headroom * bandwidth, half)
+    cutoff = min(settings.cutoff_of(bandwidth), half)
     slowest = _LEAST_PERIODS / statistics.duration
     if cutoff <= slowest:
         raise RecordingError(

@@ -48,8 +48,6 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
     Raises:
         RecordingError: when it is empty, or has both or neither of a first line of column names and a header.
     """
-    import pandas as pd
-
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         first = file.readline()
     if not first.strip():
@@ -57,7 +55,7 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
     separator = max(",;\t ", key=first.count)
     found = [name.strip() for name in next(csv.reader([first], delimiter=separator))]
     found = [name or f"column {i + 1}" for i, name in enumerate(found)]
-    bare = bool(pd.to_numeric(pd.Series(found), errors="coerce").notna().all())
+    bare = all(map(_is_number, found))
     if bare != (header is not None):
         wrong = "begins with numbers, expected a first line of column names"
         hint = '; say what they are: \'recording.header=[t,"q{index}","tau{index}"]\''
@@ -69,6 +67,15 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
     return Table(names, lambda columns: _text_pieces(path, names, separator, columns, rows, bare))
+
+
+def _is_number(text: str) -> bool:
+    """Whether a field is a number, or says that it is none."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _text_pieces(

@@ -15,7 +15,7 @@ from sidegan.design.problem import Problem
 from sidegan.design.sequence import designed
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import RIGID, TorqueModel
-from sidegan.identification.prior import information
+from sidegan.identification.prior import belief
 from sidegan.library.draw import draw_valid
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
@@ -95,14 +95,6 @@ def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Predi
     moves = [move for one in settings.design_tasks.values() for move in legs(place, one, rate, generator)]
     tasks = states(moves, round(rate / _TASK_RATE))
     return kind(model, tasks, scale, settings.misfits, belief(model, scale, settings.believed))
-
-
-def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
-    """Information of what is believed before, (P, P): links of typical size, terms of the joint's torque."""
-    out = information(model, share)
-    places = torch.arange(model.rigid, model.count)
-    out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
-    return out
 
 
 def _random(order: Order) -> SetOf:

@@ -9,10 +9,11 @@ from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.identification import TorqueModel
+from sidegan.identification.prior import belief
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.friction import Array
 from sidegan.plant.varied import Signals, VariedPlant
-from sidegan.worth.contenders import SetOf, belief
+from sidegan.worth.contenders import SetOf
 from sidegan.worth.settings import Regime, Sensors, WorthSettings
 
 PIECE = 4.0  # [s] of motion whose sums are kept

@@ -70,7 +70,8 @@ def test_designed_ones_keep_the_limits_and_tell_more_than_random_ones(poor, prob
     first = told(problem, aim_of(poor), torch.cat([c[:1], drawn]), 80)
     values = aim_of(poor).value(first)
     assert values[0] < values[1:].min()
-    assert 0 < aim.left(aim_of(poor)) < 0.6
+    assert 0 < aim.left < 0.6 and aim_of(poor).left == 1
+    assert (aim.deviations < aim.before).all()
 
 
 def test_what_is_identified_after_is_as_certain_as_promised(poor, problem):
@@ -82,7 +83,9 @@ def test_what_is_identified_after_is_as_certain_as_promised(poor, problem):
     new = Measurements(*states, model.torque(truth_of(model), *states) + NOISE * noise)
     after = estimate("weighted", model, [data, new])
     change = torch.logdet(after.covariance) - torch.logdet(before.covariance)
-    assert float((change / (2 * model.count)).exp()) == pytest.approx(aim.left(aim_of(poor)), rel=0.15)
+    torch.testing.assert_close(aim.before, before.deviation, rtol=1e-6, atol=0)
+    torch.testing.assert_close(aim.deviations, after.deviation, rtol=0.3, atol=0)
+    assert float((change / (2 * model.count)).exp()) == pytest.approx(aim.left, rel=0.15)
 
 
 def test_what_does_not_fit_is_refused(poor):

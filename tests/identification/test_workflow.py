@@ -10,6 +10,7 @@ from sidegan.errors import RecordingError
 from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.workflow import CONSISTENT, identify_arm, preferred
 from sidegan.recording.check import check_recording
+from sidegan.report.identification.content import advice
 from tests.recording.conftest import of_file
 from tests.recording.made import moved
 from tests.settings import settings
@@ -68,6 +69,7 @@ def test_fewer_equations_than_parameters_are_refused(planar, recordings):
 def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
     assert preferred("weighted", {"weighted": 0.1, CONSISTENT: 0.109}) == CONSISTENT
     assert preferred("weighted", {"weighted": 0.1, CONSISTENT: 0.111}) == "weighted"
+    assert preferred("weighted", {}) == CONSISTENT
 
 
 def impossible(arm, seed, folder=None):
@@ -88,15 +90,20 @@ def test_the_model_to_use_predicts_better(planar, recordings, validated):
     strange = [impossible(planar, seed) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:] if validated else [])
     assert result.use == "weighted" and bool(result.halves) == (not validated)
-    errors = result.halves or {name: one.nmse_mean for name, one in result.tests.items()}
-    assert errors["weighted"] < errors[CONSISTENT] / 1.1
+    assert result.unseen["weighted"] < result.unseen[CONSISTENT] / 1.1
+    assert f"{result.unseen[CONSISTENT]:.4f}" in advice(result)
     assert result.trust.judged is (result.tests if validated else result.trained)["weighted"]
     used = result.used_standard
     torch.testing.assert_close(result.model.mapping @ used, result.estimates["weighted"].parameters)
     assert not torch.allclose(used, result.standard)
 
 
-def test_short_halves_decide_nothing(planar, recordings):
-    segment = recordings[0].segments[0]
-    short = replace(recordings[0], segments=[type(segment)(*(x[:9] for x in segment))])
-    assert identified(planar, [short]).use == CONSISTENT
+def test_halves_that_tell_too_little_decide_nothing(planar, recordings):
+    """In the first of two halves the torques do not change: no error of them is defined."""
+    segment = type(recordings[0].segments[0])(*(x[:40] for x in recordings[0].segments[0]))
+    torque = segment.torque.clone()
+    torque[:20] = torque[0]
+    short = replace(recordings[0], segments=[segment._replace(torque=torque)])
+    result = identified(planar, [short])
+    assert result.use == CONSISTENT and result.unseen == {}
+    assert "tell too little to predict each other" in advice(result)

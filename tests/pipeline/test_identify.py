@@ -30,6 +30,7 @@ from tests.settings import settings
 from tests.tiny import composed, tiny
 
 FILES = {
+    "MLmodel",
     "check.json",
     "links.csv",
     "model.py",
@@ -156,6 +157,20 @@ def test_the_python_class_gives_the_consistent_models_torques(once, consistent):
     inertia = model.torque(q, dq, ddq) - model.gravity(q) - model.friction(dq)
     coriolis = model.torque(q, dq, 0 * ddq) - model.gravity(q) - model.friction(dq)
     np.testing.assert_allclose(model.mass_matrix(q) @ ddq, inertia - coriolis, rtol=0, atol=1e-9)
+
+
+def test_mlflow_loads_the_same_from_the_folder(once, consistent):
+    import mlflow
+
+    folder, (torque, states, _) = once[1], consistent
+    names = [f"{letter}_{joint}" for letter in ("q", "dq", "ddq") for joint in ("shoulder", "elbow")]
+    table = pd.DataFrame(torch.cat(states, 1).numpy(), columns=names)[names[::-1]]
+    table.index = table.index + 100
+    found = mlflow.pyfunc.load_model(str(folder)).predict(table)
+    assert [*found.columns] == ["tau_shoulder", "tau_elbow"] and found.index.equals(table.index)
+    np.testing.assert_allclose(found.to_numpy(), torque.numpy(), rtol=0, atol=1e-9)
+    with pytest.raises(mlflow.exceptions.MlflowException, match="q_elbow"):
+        mlflow.pyfunc.load_model(str(folder)).predict(table.drop(columns="q_elbow"))
 
 
 def test_the_python_class_is_the_weighted_model_where_that_predicts_better(planar, tmp_path):

@@ -128,6 +128,21 @@ def test_what_to_do_next_is_a_command_that_designs_for_it(planar, tmp_path):
         ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={tmp_path}", *small)
 
 
+def test_a_set_for_a_tool_says_how_well_it_will_be_told(tmp_path):
+    small = ("workspace=free", "trajectory.harmonics=3", "trajectory.period=6", "controllers.rate=50")
+    common = ("robot=planar2", "stages=[excite]", "model=motor_current", "selection.count=1", *small)
+    folder = ran(tmp_path, "excite", *common, "goal.wanted=payload")
+    said = (folder / "set.md").read_text()
+    assert "a tool is told to ±" in said and "executed with and without it, beside the description" in said
+    assert "kg·m² but for my, Ixx, Ixy, Ixz, Iyz, Izz, exe" in said  # an arm in a plane tells no more
+    table = pd.read_csv(folder / "goal.csv", index_col=0)
+    assert table.index[0] == "tool m" and len(table) == 10
+    assert (table["with the set"] <= table["before"]).all()
+    assert table["with the set"]["tool m"] < 0.01 * table["before"]["tool m"]
+    with pytest.raises(ConfigError, match=r"goal\.wanted names hand, expected some of the links that move"):
+        ran(tmp_path, "excite", *common, "goal.wanted=[hand]")
+
+
 def test_what_is_missing_is_asked_for(files, tmp_path):
     free = f"recordings=[{files / 'free.csv'}]"
     with pytest.raises(ConfigError, match=r"loaded is empty, expected files with the load"):

@@ -8,7 +8,7 @@ import torch
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
-from sidegan.recording.delay import delay_of
+from sidegan.recording.delay import Delay, delay_of
 from tests.recording.conftest import of_file
 from tests.recording.made import moved
 
@@ -38,7 +38,8 @@ def test_a_measured_delay_is_taken_off(planar):
     given = check_recording(recording, planar, of_file(delay=0.02))
     assert given.delay is None and better.delay.believed and better.corrected and not left.corrected
     assert "recording.delay=null takes it off" in left.statements[-1]
-    assert "taken off" in better.statements[-1]
+    assert "taken off" in better.statements[-1] and "20 ms later" in given.statements[-1]
+    assert given.lag == 0.02
     off = [abs(delay_of(RigidBody(planar), checked.segments).seconds) for checked in (left, better, given)]
     assert off[0] > 0.015 and off[1] < 5e-4 and off[2] < 1e-3
 
@@ -47,3 +48,11 @@ def test_what_cannot_be_told_is_left_as_it_is(planar):
     """Noise that drowns the torque."""
     checked = check_recording(late(planar, 0.0, noise=30.0, seconds=10), planar, of_file(delay=None))
     assert not checked.delay.believed and "left as it is" in "; ".join(checked.statements)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "believed"), [(0.1, False), (-0.1, False), (0.099, True), (4e-4, True), (2e-4, False)]
+)
+def test_a_delay_is_believed_beyond_its_errors_and_within_the_search(seconds, believed):
+    """At a tenth of a second the search was stopped: the torques are not late by just that."""
+    assert Delay(seconds, 1e-4).believed == believed

@@ -335,3 +335,16 @@ def test_a_text_without_names_is_read(made, tmp_path, separator):
         load_recording(tmp_path / "a.txt", of_file(header=["t", *["q{index}"] * 3]), made.joint_names)
     with pytest.raises(RecordingError, match=r"leave recording\.header out"):
         load_recording(write_csv(made, tmp_path), of_file(header=header), made.joint_names)
+    with pytest.raises(RecordingError, match=r"no recording\.header"):
+        load_recording(write_parquet(made, tmp_path), of_file(header=header), made.joint_names)
+
+
+def test_a_text_without_names_may_begin_with_what_is_no_number(made, tmp_path):
+    """A logger's first row, before its filters are filled."""
+    table = frame(made)
+    table.loc[0, "tau1"] = np.nan
+    table.to_csv(tmp_path / "a.csv", index=False, header=False, na_rep="nan")
+    header = ["t", "q{index}", "qd{index}", "tau{index}"]
+    loaded = load_recording(tmp_path / "a.csv", of_file(header=header), made.joint_names)
+    torch.testing.assert_close(loaded.time, made.time[1:])
+    assert loaded.corrupt == ((1, "no number in tau1"),)

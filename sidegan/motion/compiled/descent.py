@@ -32,19 +32,19 @@ class Search(NamedTuple):
     direction: Array
     trial: Array
     slope: Array  # the gradient there
-    s: Array  # steps, (memory, J K)
+    s: Array  # steps, (memory + 1, J K): one is room for a step that may not be kept
     y: Array  # what they changed of the gradient
-    rho: Array  # (memory,)
-    alpha: Array  # (memory,)
+    rho: Array  # (memory + 1,)
+    alpha: Array  # (memory + 1,)
     numbers: Array  # (NUMBERS,)
 
 
 def search(joints: int, functions: int, memory: int) -> Search:
     """Room for a search that has not begun."""
-    point, pairs = (joints, functions), (memory, joints * functions)
+    point, pairs = (joints, functions), (memory + 1, joints * functions)
     shapes: dict[str, tuple[int, ...]] = {}
     shapes |= {"x": point, "gradient": point, "direction": point, "trial": point, "slope": point}
-    shapes |= {"s": pairs, "y": pairs, "rho": (memory,), "alpha": (memory,), "numbers": (NUMBERS,)}
+    shapes |= {"s": pairs, "y": pairs, "rho": pairs[:1], "alpha": pairs[:1], "numbers": (NUMBERS,)}
     return Search(**{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
@@ -80,7 +80,7 @@ def _remember(rules: Rules, state: Search) -> None:
     sy, ss, yy = product(s, y, size), product(s, s, size), product(y, y, size)
     if sy > rules.curvature * math.sqrt(ss * yy):
         state.numbers[HEAD] = head
-        state.numbers[USED] = min(state.numbers[USED] + 1, len(state.rho))
+        state.numbers[USED] = min(state.numbers[USED] + 1, len(state.rho) - 1)
         state.rho[head] = 1 / sy
 
 
@@ -88,13 +88,13 @@ def _remember(rules: Rules, state: Search) -> None:
 def _two_loops(rules: Rules, state: Search) -> None:
     """The direction that the remembered steps give. Source: Nocedal and Wright 2006, algorithm 7.4."""
     joints, functions = state.x.shape
-    d, memory = state.direction, len(state.rho)
+    d, slots = state.direction, len(state.rho)
     head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
     for j in range(joints):
         for k in range(functions):
             d[j, k] = -state.gradient[j, k]
     for m in range(used):
-        at = (head - m) % memory
+        at = (head - m) % slots
         total = 0.0
         for j in range(joints):
             total += product(state.s[at][j * functions : (j + 1) * functions], d[j], functions)
@@ -107,7 +107,7 @@ def _two_loops(rules: Rules, state: Search) -> None:
         for k in range(functions):
             d[j, k] *= scale
     for m in range(used - 1, -1, -1):
-        at = (head - m) % memory
+        at = (head - m) % slots
         total = 0.0
         for j in range(joints):
             total += product(state.y[at][j * functions : (j + 1) * functions], d[j], functions)

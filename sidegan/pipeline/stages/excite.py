@@ -13,7 +13,7 @@ from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
 from sidegan.design.sequence import designed
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
-from sidegan.identification.uncertain import Uncertain
+from sidegan.identification.uncertain import Uncertain, unmeasured, usual_torque, wanted_of
 from sidegan.library import Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Motion
@@ -29,7 +29,7 @@ from sidegan.report.export import publish
 from sidegan.robot import HIGHER
 from sidegan.validity import check
 
-FOLDER, VIEW, SHAPES = "trajectories", "view.html", "shapes.npz"
+FOLDER, VIEW, SHAPES, GOAL = "trajectories", "view.html", "shapes.npz", "goal"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 log = logging.getLogger(__name__)
 
@@ -37,7 +37,8 @@ log = logging.getLogger(__name__)
 def _show(task: Task, tracker: Tracker) -> None:
     """Pick from the configured pools, and write each trajectory and all of them in a row."""
     cfg, folder = task.cfg, task.store.run_folder
-    chosen, said = _picked(task) if cfg.known is None else _designed(task, Path(cfg.known))
+    aim = _aim(task)
+    chosen = _picked(task) if aim is None else _designed(task, aim)
     times = task.trajectory.times(cfg.identification.rate)
     if cfg.controllers.gentle:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
@@ -54,7 +55,7 @@ def _show(task: Task, tracker: Tracker) -> None:
         f"{criteria.condition:.3g}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
-    caption += f"{said}; checked: {task.constraints.described()}"
+    caption += f"{_goal(task, aim, tracker)}; checked: {task.constraints.described()}"
     caption += _view(task, chosen, tracker)
     publish(_table(task, chosen, motion), folder / "set", caption, tracker)
     if cfg.controllers.rehearse:
@@ -68,25 +69,48 @@ def _show(task: Task, tracker: Tracker) -> None:
         )
 
 
-def _picked(task: Task) -> tuple[Library, str]:
-    """Trajectories from the configured pools, and nothing to say about them."""
+def _picked(task: Task) -> Library:
+    """Trajectories from the configured pools."""
     cfg, pool = task.cfg, _pool(task)
     if cfg.selection.count > len(pool):
         held = f"{', '.join(cfg.excite)} hold {len(pool)}"
         raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
-    return pool.take(pick(task, pool)), ""
+    return pool.take(pick(task, pool))
 
 
-def _designed(task: Task, folder: Path) -> tuple[Library, str]:
-    """Trajectories optimised for what an identification left uncertain, and what they will make of it."""
-    cfg, known = task.cfg, known_model(folder, task.arm)
-    generator = torch.Generator().manual_seed(task.number("uncertain"))
-    numbers = known.model, known.covariance, known.certainty, known.rate
-    aim, before = Uncertain(*numbers), Uncertain(*numbers)
+def _aim(task: Task) -> Uncertain | None:
+    """What a set is designed for, with nothing of it told yet; None where it is picked from pools.
+
+    Raises:
+        ConfigError: when a setting does not fit the arm, or there is no known model.
+    """
+    cfg = task.cfg
+    if cfg.known is not None:
+        known = known_model(Path(cfg.known), task.arm)
+        wanted = wanted_of(cfg.goal, usual_torque(task.body), identified=True)
+        return Uncertain(known.model, known.covariance, known.certainty, known.rate, wanted)
+    return None if cfg.goal.wanted == "condition" else unmeasured(task.body, cfg.model, cfg.goal)
+
+
+def _designed(task: Task, aim: Uncertain) -> Library:
+    """Trajectories optimised for an aim, one after another; the aim knows them then."""
+    cfg, generator = task.cfg, torch.Generator().manual_seed(task.number("uncertain"))
     _, c = designed([task.problem], aim, cfg.selection.count, cfg.search, generator)
-    left = f"{aim.left(before):.0%} of what {folder} left"
-    library = measured(task.constraints, task.trajectory, c, "uncertain")
-    return library, f"; with them the parameters' deviations fall to {left} (geometric mean)"
+    return measured(task.constraints, task.trajectory, c, "uncertain")
+
+
+def _goal(task: Task, aim: Uncertain | None, tracker: Tracker) -> str:
+    """What the set makes of its aim, for the caption; the table of what is wanted is published."""
+    if aim is None:
+        return ""
+    columns = {"before": aim.before, "with the set": aim.deviations}
+    shown = {name: [f"{x:.3g}" for x in column.tolist()] for name, column in columns.items()}
+    of = "the description" if task.cfg.known is None else task.cfg.known
+    caption = f"Standard deviations that are to be expected, before: by {of}"
+    rows = pd.DataFrame(shown, index=pd.Index(aim.goal.names, name="wanted"))
+    publish(rows, task.store.run_folder / GOAL, caption, tracker)
+    tracker.log_metrics({"excite/left": aim.left})
+    return f"; {aim.goal.said(aim.deviations, aim.before)}, beside {of}"
 
 
 def _require_slow(task: Task, chosen: Library) -> None:
@@ -199,8 +223,7 @@ def _percent(share: Tensor) -> list[str]:
 
 def _check(task: Task) -> None:
     require_rehearsal(task)
-    if task.cfg.known is not None:
-        known_model(Path(task.cfg.known), task.arm)
+    _aim(task)
     if task.cfg.controllers.start is not None:
         approach(task.constraints, task.cfg.controllers.start, tuple(task.trajectory.home or ()), 1.0)
     if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:

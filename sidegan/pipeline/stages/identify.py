@@ -16,8 +16,8 @@ from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.store import STAMP, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.bags import bag_files
 from sidegan.recording.check import CheckedRecording, read_and_check, split
+from sidegan.recording.load import files_of
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.sent import sent_files
 from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
@@ -119,13 +119,12 @@ def _show(task: Task, tracker: Tracker) -> None:
 
 
 def _digest(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, or of all files of a folder, which has to be a bag."""
+    """Hexadecimal SHA-256 of a file, or of all files of a folder, a bag or a dataset."""
     digest = hashlib.sha256()
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise RecordingError(f"{path} is neither a file nor a folder")
-        files = bag_files(path) if path.is_dir() else [path]
-        for one in files:
+        for one in files_of(path):
             digest.update(one.name.encode())
             digest.update(bytes.fromhex(file_digest(one)))
     except (FileNotFoundError, ValueError) as error:  # ValueError: a NUL in its name

@@ -137,7 +137,12 @@ def advice(identified: IdentifiedArm) -> str:
     use, method = identified.use, identified.chosen.method
     if use == CONSISTENT == method:
         return "Use the consistent model: the URDF, the MJCF and the Python class hold it."
-    errors = identified.halves or {name: one.nmse_mean for name, one in identified.tests.items()}
+    errors = identified.unseen
+    if not errors:
+        return (
+            "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
+            "recordings tell too little to predict each other. URDF, MJCF and Python class hold it."
+        )
     where = "on halves by each other" if identified.halves else identified.kind
     compared = f"mean nMSE {errors[CONSISTENT]:.4f} against {errors[method]:.4f} of the {method} one, {where}"
     if use == CONSISTENT:

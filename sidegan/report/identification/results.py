@@ -18,6 +18,7 @@ from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, Identifie
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
 from sidegan.report.identification.content import Origin, advice, content
+from sidegan.report.identification.mlmodel import MLMODEL, mlmodel_text
 from sidegan.report.identification.page import write_report
 from sidegan.robot import write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
@@ -117,6 +118,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
         "description with these links and friction": urdf,
         "the same for MuJoCo, with rotors": mjcf,
         f"the model to use ({identified.use}) as a Python class": _CLASS,
+        "by which MLflow loads it from this folder": MLMODEL,
         "check of the recordings": CHECK,
         "verdict for machines": VERDICT,
     }
@@ -128,6 +130,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
+    write_bytes(folder / MLMODEL, mlmodel_text(arm.joint_names, Path(_CLASS).stem).encode())
     write_report(content(identified, origin, parameters, links, files), folder / REPORT)
 
 

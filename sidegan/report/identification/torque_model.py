@@ -69,3 +69,28 @@ class TorqueModel:
         """Joint-space inertia with rotors [kg·m² or kg], (J, J), at positions (J,)."""
         upper = self._pinocchio.crba(self.model, self._data, q)
         return np.triu(upper) + np.triu(upper, 1).T
+
+
+class Frames:
+    """The model as MLflow uses it: of a table with a row per state, a table of torques.
+
+    Args:
+        model: of the arm.
+    """
+
+    def __init__(self, model: TorqueModel) -> None:
+        self.model = model
+
+    def predict(self, frame: Any) -> Any:
+        """Torques ``tau_<joint>`` [N·m or N] of states ``q_<joint>``, ``dq_<joint>``, ``ddq_<joint>``."""
+        states = [
+            frame[[f"{letter}_{name}" for name in self.model.joints]].to_numpy(float)
+            for letter in ("q", "dq", "ddq")
+        ]
+        torques = np.reshape([self.model.torque(*state) for state in zip(*states)], states[0].shape)
+        return type(frame)(torques, index=frame.index, columns=[f"tau_{name}" for name in self.model.joints])
+
+
+def _load_pyfunc(folder: str) -> Frames:
+    """What ``mlflow.pyfunc.load_model`` loads, by the file MLmodel beside this one."""
+    return Frames(TorqueModel(Path(folder)))

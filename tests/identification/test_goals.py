@@ -1,0 +1,158 @@
+"""Goals of design: against the covariance of least squares written out, and against designs without them."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.design.problem import Problem
+from sidegan.design.sequence import Search, designed, told, value_and_gradient
+from sidegan.errors import ConfigError
+from sidegan.identification import FULL, GoalSettings
+from sidegan.identification.goals import Everything, OfLinks, Tool, Torques
+from sidegan.identification.loaded import Loaded
+from sidegan.identification.model import states_within
+from sidegan.identification.uncertain import unmeasured, usual_torque, wanted_of
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Constraints, check
+from tests.identification.recordings import model_of, multisine
+
+SETTINGS = GoalSettings(wanted="all", noise=0.05, correlation=0.03, believed=1.0)
+SEARCH = Search(starts=4, rough=15, strict=25, samples=4, reserve=0.02)
+TERMS = replace(FULL, sign_width=0.03)
+GOALS = {"all": "all", "links": ["forearm"], "payload": "payload", "prediction": "prediction"}
+
+
+@pytest.fixture(scope="module")
+def problem(planar):
+    return Problem(Constraints(planar), Trajectory(2, harmonics=3, period=6.0))
+
+
+def aim_of(problem, wanted):
+    return unmeasured(problem.body, TERMS, replace(SETTINGS, wanted=wanted))
+
+
+def information(model, seed, samples=200):
+    """Information of a motion [units of the parameters], (P, P), and of what is known, (P, P)."""
+    y = model.regressor(*multisine(model.joints, samples, seed)).flatten(0, 1)
+    return 0.1 * torch.eye(model.count).double(), y.T @ y
+
+
+@pytest.mark.parametrize("identified", [True, False])
+def test_a_tool_is_told_as_by_the_whole_system_of_equations(arm, identified):
+    """Least squares on runs without and with it, the arm's parameters unknown in both."""
+    model = model_of(arm)
+    known, motion = information(model, 3)
+    tool = Tool(model, torch.ones(model.count).double(), identified)
+    whole = torch.zeros(model.count + 10, model.count + 10).double()
+    whole[: model.count, : model.count] = known
+    for carried in (True,) if identified else (False, True):
+        rows = Loaded(model, carried).regressor(*multisine(arm.joints, 200, 3)).flatten(0, 1)
+        whole += rows.T @ rows
+    typical = torch.tensor([1, *[0.1] * 3, *[0.01] * 6]).double()
+    whole[model.count :, model.count :] += torch.diag(1 / (10 * typical) ** 2)
+    covariance = torch.linalg.inv(whole)[model.count :, model.count :]
+    torch.testing.assert_close(
+        tool.deviations(known, motion), covariance.diagonal().sqrt(), rtol=1e-6, atol=0
+    )
+    scaled = torch.logdet(covariance / typical / typical[:, None])
+    assert float(tool.value(known, motion)) == pytest.approx(float(scaled) / 10, rel=1e-6)
+    assert tool.names[0] == "tool m" and len(tool.names) == 10
+
+
+def test_of_links_only_their_parameters_count(arm):
+    model = model_of(arm)
+    known, motion = information(model, 4)
+    unit = torch.linspace(1, 2, model.count).double()
+    goal = OfLinks(model, unit, ["link_3", "link_7"])
+    ours = [k for k, name in enumerate(model.names) if name[-1] in "37"]
+    assert goal.names == tuple(model.names[k] for k in ours) and "fv3" in goal.names and "Izz7" in goal.names
+    covariance = torch.linalg.inv(known + motion)[ours][:, ours]
+    torch.testing.assert_close(
+        goal.deviations(known, motion), covariance.diagonal().sqrt() * unit[ours], rtol=1e-9, atol=0
+    )
+    assert float(goal.value(known, motion)) == pytest.approx(float(torch.logdet(covariance)) / len(ours))
+    every = OfLinks(model, unit, arm.link_names)
+    torch.testing.assert_close(every.value(known, motion), Everything(model, unit).value(known, motion))
+
+
+def test_predicted_torques_err_as_the_covariance_says(arm):
+    model = model_of(arm)
+    known, motion = information(model, 5)
+    usual = torch.linspace(5, 50, arm.joints).double()
+    goal = Torques(model, torch.ones(model.count).double(), usual)
+    q, dq, ddq = states_within(arm, 400, seed=1)
+    y = model.regressor(q, 0.5 * dq, 0.5 * ddq)
+    variance = torch.einsum("sjp,pq,sjq->sj", y, torch.linalg.inv(known + motion), y).mean(0) / usual**2
+    torch.testing.assert_close(goal.deviations(known, motion), variance.sqrt(), rtol=1e-6, atol=0)
+    assert float(goal.value(known, motion)) == pytest.approx(float(variance.mean().log()), rel=1e-6)
+
+
+@pytest.mark.parametrize("wanted", GOALS.values(), ids=GOALS)
+def test_the_gradient_is_that_of_the_value(problem, wanted):
+    aim, step = aim_of(problem, wanted), 1e-6
+    c = problem.start(3, torch.Generator().manual_seed(0), reach=0.5)
+    aim.take(told(problem, aim, c[2:], 40))
+    _, gradient = value_and_gradient(problem, aim, c[:2], 40)
+    direction = torch.randn(gradient.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    ends = [value_and_gradient(problem, aim, c[:2] + s * direction, 40)[0] for s in (-step, step)]
+    slope = (ends[1] - ends[0]) / (2 * step)
+    torch.testing.assert_close((gradient * direction).sum((1, 2, 3)), slope, rtol=1e-4, atol=1e-8)
+
+
+def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem):
+    """Each goal's own design, beside those of the others, by each goal."""
+    designs = {}
+    for name, wanted in GOALS.items():
+        aim = aim_of(problem, wanted)
+        _, designs[name] = designed([problem], aim, 1, SEARCH, torch.Generator().manual_seed(0))
+        assert aim.left < 1 and len(aim.deviations) == len(aim.goal.names)
+    every = torch.cat([*designs.values()])
+    assert check(problem.constraints, problem.trajectory, every).valid.all()
+    drawn = problem.start(200, torch.Generator().manual_seed(2), reach=0.8)
+    drawn = drawn[check(problem.constraints, problem.trajectory, drawn).valid]
+    for k, wanted in enumerate(GOALS.values()):
+        aim = aim_of(problem, wanted)
+        values = aim.value(told(problem, aim, torch.cat([every, drawn]), 80))
+        assert values[k] < values[len(every) :].min()
+        assert values[k] <= values[: len(every)].min() + 2 * np.log(1.05)  # 5 % of the deviations
+
+
+def test_settings_become_goals(planar):
+    usual, model = usual_torque(RigidBody(planar)), model_of(planar)
+    unit = torch.ones(model.count).double()
+
+    def goal(wanted):
+        return wanted_of(replace(SETTINGS, wanted=wanted), usual, identified=True)(model, unit)
+
+    kinds = {"condition": Everything, "all": Everything, "payload": Tool, "prediction": Torques}
+    assert all(isinstance(goal(name), kind) for name, kind in kinds.items())
+    assert isinstance(goal(["forearm"]), OfLinks)
+    np.testing.assert_allclose(replace(SETTINGS, noise=0.1).deviation(usual), 0.1 * usual)
+    assert replace(SETTINGS, noise=[0.3, 0.2]).deviation(usual).tolist() == [0.3, 0.2]
+
+
+def test_what_is_not_told_of_a_tool_is_named(arm):
+    model = model_of(arm)
+    tool, before = Tool(model, torch.ones(model.count).double(), True), torch.ones(10).double()
+    deviations = 1e-3 * torch.tensor([5, 3, 3, 3, 4, 4, 4, 4, 4, 4]).double()
+    assert tool.said(deviations, before) == "a tool is told to ± 0.005 kg, ± 0.003 kg·m, ± 0.004 kg·m²"
+    deviations[[2, 9]] = 0.9
+    assert tool.said(deviations, before).endswith("± 0.003 kg·m, ± 0.004 kg·m² but for my, Izz")
+    assert tool.said(before, before).startswith("a tool is told to nothing but for m, mx")
+
+
+def test_what_does_not_fit_is_refused(planar):
+    body = RigidBody(planar)
+    ask = partial(unmeasured, body, TERMS)
+    with pytest.raises(ConfigError, match=r"goal\.wanted names hand, expected some of .*forearm"):
+        ask(replace(SETTINGS, wanted=["hand"]))
+    with pytest.raises(ConfigError, match=r"expected some of .*forearm, or goal\.wanted=all"):
+        ask(replace(SETTINGS, wanted=[]))
+    with pytest.raises(ConfigError, match=r"goal\.noise has 3 numbers, the arm has 2 joints"):
+        ask(replace(SETTINGS, noise=[1.0, 1.0, 1.0]))
+    with pytest.raises(ConfigError, match=r"design with model\.stribeck=false"):
+        unmeasured(body, replace(TERMS, stribeck=True), SETTINGS)
