@@ -70,7 +70,7 @@ def _marks(found: Worth, arm: str, regime: str) -> list[dict[str, str]]:
     for kind, values in kinds.items():
         medians = {x: float(np.median(value)) for x, value in values.items()}
         row = {"arm": arm, "regime": regime, "mark": kind}
-        best = [min(side, key=medians.__getitem__) for side in sides(settings.contenders) if side]
+        best = [min(side, key=medians.__getitem__) for side in sides(settings.contenders)]
         for side, x in zip(("ours", *OTHERS), best):
             row[side] = f"{settings.contenders[x].title}: {shown(median(found, values[x]))}"
         for side, x in zip(OTHERS, best[1:]):

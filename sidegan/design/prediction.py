@@ -21,6 +21,7 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody
 
 _SHARP = 0.03  # [rad/s] of the smooth sign of misfits
+_LEFT = 0.5  # share of friction that residuals of an identification are taken for, beside noise
 _LEAST = 1e-9  # of the largest eigenvalue of the tasks' information, below which they tell nothing
 
 
@@ -102,7 +103,9 @@ class Prediction:
     ) -> None:
         self.model, self.scale, self.misfits = model, scale, misfits
         self._lasting, self._passing = misfits.amplitudes(scale)
-        spread = scale * (misfits.noise**2 + (0.5 * misfits.friction) ** 2) ** 0.5
+        # What is left over has misfits in it: equations are weighted by that, as after an identification, and
+        # the variance is that of errors of this size, more than noise alone would make.
+        spread = scale * (misfits.noise**2 + (_LEFT * misfits.friction) ** 2) ** 0.5
         self._rate = 1 / (2 * misfits.correlation * spread**2)  # information of a second
         rows = self.rows(*tasks)
         share = 1 / (scale**2 * rows.regressor[:, :, 0].numel())
@@ -120,9 +123,9 @@ class Prediction:
         """Regressor and misfits at states (S, J), differentiable in them."""
         model, joints = self.model, q.shape[1]
         rigid = model.body.base_regressor(q, dq, ddq)
-        signals = torch.stack(model.terms.signals(dq, ddq, None)).flatten(0, 0) if len(model.extras) else None
         parts = [rigid]
-        if signals is not None:
+        if len(model.extras):
+            signals = torch.stack(model.terms.signals(dq, ddq, None))
             term, joint = model.extras // joints, model.extras % joints
             own = torch.nn.functional.one_hot(joint, joints).T.to(q)  # (J, E)
             parts.append(own * signals[term, :, joint].T[:, None])

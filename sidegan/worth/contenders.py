@@ -68,7 +68,7 @@ class Order:
         return torch.Generator().manual_seed(int(self.seed.generate_state(1, np.uint64)[0] >> 1))
 
     def option(self, name: str, default: float) -> float:
-        """An option of the maker."""
+        """An option of the maker, one of ``settings.OPTIONS``."""
         return (self.contender.options or {}).get(name, default)
 
 
@@ -209,8 +209,9 @@ def _volume(order: Order, friction: bool) -> SetOf:
 
 def _prediction(order: Order) -> SetOf:
     """Designed for the error on tasks, at the best of its periods."""
-    periods = [order.contender.period, *(v for k, v in (order.contender.options or {}).items() if k == "or")]
-    problems = [order.problem(period) for period in periods]
+    period = order.contender.period
+    periods = dict.fromkeys((period, order.option("or", period)))
+    problems = [order.problem(one) for one in periods]
     aim = aim_of(order, Prediction)
     problem, c = designed(problems, aim, order.count, order.settings.search, order.generator)
     return SetOf(problem.trajectory, c)

@@ -1,22 +1,21 @@
 """The error on held-out tasks of what is identified, as the robot moves on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, lfilter, sosfiltfilt
 from torch import Tensor
 
-from sidegan.errors import ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.friction import Array
 from sidegan.plant.varied import Signals, VariedPlant
 from sidegan.worth.contenders import SetOf, belief
-from sidegan.worth.settings import Regime, Sensors, WorthSettings
+from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
-PIECE = 4.0  # [s] of motion whose sums are kept
 _TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
 _REWEIGHTED = 3
 _FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
@@ -57,9 +56,9 @@ class Judge:
 
     @property
     def times(self) -> Array:
-        """Times [s] at which the error is taken."""
+        """Times [s] at which the error is taken, the last of them the horizon."""
         times = PIECE * np.array(_TIMES, dtype=float)
-        return times[times <= self.settings.horizon + 1e-9]
+        return np.append(times[times < self.settings.horizon - 1e-9], self.settings.horizon)
 
     def truth(self, plant: VariedPlant, moves: list[Motion]) -> Truth:
         """A plant on tasks, executed without noise."""
@@ -69,36 +68,39 @@ class Judge:
             own = Signals(*(x[i : i + 1, : len(move.time)] for x in signals))
             parts.append(self._samples(own, plant.settings.rate))
         y, torque = torch.cat([p[0][0] for p in parts]), torch.cat([p[1][0] for p in parts])
-        rows = y.transpose(0, 1) / torch.from_numpy(plant.scale)[:, None, None]
-        count = len(torque)
-        relative = torque.T / torch.from_numpy(plant.scale)[:, None]
-        share = relative.var(1) / 1.0
-        weight = 1 / (count * share)
-        information = (rows * weight[:, None, None]).mT @ rows
-        moment = ((rows * weight[:, None, None]).mT @ relative[..., None])[..., 0]
-        return Truth(information, moment, weight * relative.square().sum(1))
+        rows, torque = y.transpose(0, 1), torque.T
+        weight = 1 / (torque.shape[1] * torque.var(1))
+        weighted = (rows * weight[:, None, None]).mT
+        moment = (weighted @ torque[..., None])[..., 0]
+        return Truth(weighted @ rows, moment, weight * torque.square().sum(1))
 
     def curves(
         self, plant: VariedPlant, sets: list[SetOf], truth: Truth, regimes: dict[str, Regime], seed: int
     ) -> dict[str, Tensor]:
         """Relative errors of each joint after each time, (sets, T, J), by regime."""
-        family = sets[0].family
-        if any(one.family != family for one in sets):
-            raise ShapeError("sets of one contender are of one family")
-        motion = family.roll_out(
-            torch.cat([one.coefficients for one in sets]), _clock(family.period, plant.settings.rate)
-        )
-        signals = plant.follow(motion)
-        y, torque, friction = self._samples(signals, plant.settings.rate)
-        sizes = [len(one.coefficients) for one in sets]
         found: dict[str, list[Tensor]] = {name: [] for name in regimes}
-        for k, parts in enumerate(zip(*(x.split(sizes) for x in (y, torque, friction)))):
-            pieces = [_pieces(x, family.period) for x in parts]
+        for k, (one, parts) in enumerate(zip(sets, self.followed(plant, sets))):
+            pieces = [_pieces(x, one.family.period) for x in parts]
             for name, regime in regimes.items():
                 random = np.random.default_rng([seed, k, *name.encode()])
-                parameters = self._identified(plant, pieces, family.period, regime, random)
+                parameters = self._identified(plant, pieces, one.family.period, regime, random)
                 found[name].append(truth.errors(parameters))
         return {name: torch.stack(x) for name, x in found.items()}
+
+    def followed(self, plant: VariedPlant, sets: Sequence[SetOf]) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """What sensors see of each set without noise: regressor (n, S, J, P), torque, friction (n, S, J)."""
+        found: dict[int, tuple[Tensor, Tensor, Tensor]] = {}
+        for number, first in enumerate(sets):
+            if number in found:
+                continue
+            family = first.family  # those of one family move at once
+            alike = [k for k, one in enumerate(sets) if one.family == family]
+            motions = torch.cat([sets[k].coefficients for k in alike])
+            signals = plant.follow(family.roll_out(motions, _clock(family.period, plant.settings.rate)))
+            sizes = [len(sets[k].coefficients) for k in alike]
+            samples = self._samples(signals, plant.settings.rate)
+            found |= dict(zip(alike, zip(*(x.split(sizes) for x in samples))))
+        return [found[k] for k in range(len(sets))]
 
     def _identified(
         self,
@@ -177,8 +179,6 @@ def _disturbed(
 
 def _coloured(random: np.random.Generator, count: int, joints: int, keep: float) -> Array:
     """Gaussian noise of unit variance, (count, joints), that keeps this share of itself from step to step."""
-    from scipy.signal import lfilter
-
     draw = random.standard_normal((count, joints))
     draw[1:] *= np.sqrt(1 - keep**2)
     return lfilter([1.0], [1.0, -keep], draw, axis=0)

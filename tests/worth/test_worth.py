@@ -50,6 +50,58 @@ def test_an_unknown_maker_is_refused(order):
         make_set(wrong)
 
 
+def changed(settings, name, **values):
+    contenders = {**settings.contenders, name: replace(settings.contenders[name], **values)}
+    return replace(settings, contenders=contenders)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda x: changed(x, "random_8", period=6.0), "a period is 6.0 s, expected a multiple of 4 s"),
+        (lambda x: changed(x, "prediction", options={"or": 2.0}), "a period is 2.0 s"),
+        (lambda x: changed(x, "excite", options={"poool": 3.0}), r"options has \['poool'\]"),
+        (lambda x: replace(x, horizon=30.0), "worth.horizon is 30.0 s"),
+        (
+            lambda x: replace(x, sensors=replace(x.sensors, rate=60.0)),
+            "expected a multiple of the sensors' 60",
+        ),
+        (lambda x: replace(x, contenders={"tiny": x.contenders["tiny"]}), "none is ours"),
+        (lambda x: replace(x, contenders={"p": x.contenders["prediction"]}), "none is practice"),
+    ],
+)
+def test_a_study_that_could_not_be_judged_is_refused(task, change, message):
+    with pytest.raises(ConfigError, match=message):
+        change(task.cfg.worth)
+
+
+def test_the_error_is_taken_until_the_horizon(task, place):
+    for horizon, last in ((32.0, 28.0), (36.0, 32.0), (1000.0, 560.0)):
+        settings = replace(task.cfg.worth, horizon=horizon)
+        times = Judge(settings, TorqueModel(place.body, settings.model)).times
+        assert times[-2:].tolist() == [last, horizon] and (np.diff(times) > 0).all()
+
+
+def test_sets_of_one_contender_may_differ_in_their_period(task, place, order):
+    settings = task.cfg.worth
+    judge = Judge(settings, TorqueModel(place.body, settings.model))
+    plant = VariedPlant(place.arm, settings.plant, "linear", np.random.SeedSequence(1))
+    short, long = (make_set(order(name, 2)) for name in ("random_8", "random_16"))
+    mixed = judge.followed(plant, [short, long, short])
+    for one, alone in zip(mixed, (short, long, short)):
+        for x, expected in zip(one, judge.followed(plant, [alone])[0]):
+            torch.testing.assert_close(x, expected, rtol=1e-9, atol=1e-9)
+    assert mixed[1][1].shape[1] == 2 * mixed[0][1].shape[1]
+
+
+def test_without_sets_that_are_known_to_be_bad_nothing_is_said_of_them(small, run):
+    found = page.collect(small)
+    assert set(measures.discerning(found)) == {small.arm.name}
+    study = small.cfg.worth
+    good = replace(study, contenders={x: one for x, one in study.contenders.items() if not one.bad})
+    assert measures.discerning(replace(found, cfg=replace(small.cfg, worth=good))) == {}
+
+
 def test_one_joint_at_a_time_moves_one_joint(order):
     c = make_set(order("single")).coefficients
     assert ((c != 0).flatten(2).any(2).sum(1) == 1).all()
