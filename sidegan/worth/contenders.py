@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
-from sidegan.design.prediction import Prediction, Volume
+from sidegan.design.prediction import LACKING, Prediction, Volume
 from sidegan.design.problem import Problem
 from sidegan.design.sequence import designed
 from sidegan.errors import ConfigError, InfeasibleError
@@ -95,6 +95,12 @@ def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Predi
     moves = [move for one in settings.design_tasks.values() for move in legs(place, one, rate, generator)]
     tasks = states(moves, round(rate / _TASK_RATE))
     return kind(model, tasks, scale, settings.misfits, belief(model, scale, settings.believed))
+
+
+def exact(order: Order) -> Order:
+    """The same order where nothing is lacking in the model: ``prediction`` is variance alone then."""
+    sizes = dict.fromkeys(LACKING, 0.0)
+    return replace(order, settings=replace(order.settings, misfits=replace(order.settings.misfits, **sizes)))
 
 
 def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:

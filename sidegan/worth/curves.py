@@ -18,7 +18,7 @@ from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
 _TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
 _REWEIGHTED = 3
-_FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
+FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
 
 
 class Truth(NamedTuple):
@@ -115,7 +115,7 @@ class Judge:
         total, each = round(self.times[-1] / PIECE), round(period / PIECE)
         order = torch.arange(total) % len(y)
         own = _gram(y)
-        measured = torque[order] + _disturbed(
+        measured = torque[order] + disturbed(
             friction[order], plant.scale, self.settings.sensors, regime.drift, each, random
         )
         moment = torch.stack([(y[k] * t[..., None]).sum(0) for k, t in zip(order, measured)])
@@ -130,7 +130,7 @@ class Judge:
         information, moment, energy = sums
         prior = belief(self.model, scale, self.settings.believed)
         nominal = self.model.nominal
-        variance = (_FIRST * scale).square().expand(len(samples), -1)
+        variance = (FIRST * scale).square().expand(len(samples), -1)
         for _ in range(_REWEIGHTED):
             matrix = prior + (information / variance[:, :, None, None]).sum(1)
             right = prior @ nominal + (moment / variance[:, :, None]).sum(1)
@@ -159,7 +159,7 @@ class Judge:
         return y, next(rest), next(rest)
 
 
-def _disturbed(
+def disturbed(
     friction: Tensor, scale: Array, sensors: Sensors, drift: bool, each: int, random: np.random.Generator
 ) -> Tensor:
     """What is added to the torques of pieces (n, S, J): coloured noise, and drift of friction and offset.

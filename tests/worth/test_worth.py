@@ -16,7 +16,7 @@ from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
 from sidegan.worth import MAKERS, Estimate, Judge, estimate, legs, make_set
 from sidegan.worth.contenders import Order
-from sidegan.worth.curves import _disturbed, mean_error
+from sidegan.worth.curves import disturbed, mean_error
 from sidegan.worth.tasks import states
 
 
@@ -153,11 +153,11 @@ def test_noise_and_drift_have_their_sizes(task):
     friction = 3 * torch.ones(4000, 20, 2, dtype=torch.float64)
     scale = np.array([1.0, 10.0])
     quiet, drifting = (
-        _disturbed(friction, scale, sensors, drift, 2, np.random.default_rng(0)).numpy()
+        disturbed(friction, scale, sensors, drift, 2, np.random.default_rng(0)).numpy()
         for drift in (False, True)
     )
     assert quiet.std((0, 1)) == pytest.approx(0.1 * scale, rel=0.05)
-    slow = drifting - _disturbed(friction, scale, sensors, False, 2, np.random.default_rng(0)).numpy()
+    slow = drifting - disturbed(friction, scale, sensors, False, 2, np.random.default_rng(0)).numpy()
     assert slow.std((0, 1)) == pytest.approx(0.2 * 3, rel=0.25)
     assert np.abs(np.diff(slow, axis=1)).max() < 1e-12  # constant within a piece
     assert np.abs(np.diff(slow[:, 0], axis=0)[::2]).max() < 1e-12  # and within a recording of two
