@@ -37,8 +37,9 @@ from sidegan.report.export import markdown
 from sidegan.seeds import Gradient
 from sidegan.worth import Judge, Truth, WorthSettings, legs
 from sidegan.worth.contenders import Order, aim_of, exact, make_set
+from sidegan.worth.curves import true_parameters
 from sidegan.worth.loop import Designed, Listed, Picked, Predicted, Way, closed
-from sidegan.worth.session import Session, true_parameters
+from sidegan.worth.session import Session
 
 FIXED, RANDOM, POOL = "a fixed set, D-optimal (excite's)", "random", "D-optimal from a pool"
 DESIGNED, VARIANCE, PREDICTED = "the designer, log det", "σ on the tasks", "prediction"

@@ -76,6 +76,12 @@ class Worth:
         times, errors, _ = self.values(arm, name, regime)
         return 100 * errors[..., int(np.abs(times - time).argmin())]
 
+    def covered(self, arm: str, name: str, regime: str) -> float:
+        """Share of the true parameters [%] that 95 % intervals hold at the end; not a number without such."""
+        frame = self.frame
+        part = frame[(frame.arm == arm) & (frame.contender == name) & (frame.regime == regime)]
+        return 100 * float(part.covered.mean())
+
     def excess(self, arm: str, name: str, regime: str, time: float) -> np.ndarray:
         """Error above the floor after a time, in points of percent, (plants, sets)."""
         return self.after(arm, name, regime, time) - 100 * self.values(arm, name, regime)[2]

@@ -235,3 +235,4 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "rigid_volume": lambda order: _volume(order, friction=False),
     "prediction": _prediction,
 }
+DESIGNED = {"volume", "rigid_volume", "prediction"}  # whose sets are designed one trajectory after another

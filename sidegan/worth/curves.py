@@ -9,7 +9,9 @@ import torch
 from scipy.signal import butter, lfilter, sosfiltfilt
 from torch import Tensor
 
+from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
+from sidegan.identification.accuracy import inflation_of
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.friction import Array
 from sidegan.plant.varied import Signals, VariedPlant
@@ -18,6 +20,7 @@ from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
 _TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
 _REWEIGHTED = 3
+NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
 FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
 
 
@@ -40,6 +43,56 @@ class Truth(NamedTuple):
         matrix = self.information.sum(0) / scale[:, None] / scale
         best = torch.linalg.pinv(matrix, rtol=1e-10, hermitian=True) @ (self.moment.sum(0) / scale) / scale
         return mean_error(self.errors(best))
+
+
+class Curves(NamedTuple):
+    """What sets of a contender tell of one plant in one regime."""
+
+    errors: Tensor  # relative error of each joint after each time, (sets, T, J)
+    # share of the true parameters that 95 % intervals hold at the end, (sets,); not a number where the plant
+    # has none that the model could find
+    covered: Tensor
+
+
+def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tensor) -> Tensor:
+    """Standard deviations of weighted least squares, (P,).
+
+    Args:
+        information: of each joint, (J, P, P).
+        weights: variances that equations were divided by, (J,).
+        errors: variances of errors times how many samples tell as much as one, (J,).
+        prior: information that was believed, (P, P).
+
+    Source: White 1980, as in ``identification.accuracy.covariance_of``.
+    """
+    matrix = prior + (information / weights[:, None, None]).sum(0)
+    middle = prior + (information * (errors / weights**2)[:, None, None]).sum(0)
+    unit = matrix.diagonal().sqrt()
+    inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix / unit[:, None] / unit))
+    return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().sqrt() / unit
+
+
+def held(parameters: Tensor, deviation: Tensor, true: Tensor) -> Tensor:
+    """Share of the true parameters (P,) that 95 % intervals hold, ()."""
+    return ((parameters - true).abs() <= NORMAL * deviation).double().mean()
+
+
+def true_parameters(plant: VariedPlant, model: TorqueModel) -> Tensor:
+    """Parameters of a plant whose friction is of the model's class, (P,).
+
+    Raises:
+        ConfigError: when its friction is of another form.
+    """
+    law, joints = plant.law, model.joints
+    if law.form != "linear" or law.settings.width != model.terms.sign_width:
+        raise ConfigError(f"friction of the form {law.form!r} has no parameters in the model")
+    own = {"rotor_inertia": plant.rotor, "viscous": law.viscous, "coulomb": law.coulomb}
+    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
+    standard[: 10 * joints] = plant.true.inertial_parameters.reshape(-1)
+    for kind in model.kinds:
+        if kind in own:
+            standard[model.standard_slice(kind)] = torch.from_numpy(own[kind])
+    return model.mapping @ standard
 
 
 def mean_error(errors: Tensor) -> Tensor:
@@ -76,16 +129,18 @@ class Judge:
 
     def curves(
         self, plant: VariedPlant, sets: list[SetOf], truth: Truth, regimes: dict[str, Regime], seed: int
-    ) -> dict[str, Tensor]:
-        """Relative errors of each joint after each time, (sets, T, J), by regime."""
-        found: dict[str, list[Tensor]] = {name: [] for name in regimes}
+    ) -> dict[str, Curves]:
+        """What sets tell of a plant, by regime."""
+        true = true_parameters(plant, self.model) if plant.law.form == "linear" else None
+        found: dict[str, list[Curves]] = {name: [] for name in regimes}
         for k, (one, parts) in enumerate(zip(sets, self.followed(plant, sets))):
             pieces = [_pieces(x, one.family.period) for x in parts]
             for name, regime in regimes.items():
                 random = np.random.default_rng([seed, k, *name.encode()])
-                parameters = self._identified(plant, pieces, one.family.period, regime, random)
-                found[name].append(truth.errors(parameters))
-        return {name: torch.stack(x) for name, x in found.items()}
+                parameters, deviation = self._identified(plant, pieces, one.family.period, regime, random)
+                covered = torch.tensor(torch.nan) if true is None else held(parameters[-1], deviation, true)
+                found[name].append(Curves(truth.errors(parameters), covered))
+        return {name: Curves(*map(torch.stack, zip(*x))) for name, x in found.items()}
 
     def followed(self, plant: VariedPlant, sets: Sequence[SetOf]) -> list[tuple[Tensor, Tensor, Tensor]]:
         """What sensors see of each set without noise: regressor (n, S, J, P), torque, friction (n, S, J)."""
@@ -109,8 +164,11 @@ class Judge:
         period: float,
         regime: Regime,
         random: np.random.Generator,
-    ) -> Tensor:
-        """Parameters after each time, (T, P), of pieces (n, S, J, …) that are repeated."""
+    ) -> tuple[Tensor, Tensor]:
+        """Parameters after each time, (T, P), and their standard deviations at the end, (P,).
+
+        They are of pieces (n, S, J, …) that are repeated.
+        """
         y, torque, friction = pieces
         total, each = round(self.times[-1] / PIECE), round(period / PIECE)
         order = torch.arange(total) % len(y)
@@ -123,10 +181,17 @@ class Judge:
         places = torch.from_numpy(np.round(self.times / PIECE).astype(int) - 1)
         sums = [x.cumsum(0)[places] for x in (own[order], moment, energy)]
         samples = (places + 1) * y.shape[1]
-        return self._estimates(sums, samples.double(), torch.from_numpy(plant.scale))
+        parameters, variance, prior = self._estimates(sums, samples.double(), torch.from_numpy(plant.scale))
+        residuals = torch.cat([t - y[k] @ parameters[-1] for k, t in zip(order, measured)])
+        errors = variance[-1] * inflation_of([residuals])
+        return parameters, deviations(sums[0][-1], variance[-1], errors, prior)
 
-    def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> Tensor:
-        """Weighted least squares with weights from residuals and a weak belief in the description, (T, P)."""
+    def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Weighted least squares with weights from residuals and a weak belief in the description.
+
+        Returns:
+            parameters, (T, P), the variance of each joint's residuals, (T, J), and the belief, (P, P).
+        """
         information, moment, energy = sums
         prior = belief(self.model, scale, self.settings.believed)
         nominal = self.model.nominal
@@ -141,7 +206,7 @@ class Judge:
             left = left + torch.einsum("tjpq,tp,tq->tj", information, x, x)
             variance = (left / samples[:, None]).clamp_min(1e-10 * float(scale.min()) ** 2)
             variance = torch.maximum(variance, (1e-3 * scale).square())
-        return x
+        return x, variance, prior
 
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""

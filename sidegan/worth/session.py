@@ -11,13 +11,12 @@ from sidegan.identification import TorqueModel
 from sidegan.identification.accuracy import inflation_of
 from sidegan.plant.varied import VariedPlant
 from sidegan.worth.contenders import SetOf, belief
-from sidegan.worth.curves import FIRST, Judge, disturbed
+from sidegan.worth.curves import FIRST, Judge, disturbed, held
 from sidegan.worth.settings import Regime
 
 _ROUNDS = 4  # of weights from residuals
 _LEAST = 1e-3  # of a joint's torque: smaller residuals are not believed
 _SPENT = 0.5  # of the samples may count as spent on parameters
-NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
 
 
 class Known(NamedTuple):
@@ -48,8 +47,7 @@ class Known(NamedTuple):
 
     def covered(self, true: Tensor) -> float:
         """Share of the parameters whose 95 % intervals hold the true ones, (P,)."""
-        inside = (self.parameters - true).abs() <= NORMAL * self.covariance.diagonal().sqrt()
-        return float(inside.double().mean())
+        return float(held(self.parameters, self.covariance.diagonal().sqrt(), true))
 
 
 class Session:
@@ -112,21 +110,3 @@ class Session:
         taken = (spent / variance / samples).clamp_max(_SPENT)
         variance = torch.maximum(variance / (1 - taken), (_LEAST * self.scale) ** 2)
         return variance * inflation_of(residuals) / self.judge.settings.sensors.rate
-
-
-def true_parameters(plant: VariedPlant, model: TorqueModel) -> Tensor:
-    """Parameters of a plant whose friction is of the model's class, (P,).
-
-    Raises:
-        ConfigError: when its friction is of another form.
-    """
-    law, joints = plant.law, model.joints
-    if law.form != "linear" or law.settings.width != model.terms.sign_width:
-        raise ConfigError(f"friction of the form {law.form!r} has no parameters in the model")
-    own = {"rotor_inertia": plant.rotor, "viscous": law.viscous, "coulomb": law.coulomb}
-    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
-    standard[: 10 * joints] = plant.true.inertial_parameters.reshape(-1)
-    for kind in model.kinds:
-        if kind in own:
-            standard[model.standard_slice(kind)] = torch.from_numpy(own[kind])
-    return model.mapping @ standard

@@ -19,8 +19,9 @@ from sidegan.plant.varied import VariedPlant
 from sidegan.validity import check
 from sidegan.worth import Judge, SetOf, legs
 from sidegan.worth.contenders import Order, aim_of, exact
+from sidegan.worth.curves import true_parameters
 from sidegan.worth.loop import Designed, Listed, Picked, Predicted, Step, closed, seconds_to
-from sidegan.worth.session import Known, Session, true_parameters
+from sidegan.worth.session import Known, Session
 
 PERIOD = 4.0  # [s]
 
