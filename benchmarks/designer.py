@@ -124,7 +124,7 @@ def _milliseconds(seconds: float) -> float:
 
 
 def design_evaluation(setting: Setting) -> Result:
-    """Milliseconds of an evaluation with gradient among a box, walls and the desk; torch at batch 1."""
+    """Milliseconds of an evaluation with gradient among a box, walls and desk, beside the batch's code."""
     designer, count = _bench(setting).designer(starts=False), setting.size(400)
     scene = designer.numbers.scene(Situation(regions=_MANY))
     descent = designer.descents.descent(scene, Aim(), _penalties(designer))

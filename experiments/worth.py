@@ -64,6 +64,8 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
         "practice": measures.PRACTICE,
         "same_ranking": measures.rankings(found),
         "floors": measures.floors(found),
+        "looser": 1 + worth_tables.LOOSER,
+        "soon": min(measures.SOON, settings.horizon),
     }
     flat = {arm: measures.flat(x) for arm, x in numbers.items()}
     page = Page("worth", tables, drawn, flat, context, _interactive(found))

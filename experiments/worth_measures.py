@@ -76,6 +76,12 @@ class Worth:
         times, errors, _ = self.values(arm, name, regime)
         return 100 * errors[..., int(np.abs(times - time).argmin())]
 
+    def covered(self, arm: str, name: str, regime: str) -> float:
+        """Share of the true parameters [%] that 95 % intervals hold at the end; not a number without such."""
+        frame = self.frame
+        part = frame[(frame.arm == arm) & (frame.contender == name) & (frame.regime == regime)]
+        return 100 * float(part.covered.mean())
+
     def excess(self, arm: str, name: str, regime: str, time: float) -> np.ndarray:
         """Error above the floor after a time, in points of percent, (plants, sets)."""
         return self.after(arm, name, regime, time) - 100 * self.values(arm, name, regime)[2]
@@ -90,7 +96,7 @@ def goals(found: Worth) -> list[Goal]:
             end = {x: np.median(found.after(arm, x, regime, settings.horizon)) for x in seconds}
             # Among those that never arrive, the closest at the end.
             order = {x: (np.median(seconds[x]), end[x]) for x in seconds}
-            ours, *best = (min(side, key=order.__getitem__) for side in sides(settings.contenders) if side)
+            ours, *best = (min(side, key=order.__getitem__) for side in sides(settings.contenders))
             for against, theirs in zip((PRACTICE, ALL), best):
                 share = ratio(seconds[ours], seconds[theirs], settings.resamples)
                 mine, other = (median(found, seconds[x]) for x in (ours, theirs))
@@ -100,7 +106,10 @@ def goals(found: Worth) -> list[Goal]:
 
 
 def sides(contenders: Mapping[str, Contender]) -> tuple[list[str], list[str], list[str]]:
-    """Names of contenders that are ours, of practice, and of all others that are not known to be bad."""
+    """Names of contenders that are ours, of practice, and of all others that are not known to be bad.
+
+    None of the three is empty: settings without ours or practice are refused.
+    """
     fair = {x: one for x, one in contenders.items() if not one.bad}
     ours = [x for x, one in fair.items() if one.ours]
     return ours, [x for x in fair if fair[x].practice], [x for x in fair if not fair[x].ours]
@@ -137,8 +146,13 @@ def rankings(found: Worth) -> dict[str, float]:
 
 
 def discerning(found: Worth) -> dict[str, dict[float, bool]]:
-    """Whether sets that are known to be bad come last, with intervals apart, soon and at the end, by arm."""
+    """Whether sets that are known to be bad come last, with intervals apart, soon and at the end, by arm.
+
+    Nothing where there are no such sets: then nothing is known.
+    """
     settings = found.cfg.worth
+    if not any(one.bad for one in settings.contenders.values()):
+        return {}
     times = min(SOON, settings.horizon), settings.horizon
     return {arm: {time: _apart(found, arm, time) for time in times} for arm in found.arms}
 
@@ -149,7 +163,7 @@ def _apart(found: Worth, arm: str, time: float) -> bool:
         ends = {x: median(found, found.after(arm, x, regime, time)) for x in contenders}
         bad = [ends[x].low for x, one in contenders.items() if one.bad]
         good = [ends[x].high for x, one in contenders.items() if not one.bad]
-        apart += [min(bad) > max(good)] if bad and good else []
+        apart.append(min(bad) > max(good))
     return all(apart)
 
 

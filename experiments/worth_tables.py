@@ -25,6 +25,8 @@ def table(found: Worth, arm: str) -> pd.DataFrame:
             ends = (min(SOON, settings.horizon), settings.horizon)
             points = [float(np.median(found.excess(arm, name, regime, t))) for t in ends]
             row[f"points over the floor, {regime}"] = " → ".join(f"{x:.2f}" for x in points)
+        held = {regime: found.covered(arm, name, regime) for regime in settings.judged}
+        row |= {f"95 % intervals hold, {k} [%]": f"{x:.0f}" for k, x in held.items() if np.isfinite(x)}
         row["design [s]"] = f"{found.design[arm, name]:.3g}"
         rows[f"**{one.title}**" if one.ours else one.title] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("motion")
@@ -70,7 +72,7 @@ def _marks(found: Worth, arm: str, regime: str) -> list[dict[str, str]]:
     for kind, values in kinds.items():
         medians = {x: float(np.median(value)) for x, value in values.items()}
         row = {"arm": arm, "regime": regime, "mark": kind}
-        best = [min(side, key=medians.__getitem__) for side in sides(settings.contenders) if side]
+        best = [min(side, key=medians.__getitem__) for side in sides(settings.contenders)]
         for side, x in zip(("ours", *OTHERS), best):
             row[side] = f"{settings.contenders[x].title}: {shown(median(found, values[x]))}"
         for side, x in zip(OTHERS, best[1:]):

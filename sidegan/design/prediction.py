@@ -21,7 +21,12 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody
 
 _SHARP = 0.03  # [rad/s] of the smooth sign of misfits
+_LEFT = 0.5  # share of friction that residuals of an identification are taken for, beside noise
 _LEAST = 1e-9  # of the largest eigenvalue of the tasks' information, below which they tell nothing
+
+
+# What a model lacks: fields of ``Misfits`` that zero switches off.
+LACKING = ("stribeck", "load", "power", "asymmetry", "position", "wave", "ripple", "drift", "bias")
 
 
 class Linear(Protocol):
@@ -106,7 +111,9 @@ class Prediction:
     ) -> None:
         self.model, self.scale, self.misfits = model, scale, misfits
         self._lasting, self._passing = misfits.amplitudes(scale)
-        spread = scale * (misfits.noise**2 + (0.5 * misfits.friction) ** 2) ** 0.5
+        # What is left over has misfits in it: equations are weighted by that, as after an identification, and
+        # the variance is that of errors of this size, more than noise alone would make.
+        spread = scale * (misfits.noise**2 + (_LEFT * misfits.friction) ** 2) ** 0.5
         self._rate = 1 / (2 * misfits.correlation * spread**2)  # information of a second
         rows = self.rows(*tasks)
         share = 1 / (scale**2 * rows.regressor[:, :, 0].numel())
@@ -117,8 +124,7 @@ class Prediction:
         inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
         self.best = inverse @ _moments(y, rows.lasting)  # X*, (P, J K)
         self.root = vectors[:, kept] * values[kept].sqrt()  # T = root rootᵀ
-        empty = torch.zeros(model.count, model.count, dtype=torch.float64)
-        self.known = Told(belief.clone(), torch.zeros_like(self.best), empty)
+        self.known = Told(belief.clone(), torch.zeros_like(self.best), torch.zeros_like(belief))
 
     def rows(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Rows:
         """Regressor and misfits at states (S, J), differentiable in them."""
@@ -160,6 +166,16 @@ class Prediction:
         bias = (off.square() * self._lasting.flatten()).sum((1, 2))
         known = (carried.mT @ self.known.passing @ carried).diagonal(dim1=1, dim2=2).sum(1)
         return noise, bias, known + (carried.mT @ passing).square().sum((1, 2))
+
+    def believe(self, information: Tensor, rate: Tensor) -> None:
+        """Begin anew from an identification.
+
+        Args:
+            information: on the parameters, (P, P).
+            rate: information of a second of torque, one over the variance of a mean over it, (J,).
+        """
+        self._rate = rate
+        self.known = Told(information.clone(), torch.zeros_like(self.best), torch.zeros_like(information))
 
     def parts(self) -> tuple[float, float, float]:
         """Expected squared error of what is known now: from noise, from lasting and from passing misfits."""

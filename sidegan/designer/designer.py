@@ -31,7 +31,7 @@ Array = np.ndarray
 class Spent:
     """What an answer took."""
 
-    evaluations: int  # of the objective
+    evaluations: int  # of the objective, those beside the search included
     proofs: int
     seconds: float  # by the designer's clock
 
@@ -201,5 +201,5 @@ class Designer:
         margins = {} if verdict is None else dict(zip(CONSTRAINTS, verdict.margins.tolist()))
         margins = {name: margin for name, margin in margins.items() if margin < np.inf}
         excepted = () if scene is None else scene.excepted
-        spent = Spent(budget.evaluations, budget.proofs, budget.seconds)
+        spent = Spent(budget.evaluations + budget.looks, budget.proofs, budget.seconds)
         return Design(coefficients, family, margins, blocked, excepted, spent, self.numbers, scene)

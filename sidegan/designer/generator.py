@@ -1,6 +1,5 @@
 """A generator of starts: a situation in, trajectories out that need little polish, or none."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -8,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
-from sidegan.base.storage import read_torch, write_torch
+from sidegan.designer.arrays import read_arrays, write_arrays
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.starts import FAR, NEAR, PROBES, effort_of
 from sidegan.errors import ArtifactError
@@ -56,10 +54,10 @@ class Generator:
 
     def save(self, path: Path, numbers: ArmNumbers) -> None:
         """Write one file of numbers."""
-        tensors = {"modes": torch.from_numpy(self.modes)}
+        arrays = {"modes": self.modes}
         for k, (weight, bias) in enumerate(self.layers):
-            tensors |= {f"weight{k}": torch.from_numpy(weight), f"bias{k}": torch.from_numpy(bias)}
-        write_torch(path, {"meta": json.dumps(_meta(numbers)), **tensors})
+            arrays |= {f"weight{k}": weight, f"bias{k}": bias}
+        write_arrays(path, _meta(numbers), arrays)
 
     @classmethod
     def load(cls, path: Path, numbers: ArmNumbers) -> "Generator":
@@ -68,27 +66,27 @@ class Generator:
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
-        content = read_torch(path)
+        arrays = read_arrays(path, _meta(numbers), "a generator")
         try:
-            meta, expected = json.loads(content.pop("meta")), _meta(numbers)
-            arrays = {name: tensor.numpy() for name, tensor in content.items()}
             modes, count = arrays["modes"], (len(arrays) - 1) // 2
             layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(count))
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
+        except KeyError as error:
             raise ArtifactError(f"{path} does not hold a generator: {error}") from error
-        if meta != expected:
-            raise ArtifactError(f"{path} holds a generator of {meta}, expected {expected}")
-        _refuse_misfits(path, modes, layers)
+        joints, harmonics, _ = numbers.trajectory.shape
+        ends = seen_by(joints) + len(modes), 2 * joints * harmonics
+        if modes.shape[1:] != ends[1:] or not _fit(layers, ends):
+            raise ArtifactError(f"{path} contradicts itself: its numbers do not fit each other")
         return cls(modes, layers)
 
 
-def _refuse_misfits(path: Path, modes: Array, layers: Sequence[tuple[Array, Array]]) -> None:
-    """Refuse layers that do not fit each other."""
+def _fit(layers: Sequence[tuple[Array, Array]], ends: tuple[int, int]) -> bool:
+    """Whether layers fit each other, and from how many inputs to how many outputs they lead."""
     sizes = [weight.shape for weight, _ in layers]
+    if len(layers) < 2 or any(len(size) != 2 for size in sizes):
+        return False
     chained = all(one[0] == other[1] for one, other in pairwise(sizes))
-    biased = all(weight.shape[0] == len(bias) for weight, bias in layers)
-    if len(layers) < 2 or not (chained and biased) or sizes[-1][0] != modes.shape[1]:
-        raise ArtifactError(f"{path} contradicts itself: its numbers do not fit each other")
+    biased = all(bias.shape == weight.shape[:1] for weight, bias in layers)
+    return chained and biased and (sizes[0][1], sizes[-1][0]) == ends
 
 
 def _meta(numbers: ArmNumbers) -> dict[str, Any]:
@@ -97,8 +95,13 @@ def _meta(numbers: ArmNumbers) -> dict[str, Any]:
     return {**meta, "period": family.period, "home": list(family.home or ())}
 
 
+def seen_by(joints: int) -> int:
+    """How many numbers a network sees of a situation."""
+    return joints + 3 + PROBES
+
+
 def features(numbers: ArmNumbers, scene: Scene, felt: Array) -> Array:
-    """What a network sees of a situation, (J + 3 + PROBES,)."""
+    """What a network sees of a situation, ``seen_by(J)`` numbers."""
     half = (numbers.upper - numbers.lower) / 2
     home = (scene.home - (numbers.upper + numbers.lower) / 2) / half
     usual = np.array([0.0, 0.0, np.log(numbers.trajectory.period)])

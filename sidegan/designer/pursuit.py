@@ -60,6 +60,7 @@ class Budget:
         self._clock, self._began = clock, clock()
         self._most, self._deadline, self._pace = evaluations, deadline, pace
         self.evaluations = self.proofs = 0
+        self.looks = 0  # evaluations that no budget limits: of what is made smaller
 
     @property
     def seconds(self) -> float:
@@ -153,6 +154,11 @@ class Pursuit:
     def _evaluate(self, descent: Descent, x: Array) -> tuple[float, float]:
         return descent.evaluate(x, self._gradient)
 
+    def _look(self, descent: Descent, c: Array) -> tuple[float, float]:
+        """Goal and penalty of coefficients (J, K) [rad/s] beside the search."""
+        self._budget.looks += 1
+        return self._evaluate(descent, self._numbers.points(self._scene, c))
+
     def _start(self) -> Array:
         """A random point."""
         return self._numbers.start(self._scene, self._random, _REACH)
@@ -199,7 +205,7 @@ class Pursuit:
         for share in _SHRINK:
             if self._budget.late:
                 break
-            goal, cost = self._evaluate(descent, self._numbers.points(self._scene, share * c))
+            goal, cost = self._look(descent, share * c)
             if cost == 0 and self._take(share * c, goal):
                 break
         descent.penalise(self._penalties)
@@ -209,7 +215,7 @@ class Pursuit:
         found = descent.coefficients
         c, goal = self._numbers.within(self._scene, found, _FULL), descent.goal
         if np.abs(found - c).max() > _ALIKE * np.abs(c).max():
-            goal = self._evaluate(descent, self._numbers.points(self._scene, c))[0]
+            goal = self._look(descent, c)[0]
         return self._take(c, goal)
 
     def _take(self, c: Array, goal: float) -> bool:

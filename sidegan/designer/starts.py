@@ -1,15 +1,14 @@
 """Trajectories to start from: a small library that is made once for an arm in its workspace."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from sidegan.base.storage import read_torch, write_torch
+from sidegan.designer.arrays import read_arrays, write_arrays
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.errors import ArtifactError
 from sidegan.validity import Box, Plane, Region
@@ -20,7 +19,7 @@ _FORMAT = 1
 PROBES = 64  # points of the workspace at which regions are felt
 NEAR, FAR = -0.1, 0.3  # [m] distances from regions beyond which they are all alike
 _EFFORT, _WORTH = 0.2, 0.1  # how much effort and period, and what was reached, count beside homes and regions
-_TENSORS = ("home", "felt", "effort", "coefficients", "goal")
+_ARRAYS = ("home", "felt", "effort", "coefficients", "goal")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +54,7 @@ class Starts:
 
     def save(self, path: Path, numbers: ArmNumbers) -> None:
         """Write one file of numbers."""
-        tensors = {name: torch.from_numpy(getattr(self, name)) for name in _TENSORS}
-        write_torch(path, {"meta": json.dumps(_meta(numbers)), **tensors})
+        write_arrays(path, _meta(numbers), {name: getattr(self, name) for name in _ARRAYS})
 
     @classmethod
     def load(cls, path: Path, numbers: ArmNumbers) -> "Starts":
@@ -65,14 +63,10 @@ class Starts:
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
-        content = read_torch(path)
-        try:
-            meta, expected = json.loads(content["meta"]), _meta(numbers)
-            starts = cls(**{name: content[name].numpy() for name in _TENSORS})
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
-            raise ArtifactError(f"{path} does not hold starts of a designer: {error}") from error
-        if meta != expected:
-            raise ArtifactError(f"{path} holds starts of {meta}, expected {expected}")
+        arrays = read_arrays(path, _meta(numbers), "starts")
+        if set(arrays) != set(_ARRAYS):
+            raise ArtifactError(f"{path} does not hold starts: it has {sorted(arrays)}")
+        starts = cls(**arrays)
         joints, harmonics, _ = numbers.trajectory.shape
         shapes = [x.shape for x in (starts.home, starts.felt, starts.effort, starts.coefficients)]
         count = len(starts.goal)
@@ -144,8 +138,3 @@ class Probes:
         away = [float(x) for x in -random.uniform(0.4, 1.0, 2) * self.radius]
         normals = [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)]
         return [Plane(normal, away[k // 2]) for k, normal in enumerate(normals)]
-
-
-def cat(parts: Sequence[Starts]) -> Starts:
-    """Starts of one or more libraries, in order."""
-    return replace(parts[0], **{name: np.concatenate([getattr(x, name) for x in parts]) for name in _TENSORS})

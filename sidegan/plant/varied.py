@@ -4,7 +4,6 @@ Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are 
 description says, the servos feed forward what the description says, and friction is not of a model's form.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -192,10 +191,3 @@ def _later(x: Array, steps: float) -> Array:
     low = np.clip(np.floor(times).astype(int), 0, None)
     share = np.clip(times - low, 0, 1)[:, None]
     return (1 - share) * x[:, low] + share * x[:, np.minimum(low + 1, x.shape[1] - 1)]
-
-
-def plants(
-    arm: Arm, settings: VariedSettings, forms: Sequence[Form], seed: np.random.SeedSequence
-) -> list[VariedPlant]:
-    """The same plant, but for the form of its friction, in each of the forms."""
-    return [VariedPlant(arm, settings, form, seed) for form in forms]

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
-from sidegan.design.prediction import Prediction, Volume
+from sidegan.design.prediction import LACKING, Prediction, Volume
 from sidegan.design.problem import Problem
 from sidegan.design.sequence import designed
 from sidegan.errors import ConfigError, InfeasibleError
@@ -68,7 +68,7 @@ class Order:
         return torch.Generator().manual_seed(int(self.seed.generate_state(1, np.uint64)[0] >> 1))
 
     def option(self, name: str, default: float) -> float:
-        """An option of the maker."""
+        """An option of the maker, one of ``settings.OPTIONS``."""
         return (self.contender.options or {}).get(name, default)
 
 
@@ -95,6 +95,12 @@ def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Predi
     moves = [move for one in settings.design_tasks.values() for move in legs(place, one, rate, generator)]
     tasks = states(moves, round(rate / _TASK_RATE))
     return kind(model, tasks, scale, settings.misfits, belief(model, scale, settings.believed))
+
+
+def exact(order: Order) -> Order:
+    """The same order where nothing is lacking in the model: ``prediction`` is variance alone then."""
+    sizes = dict.fromkeys(LACKING, 0.0)
+    return replace(order, settings=replace(order.settings, misfits=replace(order.settings.misfits, **sizes)))
 
 
 def _random(order: Order) -> SetOf:
@@ -201,8 +207,9 @@ def _volume(order: Order, friction: bool) -> SetOf:
 
 def _prediction(order: Order) -> SetOf:
     """Designed for the error on tasks, at the best of its periods."""
-    periods = [order.contender.period, *(v for k, v in (order.contender.options or {}).items() if k == "or")]
-    problems = [order.problem(period) for period in periods]
+    period = order.contender.period
+    periods = dict.fromkeys((period, order.option("or", period)))
+    problems = [order.problem(one) for one in periods]
     aim = aim_of(order, Prediction)
     problem, c = designed(problems, aim, order.count, order.settings.search, order.generator)
     return SetOf(problem.trajectory, c)
@@ -220,3 +227,4 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "rigid_volume": lambda order: _volume(order, friction=False),
     "prediction": _prediction,
 }
+DESIGNED = {"volume", "rigid_volume", "prediction"}  # whose sets are designed one trajectory after another

@@ -1,5 +1,6 @@
 """The error on held-out tasks of what is identified, as the robot moves on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,19 +8,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.errors import ShapeError
+from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
+from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.prior import belief
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.friction import Array
 from sidegan.plant.varied import Signals, VariedPlant
 from sidegan.worth.contenders import SetOf
-from sidegan.worth.settings import Regime, Sensors, WorthSettings
+from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
-PIECE = 4.0  # [s] of motion whose sums are kept
 _TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
 _REWEIGHTED = 3
-_FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
+NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
+FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
 
 
 class Truth(NamedTuple):
@@ -43,6 +45,56 @@ class Truth(NamedTuple):
         return mean_error(self.errors(best))
 
 
+class Curves(NamedTuple):
+    """What sets of a contender tell of one plant in one regime."""
+
+    errors: Tensor  # relative error of each joint after each time, (sets, T, J)
+    # share of the true parameters that 95 % intervals hold at the end, (sets,); not a number where the plant
+    # has none that the model could find
+    covered: Tensor
+
+
+def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tensor) -> Tensor:
+    """Standard deviations of weighted least squares, (P,).
+
+    Args:
+        information: of each joint, (J, P, P).
+        weights: variances that equations were divided by, (J,).
+        errors: variances of errors times how many samples tell as much as one, (J,).
+        prior: information that was believed, (P, P).
+
+    Source: White 1980, as in ``identification.accuracy.covariance_of``.
+    """
+    matrix = prior + (information / weights[:, None, None]).sum(0)
+    middle = prior + (information * (errors / weights**2)[:, None, None]).sum(0)
+    unit = matrix.diagonal().sqrt()
+    inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix / unit[:, None] / unit))
+    return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().sqrt() / unit
+
+
+def held(parameters: Tensor, deviation: Tensor, true: Tensor) -> Tensor:
+    """Share of the true parameters (P,) that 95 % intervals hold, ()."""
+    return ((parameters - true).abs() <= NORMAL * deviation).double().mean()
+
+
+def true_parameters(plant: VariedPlant, model: TorqueModel) -> Tensor:
+    """Parameters of a plant whose friction is of the model's class, (P,).
+
+    Raises:
+        ConfigError: when its friction is of another form.
+    """
+    law, joints = plant.law, model.joints
+    if law.form != "linear" or law.settings.width != model.terms.sign_width:
+        raise ConfigError(f"friction of the form {law.form!r} has no parameters in the model")
+    own = {"rotor_inertia": plant.rotor, "viscous": law.viscous, "coulomb": law.coulomb}
+    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
+    standard[: 10 * joints] = plant.true.inertial_parameters.reshape(-1)
+    for kind in model.kinds:
+        if kind in own:
+            standard[model.standard_slice(kind)] = torch.from_numpy(own[kind])
+    return model.mapping @ standard
+
+
 def mean_error(errors: Tensor) -> Tensor:
     """Root of the mean over joints of squared relative errors (…, J), (…)."""
     return errors.square().mean(-1).sqrt()
@@ -57,9 +109,9 @@ class Judge:
 
     @property
     def times(self) -> Array:
-        """Times [s] at which the error is taken."""
+        """Times [s] at which the error is taken, the last of them the horizon."""
         times = PIECE * np.array(_TIMES, dtype=float)
-        return times[times <= self.settings.horizon + 1e-9]
+        return np.append(times[times < self.settings.horizon - 1e-9], self.settings.horizon)
 
     def truth(self, plant: VariedPlant, moves: list[Motion]) -> Truth:
         """A plant on tasks, executed without noise."""
@@ -69,36 +121,41 @@ class Judge:
             own = Signals(*(x[i : i + 1, : len(move.time)] for x in signals))
             parts.append(self._samples(own, plant.settings.rate))
         y, torque = torch.cat([p[0][0] for p in parts]), torch.cat([p[1][0] for p in parts])
-        rows = y.transpose(0, 1) / torch.from_numpy(plant.scale)[:, None, None]
-        count = len(torque)
-        relative = torque.T / torch.from_numpy(plant.scale)[:, None]
-        share = relative.var(1) / 1.0
-        weight = 1 / (count * share)
-        information = (rows * weight[:, None, None]).mT @ rows
-        moment = ((rows * weight[:, None, None]).mT @ relative[..., None])[..., 0]
-        return Truth(information, moment, weight * relative.square().sum(1))
+        rows, torque = y.transpose(0, 1), torque.T
+        weight = 1 / (torque.shape[1] * torque.var(1))
+        weighted = (rows * weight[:, None, None]).mT
+        moment = (weighted @ torque[..., None])[..., 0]
+        return Truth(weighted @ rows, moment, weight * torque.square().sum(1))
 
     def curves(
         self, plant: VariedPlant, sets: list[SetOf], truth: Truth, regimes: dict[str, Regime], seed: int
-    ) -> dict[str, Tensor]:
-        """Relative errors of each joint after each time, (sets, T, J), by regime."""
-        family = sets[0].family
-        if any(one.family != family for one in sets):
-            raise ShapeError("sets of one contender are of one family")
-        motion = family.roll_out(
-            torch.cat([one.coefficients for one in sets]), _clock(family.period, plant.settings.rate)
-        )
-        signals = plant.follow(motion)
-        y, torque, friction = self._samples(signals, plant.settings.rate)
-        sizes = [len(one.coefficients) for one in sets]
-        found: dict[str, list[Tensor]] = {name: [] for name in regimes}
-        for k, parts in enumerate(zip(*(x.split(sizes) for x in (y, torque, friction)))):
-            pieces = [_pieces(x, family.period) for x in parts]
+    ) -> dict[str, Curves]:
+        """What sets tell of a plant, by regime."""
+        true = true_parameters(plant, self.model) if plant.law.form == "linear" else None
+        found: dict[str, list[Curves]] = {name: [] for name in regimes}
+        for k, (one, parts) in enumerate(zip(sets, self.followed(plant, sets))):
+            pieces = [_pieces(x, one.family.period) for x in parts]
             for name, regime in regimes.items():
                 random = np.random.default_rng([seed, k, *name.encode()])
-                parameters = self._identified(plant, pieces, family.period, regime, random)
-                found[name].append(truth.errors(parameters))
-        return {name: torch.stack(x) for name, x in found.items()}
+                parameters, deviation = self._identified(plant, pieces, one.family.period, regime, random)
+                covered = torch.tensor(torch.nan) if true is None else held(parameters[-1], deviation, true)
+                found[name].append(Curves(truth.errors(parameters), covered))
+        return {name: Curves(*map(torch.stack, zip(*x))) for name, x in found.items()}
+
+    def followed(self, plant: VariedPlant, sets: Sequence[SetOf]) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """What sensors see of each set without noise: regressor (n, S, J, P), torque, friction (n, S, J)."""
+        found: dict[int, tuple[Tensor, Tensor, Tensor]] = {}
+        for number, first in enumerate(sets):
+            if number in found:
+                continue
+            family = first.family  # those of one family move at once
+            alike = [k for k, one in enumerate(sets) if one.family == family]
+            motions = torch.cat([sets[k].coefficients for k in alike])
+            signals = plant.follow(family.roll_out(motions, _clock(family.period, plant.settings.rate)))
+            sizes = [len(sets[k].coefficients) for k in alike]
+            samples = self._samples(signals, plant.settings.rate)
+            found |= dict(zip(alike, zip(*(x.split(sizes) for x in samples))))
+        return [found[k] for k in range(len(sets))]
 
     def _identified(
         self,
@@ -107,13 +164,16 @@ class Judge:
         period: float,
         regime: Regime,
         random: np.random.Generator,
-    ) -> Tensor:
-        """Parameters after each time, (T, P), of pieces (n, S, J, …) that are repeated."""
+    ) -> tuple[Tensor, Tensor]:
+        """Parameters after each time, (T, P), and their standard deviations at the end, (P,).
+
+        They are of pieces (n, S, J, …) that are repeated.
+        """
         y, torque, friction = pieces
         total, each = round(self.times[-1] / PIECE), round(period / PIECE)
         order = torch.arange(total) % len(y)
         own = _gram(y)
-        measured = torque[order] + _disturbed(
+        measured = torque[order] + disturbed(
             friction[order], plant.scale, self.settings.sensors, regime.drift, each, random
         )
         moment = torch.stack([(y[k] * t[..., None]).sum(0) for k, t in zip(order, measured)])
@@ -121,14 +181,21 @@ class Judge:
         places = torch.from_numpy(np.round(self.times / PIECE).astype(int) - 1)
         sums = [x.cumsum(0)[places] for x in (own[order], moment, energy)]
         samples = (places + 1) * y.shape[1]
-        return self._estimates(sums, samples.double(), torch.from_numpy(plant.scale))
+        parameters, variance, prior = self._estimates(sums, samples.double(), torch.from_numpy(plant.scale))
+        residuals = torch.cat([t - y[k] @ parameters[-1] for k, t in zip(order, measured)])
+        errors = variance[-1] * inflation_of([residuals])
+        return parameters, deviations(sums[0][-1], variance[-1], errors, prior)
 
-    def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> Tensor:
-        """Weighted least squares with weights from residuals and a weak belief in the description, (T, P)."""
+    def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Weighted least squares with weights from residuals and a weak belief in the description.
+
+        Returns:
+            parameters, (T, P), the variance of each joint's residuals, (T, J), and the belief, (P, P).
+        """
         information, moment, energy = sums
         prior = belief(self.model, scale, self.settings.believed)
         nominal = self.model.nominal
-        variance = (_FIRST * scale).square().expand(len(samples), -1)
+        variance = (FIRST * scale).square().expand(len(samples), -1)
         for _ in range(_REWEIGHTED):
             matrix = prior + (information / variance[:, :, None, None]).sum(1)
             right = prior @ nominal + (moment / variance[:, :, None]).sum(1)
@@ -139,7 +206,7 @@ class Judge:
             left = left + torch.einsum("tjpq,tp,tq->tj", information, x, x)
             variance = (left / samples[:, None]).clamp_min(1e-10 * float(scale.min()) ** 2)
             variance = torch.maximum(variance, (1e-3 * scale).square())
-        return x
+        return x, variance, prior
 
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
@@ -159,7 +226,7 @@ class Judge:
         return y, next(rest), next(rest)
 
 
-def _disturbed(
+def disturbed(
     friction: Tensor, scale: Array, sensors: Sensors, drift: bool, each: int, random: np.random.Generator
 ) -> Tensor:
     """What is added to the torques of pieces (n, S, J): coloured noise, and drift of friction and offset.

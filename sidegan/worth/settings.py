@@ -1,5 +1,6 @@
 """Settings of the study: plants, regimes, tasks and contenders."""
 
+import math
 from dataclasses import dataclass
 
 from sidegan.base.typed import Count, Hertz, NonNegative, Positive, Seconds, Share, Size
@@ -9,6 +10,9 @@ from sidegan.errors import ConfigError
 from sidegan.identification import Terms
 from sidegan.plant.friction import Form
 from sidegan.plant.varied import VariedSettings
+
+PIECE = 4.0  # [s] of motion whose sums are kept: periods and the horizon are whole numbers of these
+OPTIONS = {"reach", "pool", "low", "high", "or"}  # that makers know
 
 
 @dataclass(frozen=True)
@@ -88,12 +92,37 @@ class WorthSettings:
     def __post_init__(self) -> None:
         if unknown := set(self.judged) - set(self.regimes):
             raise ConfigError(f"worth.judged has {sorted(unknown)}, expected some of {sorted(self.regimes)}")
+        if not _whole(self.horizon, PIECE):
+            raise ConfigError(f"worth.horizon is {self.horizon} s, expected a multiple of {PIECE:g} s")
+        rate, seen = self.plant.rate, self.sensors.rate
+        if not _whole(rate, seen):
+            raise ConfigError(f"worth.plant.rate is {rate} Hz, expected a multiple of the sensors' {seen} Hz")
         for name, one in self.contenders.items():
-            if one.seconds < one.period:
+            self._refuse(name, one)
+        for side in ("ours", "practice"):
+            if not any(getattr(one, side) and not one.bad for one in self.contenders.values()):
+                raise ConfigError(f"worth.contenders: none is {side}, so there is nothing to compare")
+
+    def _refuse(self, name: str, one: Contender) -> None:
+        """Refuse a contender that cannot be judged."""
+        if one.seconds < one.period:
+            raise ConfigError(f"worth.contenders.{name}: {one.seconds} s hold no period of {one.period} s")
+        options = one.options or {}
+        for period in (one.period, options.get("or", one.period)):
+            if not _whole(period, PIECE):
                 raise ConfigError(
-                    f"worth.contenders.{name}: {one.seconds} s hold no period of {one.period} s"
+                    f"worth.contenders.{name}: a period is {period} s, expected a multiple of {PIECE:g} s"
                 )
+        if unknown := set(options) - OPTIONS:
+            raise ConfigError(
+                f"worth.contenders.{name}.options has {sorted(unknown)}, expected some of {sorted(OPTIONS)}"
+            )
 
     def count(self, one: Contender) -> int:
         """Trajectories in a set of a contender."""
         return max(1, int(min(one.seconds, self.horizon) // one.period))
+
+
+def _whole(size: float, part: float) -> bool:
+    """Whether a size is a whole number of parts, one at least."""
+    return math.isclose(size / part, max(1, round(size / part)), rel_tol=1e-9)

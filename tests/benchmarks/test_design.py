@@ -1,8 +1,11 @@
 """The page on the designer: its situations, its independent check, and that it is written."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from benchmarks import design
@@ -16,6 +19,7 @@ from sidegan.validity import Box, Plane
 
 pytest.importorskip("numba")
 
+DOCS = Path(design.__file__).parents[1] / "docs"
 SITUATION = Situation(None, [Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)), Plane((1.0, 0.0, 0.0), -0.8)], 0.8, 0.7)
 
 
@@ -70,3 +74,27 @@ def test_the_page_is_written(tmp_path, monkeypatch):
     page = (tmp_path / "design.md").read_text()
     assert "## Mixed" in page and "## Several obstacles" in page and "are valid.**" in page
     assert (tmp_path / "design.csv").read_text().count("\n") == 1 + 5 * (8 + 2)
+
+
+def test_the_page_on_the_generator_has_the_numbers_of_the_measurement():
+    """Its comparison is that of docs/design.csv, row by row."""
+    frame = pd.read_csv(DOCS / "design.csv")
+    frame["condition"] = frame.condition.fillna(np.inf)
+    text = (DOCS / "conditional.md").read_text(encoding="utf-8").split("## The comparison")[1]
+    names = {"mixed": "**Mixed**", "several obstacles": "**Several obstacles**"}
+    checked = 0
+    for group, heading in names.items():
+        some = frame[frame.group == group]
+        lines = text.split(heading)[1].split("The nearest")[0].splitlines()
+        for cells in ([x.strip() for x in line.split("|")[1:-1]] for line in lines if line[:2] == "| "):
+            if not cells[0].isdigit():
+                continue
+            for who, cell in zip((design.GENERATOR, design.LIBRARY, design.RANDOM), cells[1:]):
+                part = some[(some.who == who) & (some.deadline == int(cells[0]))].condition
+                shown = [
+                    float(x.replace("—", "inf").replace(",", "")) for x in re.split(r"[ (–)]+", cell)[:3]
+                ]
+                expected = [np.quantile(part, q, method="lower") for q in (0.5, 0.1, 0.9)]
+                assert shown == pytest.approx(expected, rel=1e-4, abs=0.51)  # the file has five digits
+                checked += 1
+    assert checked == 2 * 5 * 3

@@ -8,7 +8,7 @@ import torch
 import yaml
 
 from sidegan.base.typed import build
-from sidegan.design.prediction import Misfits, Prediction, Volume
+from sidegan.design.prediction import LACKING, Misfits, Prediction, Volume
 from sidegan.design.sequence import Search, designed, told, value_and_gradient
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import Terms, TorqueModel
@@ -18,7 +18,6 @@ from sidegan.validity import check
 
 TERMS = Terms(True, True, True, True, False, 0.03)
 SEARCH = Search(starts=4, rough=5, strict=15, samples=4, reserve=0.03)
-NOTHING = ("stribeck", "load", "power", "asymmetry", "position", "wave", "ripple", "drift", "bias")
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +53,7 @@ def test_the_gradient_is_that_of_finite_differences(planar_problem, made, random
 
 def test_the_bias_is_that_of_weighted_least_squares_on_the_misfit(planar_problem, made, misfits, random):
     """Torques of one misfit alone are identified, and judged on the tasks, sample by sample."""
-    none = dict.fromkeys(NOTHING, 0.0)
+    none = dict.fromkeys(LACKING, 0.0)
     aim = made(sizes=replace(misfits, **none | {"stribeck": 0.3}))
     c = planar_problem.start(2, random)
     for one in c:
@@ -86,7 +85,7 @@ def test_the_bias_is_that_of_weighted_least_squares_on_the_misfit(planar_problem
 
 
 def test_the_variance_is_that_of_drawn_noise(planar_problem, made, misfits, random):
-    aim = made(sizes=replace(misfits, **dict.fromkeys(NOTHING, 0.0)))
+    aim = made(sizes=replace(misfits, **dict.fromkeys(LACKING, 0.0)))
     c = planar_problem.start(3, random)
     for one in c:
         aim.take(told(planar_problem, aim, one[None], 60))
@@ -100,7 +99,7 @@ def test_the_variance_is_that_of_drawn_noise(planar_problem, made, misfits, rand
 
 def test_drift_counts_for_each_recording_anew(planar_problem, made, misfits, random):
     """Twice the same motion halves what drifts between recordings; it does not touch the lasting bias."""
-    sizes = replace(misfits, **dict.fromkeys(NOTHING, 0.0) | {"drift": 0.2})
+    sizes = replace(misfits, **dict.fromkeys(LACKING, 0.0) | {"drift": 0.2})
     aim, c = made(sizes=sizes), planar_problem.start(1, random)
     parts = []
     for _ in range(2):

@@ -8,7 +8,6 @@ import torch
 
 from sidegan.designer import Designer, Situation, Starts, make_starts
 from sidegan.designer.scene import ArmNumbers
-from sidegan.designer.starts import cat
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints
@@ -43,8 +42,15 @@ def test_a_file_of_another_arm_or_of_something_else_is_refused(file, designer, p
     with pytest.raises(ArtifactError, match="holds starts of"):
         Starts.load(file, ArmNumbers(designer.numbers.constraints, Trajectory(7, 5)))
     torch.save({"meta": "{}"}, tmp_path / "other.pt")
+    with pytest.raises(ArtifactError, match="holds starts of"):
+        Starts.load(tmp_path / "other.pt", designer.numbers)
+    torch.save({"meta": "no JSON"}, tmp_path / "other.pt")
     with pytest.raises(ArtifactError, match="does not hold starts"):
         Starts.load(tmp_path / "other.pt", designer.numbers)
+    content = torch.load(file, weights_only=True)
+    torch.save({name: x for name, x in content.items() if name != "goal"}, tmp_path / "less.pt")
+    with pytest.raises(ArtifactError, match="does not hold starts: it has"):
+        Starts.load(tmp_path / "less.pt", designer.numbers)
     (tmp_path / "cut.pt").write_bytes(file.read_bytes()[:1000])
     with pytest.raises(ArtifactError):
         Starts.load(tmp_path / "cut.pt", designer.numbers)
@@ -73,12 +79,6 @@ def test_regions_are_felt_where_they_are(designer):
     nothing = designer.probes.feel(())
     np.testing.assert_array_equal(designer.probes.feel((far,)), nothing)
     assert (designer.probes.feel((near,)) < nothing).all()
-
-
-def test_libraries_are_joined_in_order(starts):
-    both = cat([starts, starts])
-    assert len(both) == 2 * len(starts)
-    np.testing.assert_array_equal(both.home[len(starts) :], starts.home)
 
 
 def test_an_arm_that_can_hardly_rest_anywhere_is_told_so(arm, settings):

@@ -11,12 +11,15 @@ from experiments import worth_measures as measures
 from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages.worth import arms, groups, load, sets, worth
+from sidegan.pipeline.stages import stage
+from sidegan.pipeline.stages.worth import arms, expected, groups, load, sets, worth
+from sidegan.pipeline.store import Store
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
 from sidegan.worth import MAKERS, Estimate, Judge, estimate, legs, make_set
 from sidegan.worth.contenders import Order
-from sidegan.worth.curves import _disturbed, mean_error
+from sidegan.worth.cost import Pace, cost
+from sidegan.worth.curves import deviations, disturbed, held, mean_error
 from sidegan.worth.tasks import states
 
 
@@ -50,6 +53,83 @@ def test_an_unknown_maker_is_refused(order):
         make_set(wrong)
 
 
+def changed(settings, name, **values):
+    contenders = {**settings.contenders, name: replace(settings.contenders[name], **values)}
+    return replace(settings, contenders=contenders)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda x: changed(x, "random_8", period=6.0), "a period is 6.0 s, expected a multiple of 4 s"),
+        (lambda x: changed(x, "prediction", options={"or": 2.0}), "a period is 2.0 s"),
+        (lambda x: changed(x, "excite", options={"poool": 3.0}), r"options has \['poool'\]"),
+        (lambda x: replace(x, horizon=30.0), "worth.horizon is 30.0 s"),
+        (
+            lambda x: replace(x, sensors=replace(x.sensors, rate=60.0)),
+            "expected a multiple of the sensors' 60",
+        ),
+        (lambda x: replace(x, contenders={"tiny": x.contenders["tiny"]}), "none is ours"),
+        (lambda x: replace(x, contenders={"p": x.contenders["prediction"]}), "none is practice"),
+    ],
+)
+def test_a_study_that_could_not_be_judged_is_refused(task, change, message):
+    with pytest.raises(ConfigError, match=message):
+        change(task.cfg.worth)
+
+
+def test_the_error_is_taken_until_the_horizon(task, place):
+    for horizon, last in ((32.0, 28.0), (36.0, 32.0), (1000.0, 560.0)):
+        settings = replace(task.cfg.worth, horizon=horizon)
+        times = Judge(settings, TorqueModel(place.body, settings.model)).times
+        assert times[-2:].tolist() == [last, horizon] and (np.diff(times) > 0).all()
+
+
+def test_sets_of_one_contender_may_differ_in_their_period(task, place, order):
+    settings = task.cfg.worth
+    judge = Judge(settings, TorqueModel(place.body, settings.model))
+    plant = VariedPlant(place.arm, settings.plant, "linear", np.random.SeedSequence(1))
+    short, long = (make_set(order(name, 2)) for name in ("random_8", "random_16"))
+    mixed = judge.followed(plant, [short, long, short])
+    for one, alone in zip(mixed, (short, long, short)):
+        for x, apart in zip(one, judge.followed(plant, [alone])[0]):
+            torch.testing.assert_close(x, apart, rtol=1e-9, atol=1e-9)
+    assert mixed[1][1].shape[1] == 2 * mixed[0][1].shape[1]
+
+
+def test_without_sets_that_are_known_to_be_bad_nothing_is_said_of_them(small, run):
+    found = page.collect(small)
+    assert set(measures.discerning(found)) == {small.arm.name}
+    study = small.cfg.worth
+    good = replace(study, contenders={x: one for x, one in study.contenders.items() if not one.bad})
+    assert measures.discerning(replace(found, cfg=replace(small.cfg, worth=good))) == {}
+
+
+def test_a_study_costs_what_its_parts_do(task):
+    """One contender by hand, then twice the plants, twice the sets."""
+    settings = task.cfg.worth
+    one = settings.contenders["prediction"]
+    alone = replace(settings, contenders={"p": one, "q": replace(one, maker="random", practice=True)})
+    rate, motions, forms = settings.plant.rate, settings.sets * settings.count(one), 3
+    found = cost(alone, Pace(step=1e-4, motion=1e-5, state=2e-5, gradient=0.0))
+    moved = one.period * rate * (1e-4 + 1e-5 * motions) + motions * one.period * settings.sensors.rate * 2e-5
+    assert found.plants == pytest.approx(2 * settings.plants * forms * moved) and found.design == 0
+    search = settings.search
+    gradients = search.starts * (0.5 * search.rough + search.strict) * search.samples * one.period
+    dear = Pace(0.0, 0.0, 0.0, 1.0)
+    assert cost(alone, dear) == pytest.approx((motions * gradients, 0.0))
+    assert cost(replace(alone, sets=2 * alone.sets), dear).total == pytest.approx(2 * motions * gradients)
+
+
+def test_what_is_left_to_be_made_is_told_beforehand(task, tmp_path, caplog):
+    new = replace(task, store=Store(tmp_path))
+    with caplog.at_level("INFO"):
+        stage("worth").check(new)
+    assert "of CPU time" in caplog.text and "idle cores" in caplog.text
+    times = expected(new)
+    assert 0 < times.design < 600 and 0 < times.plants < 600
+
+
 def test_one_joint_at_a_time_moves_one_joint(order):
     c = make_set(order("single")).coefficients
     assert ((c != 0).flatten(2).any(2).sum(1) == 1).all()
@@ -80,7 +160,7 @@ def judged(task, place, order):
     moves = [m for one in settings.tasks.values() for m in legs(place, one, plant.rate, random)]
     truth = judge.truth(made, moves)
     regimes = {"noise": settings.regimes["noise"]}
-    return truth, judge.curves(made, [make_set(order("random_8", 4))], truth, regimes, 0)["noise"]
+    return truth, judge.curves(made, [make_set(order("random_8", 4))], truth, regimes, 0)["noise"].errors
 
 
 def test_without_noise_and_misfit_the_plant_is_identified(judged):
@@ -88,6 +168,21 @@ def test_without_noise_and_misfit_the_plant_is_identified(judged):
     assert float(truth.floor()) < 2e-3
     assert errors.shape[::2] == (1, 2)
     assert float(errors[0, -1].max()) < 1e-2
+
+
+def test_deviations_are_those_of_repeated_least_squares():
+    """Two joints, weights that do not fit the errors: drawn again and again."""
+    random = torch.Generator().manual_seed(0)
+    rows = torch.randn(2, 300, 4, generator=random, dtype=torch.float64)
+    sigma, weights = torch.tensor([0.5, 3.0]).double(), torch.tensor([1.0, 2.0]).double()
+    information, prior = rows.mT @ rows, 1e-9 * torch.eye(4, dtype=torch.float64)
+    noise = torch.randn(3000, 2, 300, generator=random, dtype=torch.float64) * sigma[:, None]
+    right = torch.einsum("jsp,njs,j->np", rows, noise, 1 / weights)
+    found = torch.linalg.solve((information / weights[:, None, None]).sum(0), right.T).T
+    told = deviations(information, weights, sigma**2, prior)
+    torch.testing.assert_close(found.std(0), told, rtol=0.06, atol=0)
+    shares = torch.stack([held(x, told, torch.zeros(4).double()) for x in found])
+    assert float(shares.mean()) == pytest.approx(0.95, abs=0.01)
 
 
 def test_no_parameters_predict_nothing(judged):
@@ -101,11 +196,11 @@ def test_noise_and_drift_have_their_sizes(task):
     friction = 3 * torch.ones(4000, 20, 2, dtype=torch.float64)
     scale = np.array([1.0, 10.0])
     quiet, drifting = (
-        _disturbed(friction, scale, sensors, drift, 2, np.random.default_rng(0)).numpy()
+        disturbed(friction, scale, sensors, drift, 2, np.random.default_rng(0)).numpy()
         for drift in (False, True)
     )
     assert quiet.std((0, 1)) == pytest.approx(0.1 * scale, rel=0.05)
-    slow = drifting - _disturbed(friction, scale, sensors, False, 2, np.random.default_rng(0)).numpy()
+    slow = drifting - disturbed(friction, scale, sensors, False, 2, np.random.default_rng(0)).numpy()
     assert slow.std((0, 1)) == pytest.approx(0.2 * 3, rel=0.25)
     assert np.abs(np.diff(slow, axis=1)).max() < 1e-12  # constant within a piece
     assert np.abs(np.diff(slow[:, 0], axis=0)[::2]).max() < 1e-12  # and within a recording of two
@@ -131,7 +226,7 @@ def test_known_bad_sets_come_last_with_intervals_apart(task, arm):
         plant = VariedPlant(place.arm, settings.plant, "eyring", seed)
         truth, regimes = judge.truth(plant, moves), {"drift": settings.regimes["drift"]}
         for name, ones in made.items():
-            errors = judge.curves(plant, ones, truth, regimes, 0)["drift"]
+            errors = judge.curves(plant, ones, truth, regimes, 0)["drift"].errors
             last[name].append(mean_error(errors)[:, -1].numpy())
     intervals = {name: estimate(np.stack(x), 300) for name, x in last.items()}
     bad = min(intervals[name].low for name in ("single", "tiny"))

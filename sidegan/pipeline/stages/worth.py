@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import torch
 
-from sidegan.base.parallel import Job, Report, run_jobs
+from sidegan.base.parallel import Job, Report, cores, run_jobs
+from sidegan.base.progress import duration
 from sidegan.base.storage import read_torch, readable, write_json, write_parquet, write_task, write_torch
 from sidegan.identification import TorqueModel
 from sidegan.motion.trajectory import Motion, Trajectory
@@ -25,6 +26,8 @@ from sidegan.robot import require_consistent
 from sidegan.validity import Constraints
 from sidegan.worth import Judge, Regime, SetOf, Truth, legs, make_set
 from sidegan.worth.contenders import Order
+from sidegan.worth.cost import Cost, cost, pace
+from sidegan.worth.curves import Curves, mean_error
 
 log = logging.getLogger(__name__)
 
@@ -160,8 +163,8 @@ def _judge(task: Task, name: str, group: str, number: int, path: Path, report: R
             truth = Truth(*known[form])
             curves = judge.curves(_plant(task, place, form, number), made, truth, regimes, seed)
             key = {"plant": number, "floor": float(truth.floor())}
-            for regime, errors in curves.items():
-                rows += _rows(judge, errors, {**key, "regime": regime})
+            for regime, found in curves.items():
+                rows += _rows(judge, found, {**key, "regime": regime})
             report(done + 1, len(known))
         write_task(path, pd.DataFrame(rows).to_dict("list"))
     return pd.DataFrame(read_torch(path))
@@ -193,13 +196,12 @@ def _by_form(task: Task, group: str) -> dict[Form, dict[str, Regime]]:
     return forms
 
 
-def _rows(judge: Judge, errors: torch.Tensor, key: dict[str, object]) -> list[dict[str, object]]:
-    """A row per set and time, of errors (sets, T, J)."""
-    mean = errors.square().mean(2).sqrt()
-    worst = errors.amax(2)
+def _rows(judge: Judge, found: Curves, key: dict[str, object]) -> list[dict[str, object]]:
+    """A row per set and time."""
+    mean = mean_error(found.errors)
     return [
-        {**key, "set": k, "time": float(t), "error": float(mean[k, i]), "worst": float(worst[k, i])}
-        for k in range(len(errors))
+        {**key, "set": k, "time": float(t), "error": float(mean[k, i]), "covered": float(found.covered[k])}
+        for k in range(len(mean))
         for i, t in enumerate(judge.times)
     ]
 
@@ -225,4 +227,28 @@ def _artifacts(task: Task) -> list[Artifact]:
     ]
 
 
-STAGE = Stage(_artifacts, check=lambda task: require_consistent(task.arm))
+def _check(task: Task) -> None:
+    """Refuse arms that MuJoCo would, and say what is left to be made takes."""
+    require_consistent(task.arm)
+    if "worth" in task.cfg.stages and any(task.store.find(one) is None for one in _artifacts(task)):
+        told = [expected(one) for one in arms(task).values()]
+        total, workers = sum(x.total for x in told), cores(task.cfg.parallel.workers)
+        log.info(
+            "the whole study takes some %s of CPU time, %s of it design: %s on %d idle cores; "
+            "a second start goes on from what is made",
+            *(duration(x) for x in (total, sum(one.design for one in told), total / workers)),
+            workers,
+        )
+
+
+def expected(task: Task) -> Cost:
+    """What the study of a task's arm takes, from the pace of a few of its parts."""
+    settings, place = task.cfg.worth, constraints(task)
+    name = next(x for x, one in settings.contenders.items() if not one.bad)
+    one, seed = settings.contenders[name], np.random.SeedSequence(0)
+    order = Order(place, tuple(task.trajectory.home or ()), settings, one, 1, seed)
+    judge = Judge(settings, TorqueModel(place.body, settings.model))
+    return cost(settings, pace(judge, _plant(task, place, "eyring", 0), order))
+
+
+STAGE = Stage(_artifacts, check=_check)
