@@ -344,7 +344,7 @@ def test_a_status_that_cannot_be_written_hides_nothing(command, monkeypatch, cap
 
 def python(*arguments, cwd):
     return subprocess.run(
-        [sys.executable, *arguments], cwd=cwd, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, *arguments], cwd=cwd, capture_output=True, text=True, timeout=6000, check=False
     )
 
 

@@ -19,6 +19,8 @@ from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.store import Store
 from tests.threads import several_threads
 
+PATIENCE = 120  # [s] with processes that others keep from their work
+
 
 @pytest.fixture(autouse=True)
 def versions(monkeypatch):
@@ -273,7 +275,7 @@ def _slow(root, started, go_on, made):
         with made.get_lock():
             made.value += 1
         started.set()
-        go_on.wait(20)
+        go_on.wait(PATIENCE)
         write(build)
 
     store = Store(root)
@@ -292,7 +294,7 @@ def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(tmp_path, 
     context, started, go_on, made = processes
     first = context.Process(target=_slow, args=(tmp_path, started, go_on, made))
     first.start()
-    assert started.wait(20)
+    assert started.wait(PATIENCE)
     waiting = _Waiting(go_on)
     stores.log.addHandler(waiting)
     try:
@@ -321,7 +323,7 @@ def test_a_killed_run_holds_up_nobody(tmp_path, processes):
     context, started, go_on, made = processes
     first = context.Process(target=_slow, args=(tmp_path, started, go_on, made))
     first.start()
-    assert started.wait(20)
+    assert started.wait(PATIENCE)
     os.kill(first.pid, signal.SIGKILL)
     first.join()
     store = Store(tmp_path)
