@@ -26,8 +26,14 @@ log = logging.getLogger(__name__)
 PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may be other processes
 STATUS = "status.json"
 
+
+def times(*factors: Any) -> float | None:
+    """A product; null where a factor is no number, which is then refused by its own name too."""
+    return math.prod(factors) if all(isinstance(x, int | float) for x in factors) else None
+
+
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
-OmegaConf.register_new_resolver("times", lambda *factors: math.prod(factors), replace=True)
+OmegaConf.register_new_resolver("times", times, replace=True)
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 

@@ -41,8 +41,7 @@ CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
-_MODE = ("hydra.mode", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
-
+_MODE = ("hydra.mode", "hydra.searchpath", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
 EVERYTHING = "--help-all"
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
