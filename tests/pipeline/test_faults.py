@@ -155,7 +155,7 @@ def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkey
 
 def test_a_run_killed_20_times_at_random_points_ends_like_an_undisturbed_one(tmp_path):
     seed = random.randrange(2**32)
-    out, err = job(tmp_path, 20, seed).communicate(timeout=600)
+    out, err = job(tmp_path, 20, seed).communicate(timeout=1800)
     facts = json.loads(out)
     assert facts["interrupted"] == 20, "each of the kills must hit a run at work"
     assert facts["equal"] == facts["completed"] >= 1, f"kill points of seed {seed}: {err}"
