@@ -74,7 +74,10 @@ class SweepCallback(Callback):
         try:
             table = aggregate(config.experiment, finished, sweep)
             if table is not None and _parent is not None:
+                from sidegan.report.export import markdown
+
                 _parent.log_table(table, "sweep")
+                _parent.log_note(markdown(table.reset_index()))
         except Exception:
             log.exception("the table over all jobs could not be made")
             worst = max(worst, 1)
