@@ -3,7 +3,8 @@
 Physics, statistics and stages are changed in one place at a time by cosmic-ray's operators (+ for −, < for ≤,
 a number one larger …), drawn at random from all such places. The tests nearest to the change run, then all of
 its room's; what survives is listed with its change. Work goes on where it was stopped. The tree itself is
-left alone: everything happens in a copy.
+left alone: everything happens in a copy. Tests run in copies of a warm process, and of the kernels only those
+that a change is part of are compiled anew.
 """
 
 import argparse
@@ -12,16 +13,17 @@ import json
 import os
 import random
 import re
-import resource
-import subprocess
+import shutil
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from benchmarks.tree import ROOT, copied
+from benchmarks.warm import Warm
 from sidegan.base.progress import bar
 from sidegan.errors import ConfigError
 from sidegan.report import export
@@ -37,7 +39,9 @@ _OTHERS = ("And", "Or", "True", "False", "NumberReplacer", "ZeroIteration", "Add
 # [s] for the tests of one mutant, after which it counts as noticed, since it has no end: of the processor,
 # and on the clock, which runs on while others use the machine
 _PATIENCE, _LONGEST = 600, 3600
-_STAGES = ["tests/experiments"]  # run what no other test runs
+_STAGES = Path("tests/experiments")  # run what no other test runs
+_COMPILED = "sidegan/motion/compiled/"
+_KEPT = "kernels"  # folder of compiled kernels beside the copy of the project
 _WHOLE = ".whole"  # ends the name of a file that is changed at the moment
 _FAILED = re.compile(r"^FAILED (.+?)(?: - .*)?$", re.MULTILINE)  # a line of pytest's summary
 
@@ -99,17 +103,21 @@ def mutated(one: Mutant, source: str) -> str:
 
 
 def tests_of(file: str, root: Path) -> list[list[str]]:
-    """Tests of a file, nearest first: those named like it, then all of its room's."""
+    """Tests of a file, nearest first: those named like it, those that name it, then all of its room's."""
     _, *room, name = Path(file).with_suffix("").parts
     folders = [Path("tests", *room[:k]) for k in range(len(room), 0, -1)]
     folder = next(one for one in folders if (root / one).is_dir())
-    named = sorted(str(path.relative_to(root)) for path in (root / "tests").rglob(f"test_{name}.py"))
-    whole = [[str(folder)], *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
-    return [named, *whole] if named else whole
+    whole = [folder, *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
+    named = sorted((root / "tests").rglob(f"test_{name}.py"))
+    others = [path for one in whole for path in sorted((root / one).rglob("test_*.py")) if path not in named]
+    times = {path: len(re.findall(rf"\b{name}\b", path.read_text(encoding="utf-8"))) for path in others}
+    telling = sorted((path for path in others if times[path]), key=lambda path: -times[path])
+    steps = [named, *([path] for path in telling), [path for path in others if not times[path]]]
+    return [[str(path.relative_to(root)) for path in step] for step in steps if step]
 
 
-def noticed(one: Mutant, root: Path) -> bool:
-    """Whether a test fails with a mutant in the copy of the project at ``root``.
+def noticed(one: Mutant, root: Path, warm: Warm) -> tuple[bool, float]:
+    """Whether a test fails with a mutant in the copy of the project at ``root``; CPU time that it took [s].
 
     Raises:
         ConfigError: when the test fails without the mutant too.
@@ -117,35 +125,50 @@ def noticed(one: Mutant, root: Path) -> bool:
     path = root / one.file
     source, whole = path.read_text(encoding="utf-8"), path.with_name(f"{path.name}{_WHOLE}")
     path.rename(whole)
+    first, seconds = None, 0.0
     try:
         path.write_text(mutated(one, source), encoding="utf-8")
-        failing = (_failing(some, root) for some in tests_of(one.file, root))
-        first = next((test for test in failing if test is not None), None)
+        with _kernels(one, root) as kernels:
+            for tests in tests_of(one.file, root):
+                first, took = _failing(tests, root, kernels, warm)
+                seconds += took
+                if first is not None:
+                    break
     finally:
         whole.replace(path)
-    if first and _failing([first], root) is not None:
-        raise ConfigError(f"{first} fails without a mutant")
-    return first is not None
+    if first:
+        anyway, took = _failing([first], root, root.with_name(_KEPT), warm)
+        seconds += took
+        if anyway is not None:
+            raise ConfigError(f"{first} fails without a mutant")
+    return first is not None, seconds
 
 
-def _failing(tests: list[str], root: Path) -> str | None:
-    """The first test that fails, empty where none can be named, or None when all pass."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
-    options: dict[str, Any] = {"cwd": root, "capture_output": True, "text": True, "timeout": _LONGEST}
-    # Commands that tests start are those of the copy too.
-    environment = {**os.environ, "PYTHONPATH": str(root.resolve())}
+@contextmanager
+def _kernels(one: Mutant, root: Path) -> Iterator[Path]:
+    """Folder of compiled kernels; a copy that is thrown away where a mutant is part of kernels."""
+    kept = root.with_name(_KEPT)
+    kept.mkdir(exist_ok=True)
+    if not one.file.startswith(_COMPILED):
+        yield kept
+        return
+    changed = root.with_name(f"{_KEPT}_of_mutant")
+    shutil.rmtree(changed, ignore_errors=True)
+    shutil.copytree(kept, changed, copy_function=os.link)  # numba replaces files and writes into none
     try:
-        done = subprocess.run(command, env=environment, preexec_fn=_limited, **options)
-    except subprocess.TimeoutExpired:
-        return ""
-    if done.returncode > 2:  # neither passed, failed nor broken by the change
-        raise ConfigError(f"{' '.join(command)} ended with {done.returncode}")
-    named = _FAILED.search(done.stdout) if done.returncode == 1 else None
-    return None if done.returncode == 0 else named[1] if named else ""
+        yield changed
+    finally:
+        shutil.rmtree(changed, ignore_errors=True)
 
 
-def _limited() -> None:
-    resource.setrlimit(resource.RLIMIT_CPU, (_PATIENCE, _PATIENCE))
+def _failing(tests: list[str], root: Path, kernels: Path, warm: Warm) -> tuple[str | None, float]:
+    """The first test that fails, empty where none can be named, None when all pass; CPU time [s]."""
+    arguments = ["-x", "-q", "-p", "no:cacheprovider", *tests]
+    done = warm.run(arguments, root, kernels, _PATIENCE, _LONGEST)
+    if done.code is not None and done.code > 2:  # neither passed, failed nor broken by the change
+        raise ConfigError(f"pytest {' '.join(arguments)} ended with {done.code}: {done.output[-1000:]}")
+    named = _FAILED.search(done.output) if done.code == 1 else None
+    return None if done.code == 0 else named[1] if named else "", done.seconds
 
 
 def change(one: Mutant, root: Path) -> str:
@@ -164,10 +187,12 @@ def run(count: int, seed: int, work: Path) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     if record.exists():
         rows = [json.loads(line) for line in record.read_text(encoding="utf-8").splitlines()]
-    with bar("mutants", count) as told, record.open("a", encoding="utf-8") as file:
+    with bar("mutants", count) as told, record.open("a", encoding="utf-8") as file, Warm() as warm:
         for done, one in enumerate(drawn[len(rows) :], start=len(rows)):
             told(done)
-            rows.append({**one._asdict(), "noticed": noticed(one, tree), "change": change(one, tree)})
+            found, seconds = noticed(one, tree, warm)
+            about = {"noticed": found, "cpu_seconds": round(seconds, 1), "change": change(one, tree)}
+            rows.append({**one._asdict(), **about})
             file.write(f"{json.dumps(rows[-1], ensure_ascii=False)}\n")
             file.flush()
     return pd.DataFrame(rows)
@@ -185,6 +210,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts.loc["all"] = [len(frame), frame.noticed.sum(), frame.noticed.mean()]
     parts.columns = pd.Index(["mutants", "noticed", f"share (goal {GOAL:.0%})"])
     export.show(parts.astype({"mutants": int, "noticed": int}).round(3), "Mutants that the tests notice")
+    print(
+        f"CPU seconds for each: median {frame.cpu_seconds.median():.3g}, mean {frame.cpu_seconds.mean():.3g}"
+    )
     survivors = frame[~frame.noticed].set_index("file")[["change"]]
     if len(survivors):
         export.show(survivors, "What survives")

@@ -53,6 +53,10 @@ def publish(page: Page, folder: Path, tracker: Tracker) -> None:
     for name, numbers in page.metrics.items():
         write_json(folder / page.name / "metrics" / f"{name}.json", dict(numbers))
     tracker.log_artifact(target, "report")
+    for name, table in page.tables.items():
+        shown = table.reset_index().astype(str) if any(table.index.names) else table.astype(str)
+        tracker.log_table(shown, name)
+        tracker.log_note(f"**{name}**\n\n{export.markdown(shown)}")
     tracker.log_metrics(
         {f"{name}/{key}": x for name, numbers in page.metrics.items() for key, x in numbers.items()}
     )

@@ -10,7 +10,9 @@ import torch
 from sidegan.robot import Arm, load_robot
 
 torch.set_num_threads(1)
-hypothesis.settings.register_profile("unhurried", deadline=None)  # a busy machine is no failure
+# A busy machine is no failure: neither slow examples nor drawing them slowly.
+SLOW = [hypothesis.HealthCheck.too_slow]
+hypothesis.settings.register_profile("unhurried", deadline=None, suppress_health_check=SLOW)
 hypothesis.settings.load_profile("unhurried")
 
 # Files that take longest: a parallel run begins with them, or one process works at its end while others idle.

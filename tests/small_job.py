@@ -59,24 +59,33 @@ def same(one, other):
 
 
 def killed_after(root, seconds):
-    """Kill the job so many seconds after its start; whether it was still at work."""
-    child = os.fork()
+    """Kill the job so many seconds after its start; None if it was at work, else how long it took [s]."""
+    child, began = os.fork(), time.monotonic()
     if not child:
         run(root)
         os._exit(0)
-    time.sleep(seconds)
+    while (left := began + seconds - time.monotonic()) > 0:
+        if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
+            break
+        time.sleep(min(left, 0.01))
+    took = time.monotonic() - began
     os.kill(child, signal.SIGKILL)
-    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
+    return None if os.WIFSIGNALED(os.waitpid(child, 0)[1]) else took
 
 
 def kill_often(root, kills, seed):
-    """Kill the job at random points; whenever it is complete it is compared, taken away, and begun anew."""
+    """Kill the job at random points; whenever it is complete it is compared, taken away, and begun anew.
+
+    A run that comes to its end before its kill tells that runs have become shorter than was thought.
+    """
     reference, source, facts = run(root / "undisturbed"), random.Random(seed), Counter()
     began = time.monotonic()
     run(root / "timed")
     whole, disturbed = time.monotonic() - began, root / "disturbed"
-    for _ in range(kills):
-        facts["interrupted"] += killed_after(disturbed, source.uniform(0.0, 0.8 * whole))
+    while facts["interrupted"] < kills:
+        took = killed_after(disturbed, source.uniform(0.0, 0.8 * whole))
+        facts["interrupted"] += took is None
+        whole = whole if took is None else min(whole, max(took, 0.9 * whole))
         if list(disturbed.glob("seeds/planar2-????????")):
             facts["completed"] += 1
             facts["equal"] += same(run(disturbed), reference)

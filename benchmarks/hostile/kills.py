@@ -65,7 +65,8 @@ class Kills:
         took, expected = self._whole, contents(self.work / "whole")
         torn = self.work / "torn"
         while (killed := len(self._told("killed"))) < count or torn.exists():
-            moment = random.Random(f"{self.seed}-{self.arm}-{killed}").uniform(0, _REACH * took)
+            past = f"{killed}-{len(self._told('finished'))}"  # another moment after a run that was quicker
+            moment = random.Random(f"{self.seed}-{self.arm}-{past}").uniform(0, _REACH * took)
             before = len(_logs(torn))
             process, code = self._start(torn, moment if killed < count else None)
             if code is None:

@@ -11,10 +11,9 @@ from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.consistent import Consistent
 from sidegan.identification.gather import Reach, gather
-from sidegan.identification.linear import Essential, Ols, Recursive, Tls, Weighted
+from sidegan.identification.linear import Essential, Ols, Recursive, Weighted
 from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import Ridge
 from sidegan.identification.robust import Huber
 from sidegan.identification.sums import Sums, condition
 
@@ -22,9 +21,7 @@ METHODS: dict[str, type[Ols]] = {
     "ols": Ols,
     "weighted": Weighted,
     "huber": Huber,
-    "tls": Tls,
     "rls": Recursive,
-    "ridge": Ridge,
     "essential": Essential,
     "consistent": Consistent,
 }

@@ -7,7 +7,6 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from sidegan.errors import ShapeError
 from sidegan.identification.fit import Fit, flat, positive, recursive, reweighted
 from sidegan.identification.gather import Gathered
 from sidegan.identification.sums import Sums, solve
@@ -53,45 +52,6 @@ class Recursive(Ols):
     def fit(self, data: Gathered) -> Fit:
         """Parameters after the last sample."""
         return recursive(data.sums, data.samples, self.prior, self.forgetting, self.weighted)
-
-
-@dataclass(frozen=True)
-class Tls(Ols):
-    """Total least squares: every column of the regressor has errors in proportion to its size.
-
-    Columns and torque are scaled to one length; the smallest singular vector of both together is found
-    from its square, which resolves condition numbers up to about 1e7.
-
-    Source: Golub, Van Loan 1980; Gautier, Briot 2014 for robots.
-    """
-
-    weighted: bool = True
-
-    def fit(self, data: Gathered) -> Fit:
-        """Parameters from the smallest direction of [Y τ].
-
-        Raises:
-            ShapeError: when a parameter, or a combination of them, is not excited.
-        """
-        sums = data.sums
-        first = recursive(sums, data.samples, self.prior, weighted=self.weighted)
-        information, moment = sums.weighted(first.weights)
-        energy = first.weights.square() @ sums.energy
-        last = torch.cat([moment, energy[None]])
-        both = torch.cat([torch.cat([information, moment[:, None]], 1), last[None]])
-        scale = both.diagonal().sqrt()
-        if not (scale > 0).all():
-            still = [data.model.names[i] for i in (scale[:-1] <= 0).nonzero()[:, 0].tolist()]
-            zero = ", ".join(still or ["the torque"])
-            raise ShapeError(f"total least squares needs every column excited; zero: {zero}")
-        values, vectors = torch.linalg.eigh(both / scale[:, None] / scale)
-        smallest = vectors[:, 0]
-        if smallest[-1].abs() < math.sqrt(torch.finfo(torch.float64).eps):
-            raise ShapeError("total least squares has no solution: a parameter combination is not excited")
-        parameters = -smallest[:-1] / smallest[-1] * scale[-1] / scale[:-1]
-        freed = information - values[0].clamp_min(0) * torch.diag(scale[:-1].square())
-        _, inverse = solve(freed, moment, 1 / self.prior)
-        return Fit(parameters, inverse, first.weights, first.prior)
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,13 @@
 """What an arm's description says about its parameters before anything is measured."""
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, TorqueErrors, flat, reweighted
+from sidegan.identification.fit import TorqueErrors, reweighted
 from sidegan.identification.gather import Gathered
-from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.sums import solve
 from sidegan.robot import Arm
 
 _LIGHT, _SMALL = 0.02, 0.05  # a link is taken for at least this share of the heaviest, and of 0.05 m
@@ -57,26 +53,6 @@ def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
     places = torch.arange(model.rigid, model.count)
     out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
     return out
-
-
-@dataclass(frozen=True)
-class Ridge(Ols):
-    """Weighted least squares pulled towards the description, as strongly as that is believed.
-
-    ``relative`` is the standard deviation of the description's link parameters over their typical size.
-    """
-
-    relative: float = 0.3
-
-    def fit(self, data: Gathered) -> Fit:
-        """Most probable parameters."""
-        model = data.model
-        prior = information(model, self.relative)
-        weights, errors = likelihood(data, self.prior)
-        samples, moment = data.sums.weighted(weights)
-        step, inverse = solve(samples + prior, moment - samples @ model.nominal, 1 / self.prior)
-        both = prior + flat(model.count, 1 / self.prior)
-        return Fit(model.nominal + step, inverse, weights, both, errors=errors)
 
 
 def likelihood(data: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:

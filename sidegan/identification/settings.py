@@ -104,7 +104,7 @@ class GoalSettings:
 class EstimationSettings:
     """How parameters are estimated from recordings."""
 
-    method: Literal["ols", "weighted", "huber", "tls", "rls", "ridge", "essential"]
+    method: Literal["ols", "weighted", "huber", "rls", "essential"]
     settings: dict[str, float]  # of the method
     pull: Literal["logdet", "euclid"]
     strength: Positive | None  # of the pull; null: the most probable one

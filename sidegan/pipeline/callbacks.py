@@ -26,8 +26,14 @@ log = logging.getLogger(__name__)
 PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may be other processes
 STATUS = "status.json"
 
+
+def times(*factors: Any) -> float | None:
+    """A product; null where a factor is no number, which is then refused by its own name too."""
+    return math.prod(factors) if all(isinstance(x, int | float) for x in factors) else None
+
+
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
-OmegaConf.register_new_resolver("times", lambda *factors: math.prod(factors), replace=True)
+OmegaConf.register_new_resolver("times", times, replace=True)
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
@@ -68,7 +74,10 @@ class SweepCallback(Callback):
         try:
             table = aggregate(config.experiment, finished, sweep)
             if table is not None and _parent is not None:
+                from sidegan.report.export import markdown
+
                 _parent.log_table(table, "sweep")
+                _parent.log_note(markdown(table.reset_index()))
         except Exception:
             log.exception("the table over all jobs could not be made")
             worst = max(worst, 1)

@@ -1,5 +1,6 @@
 """What an earlier run of identify left, for commands that go on from it."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.report.identification import PARAMETERS
 from sidegan.robot import Arm
 
+_ROUNDED = 2e-3  # relative difference of numbers in two formulas that differ in rounding alone
 _TERMS = ("rotor_inertia", "viscous", "coulomb", "offset")
 
 
@@ -44,6 +46,8 @@ def known_model(folder: Path, arm: Arm) -> Known:
         kinds = {name: name in use["terms"] for name in _TERMS}
         terms = Terms(**kinds, stribeck=stribeck is not None, sign_width=numbers["sign_width"])
         model = TorqueModel(RigidBody(arm), terms, stribeck)
+        if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"])):
+            raise ConfigError(f"{path} is of another arm than {arm.name}: its links are placed otherwise")
         parts = [use["inertial_parameters"], *(use["terms"][kind] for kind in terms.kinds)]
         standard = torch.cat([_tensor(part).reshape(-1) for part in parts])
         return Known(
@@ -61,6 +65,19 @@ def known_model(folder: Path, arm: Arm) -> Known:
         raise ConfigError(
             f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify: {error}"
         ) from error
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two formulas are the same but for the last digits of their numbers."""
+    words = one.split(), other.split()
+    return len(words[0]) == len(words[1]) and all(x == y or _close(x, y) for x, y in zip(*words))
+
+
+def _close(one: str, other: str) -> bool:
+    try:
+        return math.isclose(float(one), float(other), rel_tol=_ROUNDED)
+    except ValueError:
+        return False
 
 
 def _tensor(values: list[float]) -> Tensor:

@@ -41,8 +41,7 @@ CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
-_MODE = ("hydra.mode", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
-
+_MODE = ("hydra.mode", "hydra.searchpath", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
 EVERYTHING = "--help-all"
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
@@ -90,7 +89,7 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
             run_stage(one, stage(one), task, tracker)
             seconds = time.monotonic() - began
             log.info("%s: done in %s", one, duration(seconds))
-            tracker.log_metrics({f"seconds/{one}": seconds})
+            tracker.log_metrics({f"stage seconds/{one}": seconds})
 
 
 def run_job(cfg: DictConfig, run_folder: Path, name: str) -> int:
@@ -121,9 +120,10 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str) -> int:
 
 
 def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], seed: Any) -> str:
-    """Name of a run for people, e.g. ``exp1 eigen seed=1``, from what was overridden on the command line.
+    """Name of a run for people, e.g. ``eigen seed=1``, from what was overridden on the command line.
 
-    Chosen stages come first, since lists of runs show only the beginning.
+    Chosen stages come first, since lists of runs show only the beginning; they are lists of one experiment,
+    whose name stands where nothing was overridden.
     """
     stages, parts = [], []
     for override in overrides:
@@ -132,7 +132,7 @@ def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], s
             stages.append(value.strip("[]"))
         elif key not in ("experiment", "outputs", "seed", "tracking", "named"):
             parts.append(value if key in groups else f"{key}={value}")
-    return " ".join([*stages, experiment, *parts, f"seed={seed}"])[:200]
+    return " ".join([*([*stages, *parts] or [experiment]), f"seed={seed}"])[:200]
 
 
 def main() -> int:

@@ -61,6 +61,9 @@ def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     for wave in waves(artifacts):
         _produce(name, task, wave, missing)
     for artifact in artifacts:
+        if artifact.digest in tracker.told:  # by a stage that has made it too
+            continue
+        tracker.told.add(artifact.digest)
         metrics = artifact.metrics(task.store.require(artifact))
         _record(artifact.title, metrics, task.store.costs(artifact), tracker)
     if stage.show is not None:
@@ -83,7 +86,9 @@ def _record(title: str, metrics: Metrics, costs: Mapping[str, Any], tracker: Tra
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
     spent = {key: float(x) for key, x in costs.items() if isinstance(x, int | float)}
-    tracker.log_metrics({f"{title}/{key}": x for key, x in (numbers | spent).items()})
+    # MLflow draws those with one beginning together: results of an artifact, and one kind of costs of all.
+    tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()})
+    tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})
     if numbers or not series:
         log.info("%s: %s", title, words(numbers | spent))
     for key, values in series.items():

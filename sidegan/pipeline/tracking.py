@@ -34,6 +34,8 @@ UNTRACKED = "untracked.jsonl"
 _RUN, _RUN_ID = "run-{}.lock", re.compile("run-(.+)[.]lock")
 
 _METRICS_AT_ONCE, _PARAMETERS_AT_ONCE, _PARAMETER_LENGTH = 1000, 100, 6000  # what MLflow takes
+_KIND = {"mlflow.experimentKind": "custom_model_development"}  # or MLflow shows pages about language models
+_NOTE, _NOTE_LENGTH = "mlflow.note.content", 8000  # the description of a run, in Markdown
 _ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
@@ -68,6 +70,8 @@ class Tracker:
         self.root, self.folder, self.uri = root.resolve(), folder, uri
         self.enabled = self.reached = enabled  # whether everything could be sent so far
         self.kept = True  # whether everything else could be written
+        self.told: set[str] = set()  # digests of the artifacts whose numbers are recorded
+        self.notes = ""
         self.run_id: str | None = None
         self._client: MlflowClient | None = None
         self._alive: FileLock | None = None  # held while the run goes on, whatever ends it
@@ -112,6 +116,13 @@ class Tracker:
         """Record a table that MLflow shows beside the run; a named index becomes columns."""
         flat = table.reset_index() if any(table.index.names) else table
         self.send("table", {"name": name, "table": json.loads(flat.to_json(orient="split", index=False))})
+
+    def log_note(self, text: str) -> None:
+        """Add Markdown to the description that MLflow shows first, unless there is no room left for it."""
+        notes = f"{self.notes}{text.strip()}\n\n"
+        if len(notes) <= _NOTE_LENGTH:
+            self.notes = notes
+            self.send("note", notes)
 
     def finish(self, status: Status) -> None:
         """Close the run."""
@@ -182,6 +193,8 @@ class Tracker:
                 import pandas as pd
 
                 client.log_table(run, pd.DataFrame(**content["table"]), f"{content['name']}.json")
+            case "note":
+                client.set_tag(run, _NOTE, content)
             case "status":
                 client.set_terminated(run, content, _milliseconds(at))
                 self._leave()
@@ -234,7 +247,9 @@ class Tracker:
         location = None if self._remote else (self.root / "mlartifacts" / experiment).as_uri()
         with self._one_at_a_time():
             found = client.get_experiment_by_name(experiment)
-            number = found.experiment_id if found else client.create_experiment(experiment, location)
+            number = (
+                found.experiment_id if found else client.create_experiment(experiment, location, tags=_KIND)
+            )
         run = client.create_run(number, run_name=name, tags=tags, start_time=_milliseconds(at))
         return run.info.run_id
 

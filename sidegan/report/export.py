@@ -21,12 +21,16 @@ class Recorder(Protocol):
     def log_artifact(self, path: Path, folder: str | None = None) -> None:
         """Keep a file below ``folder`` of the run."""
 
+    def log_note(self, text: str) -> None:
+        """Add Markdown to what is shown of the run first."""
+
 
 def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) -> None:
     """Print a table, write ``path``.csv and ``path``.md, and record both."""
     write_table(table, path, caption)
     show(table, caption)
     tracker.log_table(table, path.name)
+    tracker.log_note(f"**{caption}**\n\n{markdown(table.reset_index())}")
     for suffix in (".csv", ".md"):
         tracker.log_artifact(path.with_suffix(suffix), "tables")
 

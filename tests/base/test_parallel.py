@@ -44,6 +44,11 @@ def slow(seconds, report):
     return seconds
 
 
+def begin(marker, report):
+    marker.touch()
+    time.sleep(60)
+
+
 def threads_and_sums(seed, report):
     """Every thread setting of the process, and sums that depend on their order."""
     import numpy as np
@@ -186,9 +191,10 @@ def test_a_cluster_that_goes_away_is_told(tmp_path):
         address = json.loads(scheduler_file.read_text())["address"]
         with engine("dask", address):
             assert run_jobs("short", [partial(slow, 0.0)], None) == [0.0]
-            threading.Timer(1.0, scheduler.kill).start()
+            begun = tmp_path / "begun"
+            threading.Thread(target=lambda: (wait_until(begun.exists), scheduler.kill())).start()
             with pytest.raises(SideganError, match="long: the Dask cluster went away"):
-                run_jobs("long", [partial(slow, 60.0)], None)
+                run_jobs("long", [partial(begin, begun)], None)
     finally:
         for process in (scheduler, worker):
             process.kill()

@@ -59,13 +59,15 @@ def test_a_loop_that_has_done_nothing_yet_has_no_rate_and_no_time_left(caplog, c
 
 def test_on_a_terminal_bars_are_live_may_nest_and_go_away(monkeypatch, caplog):
     caplog.set_level(logging.INFO)
-    terminal = Terminal()
+    terminal, words = Terminal(), ("outer", "inner", "1/2", "2/3")
     monkeypatch.setattr(sys, "stderr", terminal)
     with bar("outer", 2) as outer, bar("inner", 3) as inner:
         outer(1)
         inner(2)
-        time.sleep(0.3)  # bars are drawn ten times a second
-    assert all(word in terminal.getvalue() for word in ("outer", "inner", "1/2", "2/3"))
+        end = time.monotonic() + 60  # a thread of its own draws ten times a second, when it has its turn
+        while not (drawn := all(word in terminal.getvalue() for word in words)) and time.monotonic() < end:
+            time.sleep(0.05)
+    assert drawn
     assert sys.stderr is terminal
     assert caplog.text == ""
 

@@ -69,7 +69,7 @@ def test_others_notice_what_is_in_the_way(answer, tmp_path):
 
 
 def test_the_page_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(design, "_DEADLINES", (30,))
+    monkeypatch.setattr(design, "_DEADLINES", (100,))
     assert design.main(["--small", "--count", "8", "--folder", str(tmp_path)]) == 0
     page = (tmp_path / "design.md").read_text()
     assert "## Mixed" in page and "## Several obstacles" in page and "are valid.**" in page

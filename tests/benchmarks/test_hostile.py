@@ -52,7 +52,8 @@ def crash(folder):
     ],
 )
 def test_what_is_no_answer_is_told(act, works, how, answered):
-    first, second = outcomes([Case("bad", act, works), Case("good", refuse)], seconds=2.0)
+    patience = 5.0 if how == "no end" else 60.0  # with a machine that has others to serve
+    first, second = outcomes([Case("bad", act, works), Case("good", refuse)], seconds=patience)
     assert (first.how, first.answered) == (how, answered)
     assert second.answered  # whatever came before
 
@@ -63,7 +64,7 @@ def test_a_sample_of_the_catalogue_is_answered():
     commands = [case for case in cases if case.name.startswith("command: +exp")]
     others = [case for case in cases if not case.name.startswith("command")]
     chosen = [*Random(1).sample(others, _IN_PROCESS), *Random(1).sample(commands, _COMMANDS)]
-    wrong = {one.name: (one.how, one.words) for one in outcomes(chosen, seconds=30.0) if not one.answered}
+    wrong = {one.name: (one.how, one.words) for one in outcomes(chosen, seconds=120.0) if not one.answered}
     assert not wrong
 
 

@@ -4,6 +4,7 @@ import pytest
 
 from benchmarks import mutants
 from benchmarks.mutants import Mutant
+from benchmarks.warm import Warm
 from sidegan.errors import ConfigError
 
 pytest.importorskip("cosmic_ray")
@@ -30,6 +31,13 @@ def project(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def warm():
+    """A process that runs tests, with nothing imported."""
+    with Warm(()) as one:
+        yield one
+
+
 def test_mutants_are_of_formulas_and_conditions(project):
     listed = list(mutants.mutants(project))
     assert DIVIDED in listed and SECOND in listed
@@ -38,39 +46,59 @@ def test_mutants_are_of_formulas_and_conditions(project):
     assert mutants.change(DIVIDED, project) == "return sum(x) / len(x) → return sum(x) * len(x)"
 
 
-def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project):
-    assert mutants.noticed(DIVIDED, project)
-    assert not mutants.noticed(SECOND, project)
+def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project, warm):
+    found, seconds = mutants.noticed(DIVIDED, project, warm)
+    assert found and seconds > 0
+    assert not mutants.noticed(SECOND, project, warm)[0]
     assert (project / DIVIDED.file).read_text() == SOURCE
 
 
 def test_the_nearest_tests_come_first():
-    near, room = mutants.tests_of("sidegan/validity/regions.py", mutants.ROOT)
-    assert near == ["tests/validity/test_regions.py"] and room == ["tests/validity"]
-    near, room, runs = mutants.tests_of("sidegan/pipeline/stages/readings.py", mutants.ROOT)
+    near, *telling, others = mutants.tests_of("sidegan/validity/regions.py", mutants.ROOT)
+    assert near == ["tests/validity/test_regions.py"] and all(len(step) == 1 for step in telling)
+    every = [*near, *(step[0] for step in telling), *others]
+    found = sorted(
+        str(path.relative_to(mutants.ROOT)) for path in mutants.ROOT.glob("tests/validity/test_*.py")
+    )
+    assert sorted(every) == found
+    near, *telling, others = mutants.tests_of("sidegan/pipeline/stages/readings.py", mutants.ROOT)
     assert "tests/pipeline/test_readings.py" in near
-    assert (room, runs) == (["tests/pipeline"], ["tests/experiments"])
+    assert any(step[0].startswith("tests/experiments/") for step in telling)
 
 
-def test_a_test_that_fails_anyway_notices_nothing(project):
+def test_kernels_that_are_kept_are_those_without_a_mutant(project, tmp_path):
+    kept = project.with_name("kernels") / "a.nbi"
+    kept.parent.mkdir(exist_ok=True)
+    kept.write_text("whole")
+    with mutants._kernels(SECOND, project) as folder:
+        assert folder == kept.parent
+    with mutants._kernels(SECOND._replace(file="sidegan/motion/compiled/means.py"), project) as folder:
+        assert (folder / "a.nbi").read_text() == "whole"
+        other = folder / "b"
+        other.write_text("changed")
+        other.replace(folder / "a.nbi")  # as numba does
+    assert kept.read_text() == "whole" and not folder.exists()
+
+
+def test_a_test_that_fails_anyway_notices_nothing(project, warm):
     (project / "tests/motion/test_means.py").write_text("def test_mean():\n    assert False\n")
     with pytest.raises(ConfigError, match=r"test_means.py::test_mean fails without a mutant"):
-        mutants.noticed(SECOND, project)
+        mutants.noticed(SECOND, project, warm)
     assert (project / SECOND.file).read_text() == SOURCE
 
 
-def test_what_has_no_end_is_noticed(project, monkeypatch):
+def test_what_has_no_end_is_noticed(project, warm, monkeypatch):
     monkeypatch.setattr(mutants, "_PATIENCE", 3)
     (project / "tests/motion/test_means.py").write_text("def test_mean():\n    while True:\n        pass\n")
-    assert mutants.noticed(SECOND, project)
+    assert mutants.noticed(SECOND, project, warm)[0]
 
 
 def test_a_stopped_run_goes_on_and_the_tree_is_left_alone(project, tmp_path, monkeypatch, capsys):
     work = tmp_path / "work"
     everything = list(mutants.mutants(project))
-    monkeypatch.setattr(mutants, "noticed", lambda one, root: one.operator != "NumberReplacer")
+    monkeypatch.setattr(mutants, "noticed", lambda one, root, warm: (one.operator != "NumberReplacer", 1.5))
     assert mutants.main(["--count", "3", "--work", str(work)]) == 0
-    monkeypatch.setattr(mutants, "noticed", lambda one, root: pytest.fail("done twice"))
+    monkeypatch.setattr(mutants, "noticed", lambda *_: pytest.fail("done twice"))
     frame = mutants.run(3, 0, work)
     assert len(frame) == 3 < len(everything)
     assert "Mutants that the tests notice" in capsys.readouterr().out
@@ -82,7 +110,8 @@ def test_a_killed_run_leaves_no_mutant_behind(project, tmp_path, monkeypatch):
     path = mutants.copied(project, work / "tree") / DIVIDED.file
     path.rename(path.with_name(f"{path.name}.whole"))
     path.write_text("a mutant")
-    monkeypatch.setattr(mutants, "noticed", lambda one, root: (root / one.file).read_text() == SOURCE)
+    whole = lambda one, root, warm: ((root / one.file).read_text() == SOURCE, 0.0)  # noqa: E731
+    monkeypatch.setattr(mutants, "noticed", whole)
     assert mutants.run(2, 0, work).noticed.all()
 
 

@@ -106,6 +106,9 @@ def test_everything_is_printed_written_and_recorded(artifacts, tmp_path, capsys)
         def log_table(self, table, name):
             recorded.append(name)
 
+        def log_note(self, text):
+            assert text.startswith("**") and "| ---" in text
+
         def log_artifact(self, path, folder=None):
             assert path.is_file()
             recorded.append(f"{folder}/{path.name}")

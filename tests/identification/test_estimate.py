@@ -6,12 +6,11 @@ from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import METHODS, Measurements, estimate
-from sidegan.identification.gather import gather
 from tests.identification import recordings
 from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
 
 STREAMED = [name for name in METHODS if name != "huber"]
-PLAIN = ["ols", "weighted", "huber", "tls", "rls"]  # need no arm, and scale with the torque
+PLAIN = ["ols", "weighted", "huber", "rls"]  # need no arm, and scale with the torque
 
 
 @pytest.fixture(scope="module")
@@ -46,25 +45,6 @@ class TestClosedForms:
         close(found.residual_rms, residual.square().mean(0).sqrt())
         close(found.weights, 1 / found.residual_rms, rtol=2e-3)
 
-    @pytest.mark.parametrize("weighted", [False, True])
-    def test_tls(self, rows, weighted):
-        found = fitted("tls", rows, prior=1e12, weighted=weighted)
-        y, tau = flat(rows, found.weights.numpy())
-        both = np.column_stack([y, tau])
-        scale = np.linalg.norm(both, axis=0)
-        last = np.linalg.svd(both / scale)[2][-1]
-        close(found.parameters, -last[:-1] / last[-1] * scale[-1] / scale[:-1])
-
-    @pytest.mark.parametrize("prior", [1e-6, 1e6])
-    def test_tls_knows_what_the_samples_tell_without_their_noise_and_what_the_prior_tells(self, rows, prior):
-        model = Fixed(rows[0])
-        fit = METHODS["tls"](prior=prior).fit(gather(model, model.measurements(rows[1])))
-        y, tau = flat(rows, fit.weights.numpy())
-        both = np.column_stack([y, tau])
-        scale = np.linalg.norm(both, axis=0)
-        noise = np.linalg.svd(both / scale)[1][-1] ** 2 * np.diag(scale[:-1] ** 2)
-        close(fit.inverse, np.linalg.inv(y.T @ y - noise + np.eye(6) / prior), rtol=1e-6)
-
     def test_weighted_rls_that_forgets_nothing_is_weighted(self, rows):
         found = fitted("rls", rows, weighted=True)
         close(found.parameters, fitted("weighted", rows).parameters)
@@ -83,19 +63,6 @@ class TestClosedForms:
         expected = float(normal.clamp(-1.5, 1.5).square().mean())
         assert psi.square().mean(0).tolist() == pytest.approx([expected] * 3, rel=1e-2)
 
-    def test_ridge(self, planar):
-        model, data = model_of(planar), recorded(model_of(planar), 200, noise=0.5)
-        found = estimate("ridge", model, data, relative=0.1)
-        from sidegan.identification.prior import information
-
-        root = torch.linalg.cholesky(
-            information(model, 0.1) + 1e-6 * torch.eye(model.count, dtype=torch.float64)
-        ).T
-        y = (model.regressor(*data.states) * found.weights[:, None]).reshape(-1, model.count)
-        stacked = torch.cat([y, root])
-        right = torch.cat([(data.torque * found.weights).reshape(-1), root @ model.nominal])
-        close(found.parameters, torch.linalg.lstsq(stacked, right[:, None]).solution[:, 0], rtol=1e-6)
-
     def test_essential_is_least_squares_on_what_it_kept(self, rows):
         truth = torch.tensor([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], dtype=torch.float64)
         noise = torch.from_numpy(np.random.default_rng(0).normal(size=rows[1].shape))
@@ -113,7 +80,7 @@ class TestClosedForms:
         fewer = fitted("essential", rows, prior=1e12, ratio=1.0, loss=1e6)
         assert int((fewer.parameters != 0).sum()) == 1  # however much worse it fits: the ratio alone decides
 
-    @pytest.mark.parametrize("method", ["weighted", "tls", "huber"])
+    @pytest.mark.parametrize("method", ["weighted", "huber"])
     def test_the_unit_of_torque_does_not_matter(self, rows, method):
         found = fitted(method, rows)
         small = fitted(method, (rows[0], 1e-4 * rows[1]))
@@ -184,21 +151,6 @@ class TestLaws:
         }
         assert error["huber"] < 0.2 * error["weighted"]
 
-    def test_tls_is_right_where_the_regressor_is_noisy_too(self, rows):
-        random = np.random.default_rng(0)
-        truth, errors = torch.tensor([0.1, 3.0, 30.0, 1.0, 150.0, 3.0], dtype=torch.float64), {}
-        torque = rows[0] @ truth
-        size = torque.square().mean().sqrt()
-        y = rows[0] + 0.3 * rows[0].square().mean((0, 1)).sqrt() * torch.from_numpy(
-            random.normal(size=rows[0].shape)
-        )
-        tau = torque + 0.3 * size * torch.from_numpy(random.normal(size=torque.shape))
-        for method in ("ols", "tls"):
-            settings = {"weighted": False} if method == "tls" else {}
-            found = fitted(method, (y, tau), prior=1e12, **settings)
-            errors[method] = float(((found.parameters - truth) / truth).norm())
-        assert errors["tls"] < 0.5 * errors["ols"]
-
     def test_huber_says_when_it_has_not_settled(self, rows, caplog):
         torque = 1e3 * rows[1].sign()  # nothing that a model with errors would leave
         found = fitted("huber", (rows[0][:20], torque[:20]), threshold=0.05)
@@ -210,13 +162,6 @@ class TestLaws:
         torque[200:] *= 2
         found = fitted("rls", (rows[0], torque), forgetting=0.9)
         close(found.parameters, 2 * np.ones(6), rtol=1e-3)
-
-    def test_ridge_goes_from_the_description_to_the_data(self, planar):
-        model = model_of(planar)
-        data = recorded(model, 300, noise=1.0)
-        tight, loose = (estimate("ridge", model, data, relative=r).parameters for r in (1e-6, 1e4))
-        close(tight[: model.rigid], model.nominal[: model.rigid], rtol=1e-3)
-        close(loose, estimate("weighted", model, data).parameters, rtol=1e-2)
 
     def test_what_is_not_excited_stays_unknown(self, planar):
         model = model_of(planar)
@@ -244,7 +189,6 @@ class TestBadInput:
             ("weighted", {"prior": float("inf")}),
             ("huber", {"threshold": -1.0}),
             *(("rls", {"forgetting": x}) for x in (0.0, 1.01, -0.5, float("nan"))),
-            ("ridge", {"relative": 0.0}),
             ("essential", {"ratio": 0.0}),
             ("essential", {"loss": float("nan")}),
         ],
@@ -270,19 +214,7 @@ class TestBadInput:
         with pytest.raises(ShapeError, match="3 joints, the model has 2"):
             estimate("ols", model_of(planar), Fixed(rows[0]).measurements(rows[1]))
 
-    @pytest.mark.parametrize("method", ["weighted", "huber", "tls", "essential"])
+    @pytest.mark.parametrize("method", ["weighted", "huber", "essential"])
     def test_no_torque(self, rows, method):
         with pytest.raises(ShapeError, match="all torques are zero"):
             fitted(method, (rows[0], 0 * rows[1]))
-
-    def test_tls_needs_every_column(self, rows):
-        y = rows[0].clone()
-        y[..., 2] = 0
-        with pytest.raises(ShapeError, match="needs every column excited; zero: p3"):
-            fitted("tls", (y, rows[1]))
-
-    def test_tls_needs_independent_columns(self, rows):
-        y = rows[0].clone()
-        y[..., 2] = y[..., 1]
-        with pytest.raises(ShapeError, match="not excited"):
-            fitted("tls", (y, rows[1]))

@@ -65,7 +65,6 @@ def ur10e_runs():
         ("ols", 0.018),
         ("weighted", 0.008),
         ("huber", 0.008),
-        ("tls", 0.008),
         ("essential", 0.008),
         ("consistent", 0.008),
     ],

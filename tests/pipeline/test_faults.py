@@ -133,8 +133,8 @@ def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     )
     command = [sys.executable, "-c", code]
     main = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    end = time.monotonic() + 60
-    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < end:
+    end = time.monotonic() + 120
+    while len(list(tmp_path.iterdir())) < 2 and main.poll() is None and time.monotonic() < end:
         time.sleep(0.1)
     os.killpg(main.pid, signal.SIGINT)  # as a terminal does
     _, told = main.communicate(timeout=150)
@@ -155,9 +155,9 @@ def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkey
 
 def test_a_run_killed_20_times_at_random_points_ends_like_an_undisturbed_one(tmp_path):
     seed = random.randrange(2**32)
-    out, err = job(tmp_path, 20, seed).communicate(timeout=120)
+    out, err = job(tmp_path, 20, seed).communicate(timeout=1800)
     facts = json.loads(out)
-    assert facts["interrupted"] >= 10, "most of the kills must hit a run at work"
+    assert facts["interrupted"] == 20, "each of the kills must hit a run at work"
     assert facts["equal"] == facts["completed"] >= 1, f"kill points of seed {seed}: {err}"
     lock, costs, *files = (Path(name).name for name in facts["files"])
     assert lock.endswith(".lock") and costs.startswith("planar2-")
@@ -257,7 +257,7 @@ def problem_shaped(problem, count):
 
 def test_two_processes_on_one_output_folder_make_one_artifact(tmp_path, undisturbed):
     both = [job(tmp_path), job(tmp_path)]
-    told = [process.communicate(timeout=60)[1] for process in both]
+    told = [process.communicate(timeout=300)[1] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert sorted("seeds: reused" in text for text in told) == [False, True]
     (made,) = tmp_path.glob("seeds/planar2-????????")
@@ -273,7 +273,7 @@ def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path
     )
     names = ("first", "second")
     both = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), name], cwd=ROOT) for name in names]
-    assert [process.wait(120) for process in both] == [0, 0]
+    assert [process.wait(300) for process in both] == [0, 0]
     with closing(sqlite3.connect(tmp_path / "mlflow.db")) as database:
         runs = database.execute("select name, status from runs order by name").fetchall()
     assert runs == [(name, "FINISHED") for name in names]
@@ -293,10 +293,11 @@ def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undi
     costs = json.loads((tmp_path / "costs" / "seeds" / f"{made.name}.json").read_text())
     assert 0.0 <= costs["seconds"] <= spent + 0.1
     monkeypatch.setattr("sidegan.base.progress._INTERVAL", 0.0)
+    told = time.monotonic()
     progress(5)
     (line,) = (x.message for x in caplog.records if x.message.startswith("steps: 5 of 10"))
     left = float(line.rpartition(", ")[2].removesuffix(" s left"))
-    assert left == pytest.approx(time.monotonic() - began, abs=0.5)
+    assert told - began - 0.1 <= left <= time.monotonic() - began + 0.1
     assert "seeds: made" in caplog.text
 
 

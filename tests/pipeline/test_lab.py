@@ -91,6 +91,12 @@ def test_the_compare_command_tells_chance_from_change(files, planar, tmp_path):
     assert {name for name, *_ in found["clear"]} >= {"fv1", "fv2"}
     with pytest.raises(ConfigError, match="expected the folder of a run of"):
         ran(tmp_path, "compare", "robot=planar2", where[0])
+    longer = tmp_path / "longer.urdf"
+    text = planar.urdf.read_text()
+    assert '<origin xyz="0 0 0.4"/>' in text  # from shoulder to elbow
+    longer.write_text(text.replace('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.45"/>', 1))
+    with pytest.raises(ConfigError, match="is of another arm than planar2: its links are placed otherwise"):
+        ran(tmp_path, "compare", "robot=unnamed", f"robot.name={longer}", *where)
 
 
 def test_what_to_do_next_is_a_command_that_designs_for_it(planar, tmp_path):

@@ -58,7 +58,7 @@ def sweep(tmp_path, launcher):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=6000,
         check=False,
     )
     (folder,) = (tmp_path / "outputs" / "runs" / "exp1").glob("sweep_*")
@@ -84,7 +84,7 @@ def test_slurm_on_a_machine_without_it_is_one_line(tmp_path, monkeypatch):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
         check=False,
     )
     assert done.returncode == 1

@@ -197,6 +197,12 @@ def test_what_cannot_be_is_refused_by_name(overrides, expected):
     assert expected in str(error.value)
 
 
+@pytest.mark.parametrize("value", ["null", "many", "[1]"])
+def test_a_number_that_others_follow_from_is_refused_by_its_own_name(value):
+    with pytest.raises(ConfigError, match=r"selection\.count is .*, expected a whole number"):
+        configured(f"selection.count={value}", experiment="excite")
+
+
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [("experiment", "../up", "'../up' names a folder"), ("gan", {}, "gan is empty")],

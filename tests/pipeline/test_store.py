@@ -6,6 +6,7 @@ import shutil
 import signal
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -16,8 +17,11 @@ from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import graph
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.stage import Stage, run_stage
 from sidegan.pipeline.store import Store
 from tests.threads import several_threads
+
+PATIENCE = 120  # [s] with processes that others keep from their work
 
 
 @pytest.fixture(autouse=True)
@@ -273,7 +277,7 @@ def _slow(root, started, go_on, made):
         with made.get_lock():
             made.value += 1
         started.set()
-        go_on.wait(20)
+        go_on.wait(PATIENCE)
         write(build)
 
     store = Store(root)
@@ -292,7 +296,7 @@ def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(tmp_path, 
     context, started, go_on, made = processes
     first = context.Process(target=_slow, args=(tmp_path, started, go_on, made))
     first.start()
-    assert started.wait(20)
+    assert started.wait(PATIENCE)
     waiting = _Waiting(go_on)
     stores.log.addHandler(waiting)
     try:
@@ -321,7 +325,7 @@ def test_a_killed_run_holds_up_nobody(tmp_path, processes):
     context, started, go_on, made = processes
     first = context.Process(target=_slow, args=(tmp_path, started, go_on, made))
     first.start()
-    assert started.wait(20)
+    assert started.wait(PATIENCE)
     os.kill(first.pid, signal.SIGKILL)
     first.join()
     store = Store(tmp_path)
@@ -341,3 +345,31 @@ def test_what_it_took_is_kept_beside_the_artifact_and_not_in_it(tmp_path):
     assert files[0] == files[1]
     assert slowly.costs(numbers())["cpu_seconds"] == 3.0 and quick.costs(numbers())["seconds"] >= 0
     assert Store(tmp_path / "none").costs(numbers()) == {}
+
+
+class _Recorded:
+    """In place of a tracker: what it was given."""
+
+    def __init__(self):
+        self.told, self.metrics, self.series = set(), {}, []
+
+    def log_metrics(self, values):
+        assert not values.keys() & self.metrics.keys(), "recorded twice"
+        self.metrics |= values
+
+    def log_history(self, history, steps):
+        self.series.append((history, steps))
+
+
+def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(tmp_path):
+    def metrics(folder):
+        return {"condition": 2.0, "loss": [3.0, None, 1.0]}
+
+    one = replace(numbers(3, write), title="gan/eigen", metrics=metrics, alone=True)
+    cfg = SimpleNamespace(has=lambda *_: False, parallel=SimpleNamespace(workers=1))
+    task, tracker = SimpleNamespace(store=Store(tmp_path), cfg=cfg), _Recorded()
+    for name in ("surrogates", "gan"):
+        run_stage(name, Stage(lambda _: [one]), task, tracker)
+    assert tracker.metrics["gan/eigen/condition"] == 2.0
+    assert {"seconds/gan eigen", "cpu_seconds/gan eigen"} < tracker.metrics.keys()
+    assert tracker.series == [({"gan/eigen/loss": [3.0, 1.0]}, [0, 2])]

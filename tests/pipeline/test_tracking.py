@@ -97,6 +97,14 @@ def test_a_run_whose_process_was_killed_is_marked_by_the_next_one(root, start):
     assert not list((root / ".locks").glob("run-*.lock"))
 
 
+def test_the_description_of_a_run_has_what_there_is_room_for(root, start):
+    with start() as tracker:
+        for note in ("**Table I**\n\n| a |\n| ---: |\n| 1 |", "x" * 8000, "the end"):
+            tracker.log_note(note)
+    note = client_of(root).get_run(tracker.run_id).data.tags["mlflow.note.content"]
+    assert note == "**Table I**\n\n| a |\n| ---: |\n| 1 |\n\nthe end\n\n"
+
+
 def test_a_run_may_be_part_of_another(root, start):
     with start(name="sweep") as parent, start(parent=parent.run_id) as child:
         pass
@@ -184,5 +192,5 @@ def test_without_tracking_mlflow_is_not_even_imported(tmp_path):
         "    tracker.log_params({'a': 1}); tracker.log_metrics({'b': 2})\n"
         "assert 'mlflow' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=600)
     assert list(tmp_path.iterdir()) == []

@@ -170,7 +170,7 @@ def test_a_browser_shows_it(view, tmp_path):
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
     command += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=8000"]
     command += [f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", (tmp_path / "view.html").as_uri()]
-    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=6000, check=True).stdout
     assert re.search(r'id="nearest">closest: [^<]+<b>[−\d.]+ m</b>', shown)
     assert re.search(r'id="fault" hidden', shown)
     assert "forearm" in shown and shown.count("<option value=") >= 3

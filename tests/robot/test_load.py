@@ -56,7 +56,7 @@ joints = st.tuples(
 )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(
     st.lists(joints, min_size=1, max_size=9).filter(lambda chain: any(kind != "fixed" for kind, *_ in chain))
 )

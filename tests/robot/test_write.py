@@ -67,7 +67,7 @@ def test_friction_below_nothing_is_written_as_none(planar, tmp_path):
     assert model.damping.tolist() == [0, 0.25] and model.upperDryFrictionLimit.tolist() == [1.5, 0]
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.lists(st.sampled_from(["revolute", "prismatic", "fixed"]), min_size=1, max_size=6), st.data())
 def test_any_chain_with_fixed_joints_and_links_without_inertia(load, tmp_path, kinds, data):
     kinds = [*kinds, "revolute"]

@@ -5,6 +5,7 @@ calls one gives it room to work in.
 """
 
 import hashlib
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -20,13 +21,17 @@ from numba.extending import register_jitable
 
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 _ANY_ORDER: Any = {"contract", "reassoc"}
+# Modules of this package that a source imports: from sidegan….lanes import, from sidegan… import lanes, links
+_NAMED = re.compile(
+    rf"^(?:from|import) {re.escape(__package__)}(?:[.](\w+)| import (?:\(([^)]*)\)|(.*)))", re.MULTILINE
+)
 _PATIENCE = 120.0  # [s] with another process that compiles a function, before compiling it as well
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 class _Cache(FunctionCache):
-    """Cache on disk of a function, stale as soon as any file of this package changes.
+    """Cache on disk of a function, stale as soon as a file changes that its own one imports, directly or not.
 
     Numba's own looks at the function's file alone, although a compiled function contains those it calls.
     Where several processes need a function that is not there, one of them compiles it and the others wait.
@@ -34,10 +39,9 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = IndexDataCacheFile(
-            self._impl.locator.get_cache_path(), self._impl.filename_base, source_stamp=_digest()
-        )
+        stamp = _digest(Path(function.__code__.co_filename))
         folder = Path(self._impl.locator.get_cache_path())
+        self._cache_file = IndexDataCacheFile(str(folder), self._impl.filename_base, source_stamp=stamp)
         self._compiling = FileLock(folder / f"{self._impl.filename_base}.lock", timeout=_PATIENCE)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -61,12 +65,26 @@ class _Cache(FunctionCache):
 
 
 @cache
-def _digest() -> str:
-    """Digest of the sources of all kernels."""
+def _digest(source: Path) -> str:
+    """Digest of the sources that kernels of a file are made of."""
+    found: set[Path] = set()
+    more = {source}
+    while more:
+        found.add(one := more.pop())
+        more |= _imported(one) - found
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(found):
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
+
+
+@cache
+def _imported(source: Path) -> frozenset[Path]:
+    """Files of this package that a source imports, wherever it lies."""
+    named = " ".join(" ".join(one) for one in _NAMED.findall(source.read_text("utf-8")))
+    words = set(re.findall(r"\w+", named))
+    folders = {source.parent, Path(__file__).parent}
+    return frozenset(path for folder in folders for path in folder.glob("*.py") if path.stem in words)
 
 
 def _jit(**options: Any) -> Decorator:

@@ -50,7 +50,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
         | {"evaluation": task.cfg.scale.evaluation},
         inputs,
         training=training,
-        title=title(task, name, training),
+        title=f"gan/{title(task, name, training)}",
     )
 
 
@@ -60,7 +60,7 @@ def surrogates(task: Task, kind: Kind) -> Artifact:
     inputs = {"seeds": seed_set(task), "negatives": negatives(task, kind)}
     make = partial(_pretrain, kind=kind)
     settings |= {"kind": kind} | taught(task)
-    return task.artifact("surrogates", kind, make, settings, inputs, title=f"surrogates {kind}", alone=True)
+    return task.artifact("surrogates", kind, make, settings, inputs, title=f"surrogates/{kind}", alone=True)
 
 
 def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]:

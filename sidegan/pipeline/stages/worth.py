@@ -115,7 +115,7 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
     one = settings.contenders[name]
     home = tuple(task.trajectory.home or ())
     seeds = task.random(f"worth {name}").spawn(settings.sets)
-    began, made = time.process_time(), []
+    made = []
     for number, seed in enumerate(seeds):
         path = build.work / f"{number}.pt"
         if not readable(path):
@@ -126,8 +126,8 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
             write_task(path, content)
         made.append(read_torch(path))
         build.report(number + 1, settings.sets)
-    build.costs["cpu_seconds"] = time.process_time() - began
-    build.costs["cpu_seconds_per_set"] = float(np.mean([x["seconds"] for x in made]))
+    costs = [x["seconds"] for x in made]  # those of sets that a stopped run left too
+    build.costs.update(cpu_seconds=float(np.sum(costs)), cpu_seconds_per_set=float(np.mean(costs)))
     families, coefficients = ([x[key] for x in made] for key in ("family", "coefficients"))
     write_torch(build.folder / SETS, {"families": families, "coefficients": coefficients})
     seconds = [len(c) * f["period"] for f, c in zip(families, coefficients)]

@@ -45,7 +45,7 @@ def run(code: str, folder: Path) -> str:
     environment.pop("NUMBA_CACHE_DIR", None)
     command = [sys.executable, "-c", code]
     return subprocess.run(
-        command, env=environment, cwd=folder, check=True, timeout=120, capture_output=True, text=True
+        command, env=environment, cwd=folder, check=True, timeout=6000, capture_output=True, text=True
     ).stdout.strip()
 
 
@@ -60,6 +60,7 @@ def package(tmp_path):
     shutil.copy(source / "motion/compiled/jit.py", compiled)
     (compiled / "caller.py").write_text(CALLER)
     (compiled / "callee.py").write_text(CALLEE)
+    (compiled / "stranger.py").write_text(CALLEE)
     return compiled
 
 
@@ -70,6 +71,34 @@ def test_a_change_in_one_file_is_noticed_by_kernels_of_another(package):
     (package / "callee.py").write_text(CALLEE.replace("s * y", "s * y + 1.0"))
     assert run(KERNEL, folder) == "7.0 0"
     assert run(KERNEL, folder) == "7.0 1"
+    (package / "stranger.py").write_text(CALLEE.replace("s * y", "s - y"))  # that none of them imports
+    assert run(KERNEL, folder) == "7.0 1"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "from sidegan.motion.compiled import callee",
+        "from sidegan.motion.compiled import formulas, callee  # both",
+        "from sidegan.motion.compiled import (\n    formulas,\n    callee,\n)",
+        "from sidegan.motion.compiled.callee import times",
+        "from sidegan.motion.compiled.callee import (\n    times,\n)",
+        "import sidegan.motion.compiled.callee as other",
+        "from sidegan.motion.compiled.between import times",
+    ],
+)
+def test_whatever_way_a_file_is_imported_it_counts(tmp_path, words):
+    from sidegan.motion.compiled import jit
+
+    texts = {"caller": words, "callee": "", "between": "from sidegan.motion.compiled.callee import times"}
+    digests = []
+    for text in ("a = 1", "a = 2"):
+        folder = tmp_path / text
+        folder.mkdir()
+        for name, lines in (texts | {"callee": text}).items():
+            (folder / f"{name}.py").write_text(f"import math\n\n{lines}\n\nb = 3\n")
+        digests.append(jit._digest(folder / "caller.py"))
+    assert digests[0] != digests[1]
 
 
 def test_kernels_are_compiled_where_there_is_no_place_for_a_cache(package):
@@ -96,4 +125,4 @@ while not Path("go").exists() and time.monotonic() < end:
     while not all((folder / name).exists() or one.poll() is not None for name, one in zip(names, both)):
         time.sleep(0.01)
     (folder / "go").touch()
-    assert sorted(one.communicate(timeout=120)[0].strip() for one in both) == ["6.0 0", "6.0 1"]
+    assert sorted(one.communicate(timeout=6000)[0].strip() for one in both) == ["6.0 0", "6.0 1"]
