@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from omegaconf import OmegaConf
 from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, readings, training
@@ -16,6 +17,7 @@ from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.columns import OURS
+from sidegan.pipeline.run import CONF
 from sidegan.pipeline.stages.long import long_family
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, spatial, tables
@@ -48,6 +50,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "letter": _paper(groups),
         "reliable": training.RELIABLE,
         "confidence": CONFIDENCE,
+        "left_out": left_out(groups),
         "claims": judged,
         "signed": claims.signed,
         "barren": {name: claims.barren_variants(group) for name, group in groups.items()},
@@ -57,8 +60,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "unchanged": readings.unchanged(),
         "usual": named(artifacts.cfg.identification.prior, artifacts.cfg.identification.forgetting),
         "verdicts": {
-            group.title: claims.counted(claim.findings[name].verdict for claim in judged)
-            for name, group in groups.items()
+            name: claims.counted(claim.findings[name].verdict for claim in judged) for name in groups
         },
     }
     shown = {"claims": claims.table(judged, groups), **_own_tables(groups)}
@@ -69,6 +71,13 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
     turned = {name: _turned(picture) for name, picture in pictures.items()}
     page = Page("reproduction", shown, drawn, metrics(groups), context, turned)
     publish(page, Path(artifacts.cfg.publish or folder), tracker)
+
+
+def left_out(groups: Groups) -> list[str]:
+    """Titles and names of the columns in ``conf/`` that the page is made without."""
+    every = OmegaConf.load(CONF / "columns" / "default.yaml")
+    there = {column for group in groups.values() for column in group.parts}
+    return [f"{column.title} ({name})" for name, column in every.items() if name not in {*there, "defaults"}]
 
 
 def metrics(groups: Groups) -> dict[str, dict[str, float]]:

@@ -39,6 +39,8 @@ def config(root, *overrides):
 
 def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page):
     docs, (text, tables) = run / "docs", page
+    assert "**ours** (1 seed set of " in text
+    assert "Not on this page, though `dvc repro` makes it: " in text and "ours (ours_second)" in text
     web = (docs / "reproduction.html").read_text(encoding="utf-8")
     for title in (
         "Table I",
