@@ -148,11 +148,9 @@ class Torques:
         q, dq, ddq = states_within(model.arm, _STATES, seed=1)
         rows = model.regressor(q, _PACE * dq, _PACE * ddq) * unit / usual[:, None]
         each = torch.einsum("sjp,sjq->jpq", rows, rows) / _STATES
-        values, vectors = torch.linalg.eigh(each)
-        self._roots = vectors * values.clamp_min(0).sqrt()[:, None]  # (J, P, P)
-        self._root = torch.linalg.cholesky_ex(
-            each.mean(0) + torch.finfo(torch.float64).eps * each.mean(0).diagonal().max() * _eye(each)
-        ).L
+        values, vectors = torch.linalg.eigh(torch.cat([each, each.mean(0, keepdim=True)]))
+        roots = vectors * values.clamp_min(0).sqrt()[:, None]
+        self._roots, self._root = roots[:-1], roots[-1]  # of each joint's YᵀY, (J, P, P), and of their mean
 
     def value(self, known: Tensor, motion: Tensor) -> Tensor:
         """The log of the mean over joints, (…)."""
@@ -175,10 +173,6 @@ class Torques:
 def _log_det(information: Tensor) -> Tensor:
     """Log determinant of positive definite matrices (…, K, K), (…)."""
     return 2 * torch.linalg.cholesky(information).diagonal(dim1=-2, dim2=-1).log().sum(-1)
-
-
-def _eye(like: Tensor) -> Tensor:
-    return torch.eye(like.shape[-1], dtype=like.dtype)
 
 
 def _fall(deviations: Tensor, before: Tensor) -> str:
