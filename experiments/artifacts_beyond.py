@@ -12,6 +12,7 @@ from experiments.artifacts import Artifacts
 from sidegan.pipeline.stages.best import GREEDY, OPTIMAL, all_pools, best_sets
 from sidegan.pipeline.stages.few_seeds import few_sizes, on_few
 from sidegan.pipeline.stages.first_set import first_set, ways
+from sidegan.pipeline.stages.narrow import NARROW, narrow
 from sidegan.pipeline.stages.objectives import with_objectives
 from sidegan.pipeline.stages.optimised import OPTIMISED, optimised
 from sidegan.pipeline.stages.polish import POLISHED, polish_curve, polished, source
@@ -22,7 +23,7 @@ from sidegan.pipeline.stages.training import generator, generators, negatives, s
 from sidegan.pipeline.stages.transfer import SCRATCH, TRANSFER, transfers
 from sidegan.pipeline.task import FACTS, Task
 
-__all__ = ["GREEDY", "OPTIMAL", "OPTIMISED", "POLISHED", "SCRATCH", "TRANSFER", "BeyondArtifacts"]
+__all__ = ["GREEDY", "NARROW", "OPTIMAL", "OPTIMISED", "POLISHED", "SCRATCH", "TRANSFER", "BeyondArtifacts"]
 
 _PARTS = ["seeds", "surrogates", "training_seconds", "drawing"]  # of the time to a first set
 
@@ -86,6 +87,8 @@ class BeyondArtifacts(Artifacts):
                 rows.append(row | {"name": POLISHED, "each": each, "drawing": each * count})
         each = self.costs(optimised(self.task))["each"]
         rows.append({"name": OPTIMISED, "training": 0, "drawing": each * count, "each": each})
+        each, seeds = self.costs(narrow(self.task))["each"], self.seconds(seed_set(self.task))
+        rows.append({"name": NARROW, "training": 0, "seeds": seeds, "drawing": each * count, "each": each})
         frame = pd.DataFrame(rows).reindex(columns=["name", "training", "each", "cpu", "wall", *_PARTS])
         needed = ~frame.name.isin([*self.cfg.gan, POLISHED])
         frame.loc[needed, _PARTS[:-1]] = frame.loc[needed, _PARTS[:-1]].fillna(0.0)
@@ -119,11 +122,12 @@ class BeyondArtifacts(Artifacts):
 
     @cached_property
     def polish(self) -> pd.DataFrame:
-        """The polish curve, a row per start and number of steps."""
+        """The polish curve, a row per start and number of steps; seconds are those of each valid one."""
         curve = polish_curve(self.task)
         if not self._exists(curve):
             return pd.DataFrame()
-        return self.task.frame(curve).assign(seconds=self.costs(curve)["each"])
+        frame = self.task.frame(curve)
+        return frame.assign(seconds=np.array(self.costs(curve)["each"]) / frame.success.replace(0.0, np.nan))
 
     @cached_property
     def objectives(self) -> pd.DataFrame:

@@ -6,6 +6,7 @@ import pandas as pd
 
 from experiments.artifacts import SEEDS
 from experiments.artifacts_beyond import POLISHED, BeyondArtifacts
+from experiments.beyond_even import trained_cpu
 from experiments.beyond_tables import spread, title
 from sidegan.report.style import NOT_MEASURED
 
@@ -46,12 +47,6 @@ def goals_of(artifacts: BeyondArtifacts, name: str) -> list[Goal]:
             text = f"{label} of the best {count}, {pick} pick"
             goals.append(_goal(text, "<", theirs.mean(), ours, ".4g", ", the seeds'"))
     return goals
-
-
-def trained_cpu(artifacts: BeyondArtifacts, name: str) -> pd.Series:
-    """CPU time of a variant's trainings [s] where all have one: what ran beside them does not count."""
-    ours = artifacts.first_times[artifacts.first_times.name == name]
-    return ours.cpu if ours.cpu.notna().all() else ours.training_seconds
 
 
 def _goal(text: str, sign: str, limit: float, result: pd.Series, form: str, whose: str = "") -> Goal:

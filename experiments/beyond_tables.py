@@ -4,7 +4,16 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import RANDOM, SEEDS
-from experiments.artifacts_beyond import GREEDY, OPTIMAL, OPTIMISED, POLISHED, SCRATCH, BeyondArtifacts
+from experiments.artifacts_beyond import (
+    GREEDY,
+    NARROW,
+    OPTIMAL,
+    OPTIMISED,
+    POLISHED,
+    SCRATCH,
+    BeyondArtifacts,
+)
+from experiments.beyond_even import break_even
 from experiments.words import COLUMNS
 from sidegan.report import tables
 from sidegan.report.style import NOT_MEASURED
@@ -14,9 +23,10 @@ _TITLES = {
     RANDOM: "random valid",
     SEEDS: "optimised seeds",
     OPTIMISED: "optimised, little reserve",
+    NARROW: "seeds, blurred",
     POLISHED: "exact, polished",
 }
-_FIRST_ROWS = (RANDOM, SEEDS, OPTIMISED)
+_FIRST_ROWS = (RANDOM, SEEDS, OPTIMISED, NARROW)
 _TARGETS = {"another_arm": "another arm", "tool": "a tool", "higher_desk": "a higher desk"}
 
 
@@ -31,6 +41,8 @@ def shown(artifacts: BeyondArtifacts) -> dict[str, pd.DataFrame]:
     }
     if len(polish := artifacts.polish):
         parts["polish"] = _formatted(polish.assign(seconds=1000 * polish.seconds), "polish")
+        even = break_even(artifacts)
+        parts["even"] = _formatted(even.assign(ours=1000 * even.ours, theirs=1000 * even.theirs), "even")
     if len(objectives := artifacts.objectives):
         named = objectives.assign(name=objectives.name.str.removeprefix("exact_"))
         parts["objectives"] = _formatted(named, "objectives")

@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.artifacts import RANDOM, SEEDS
 from experiments.artifacts_beyond import OPTIMAL, OPTIMISED, SCRATCH, TRANSFER, BeyondArtifacts
-from experiments.beyond_goals import trained_cpu
+from experiments.beyond_even import optimiser_seconds, trained_cpu, worth_from
 from experiments.beyond_tables import arrival, called, final_condition, title
 from experiments.words import COLUMNS
 
@@ -93,28 +93,30 @@ def choices(artifacts: BeyondArtifacts, summary: Mapping[str, Measures]) -> dict
 
     Returns:
         source, quickest (the way to a first set, chance left aside; None where no time was measured),
-        optimiser_is_quickest, slower (the source than that); each (one more trajectory by the source and by
-        the optimiser [s]), training of the source [s], worth (trajectories from which on it pays, or None),
-        conditions of both; informative (the two best ways by each measure); elsewhere (of each target, steps
-        to the same quality by transfer and from scratch, last valid share); measures and wins (those in
-        which another way is better).
+        optimiser_is_quickest, slower (the source than that); each (one more trajectory by the source, and
+        one of the same condition number by the optimiser [s]), training of the source [s], worth
+        (trajectories from which on it pays, or None), condition of both; informative (the two best ways by
+        each measure); elsewhere (of each target, steps to the same quality by transfer and from scratch,
+        last valid share); measures and wins (those in which another way is better).
     """
     source = artifacts.source
     totals = {n: x["total"] for n, x in summary.items() if n != RANDOM and not np.isnan(x["total"])}
     quickest = min(totals, key=totals.__getitem__, default=None)
     first = totals[quickest] if quickest else np.nan
-    ours, optimised = summary[source], summary[OPTIMISED]
-    training, gain = trained_cpu(artifacts, source).mean(), optimised["each"] - ours["each"]
+    ours = summary[source]
+    alike = optimiser_seconds(artifacts.polish, ours["condition"])
+    training = trained_cpu(artifacts, source).mean()
+    worth = worth_from(training, ours["each"], alike)
     return {
         "source": source,
         "quickest": quickest,
         "first": first,
         "optimiser_is_quickest": quickest in (SEEDS, OPTIMISED),
         "slower": ours["total"] / first,
-        "each": (ours["each"], optimised["each"]),
+        "each": (ours["each"], alike),
         "training": training,
-        "worth": None if gain <= 0 else training / gain,
-        "conditions": (ours["condition"], optimised["condition"]),
+        "worth": None if worth == np.inf else worth,
+        "condition": ours["condition"],
         "informative": {_LOWER[key]: _two_best(summary, key) for key in _INFORMATIVE},
         "elsewhere": _elsewhere(artifacts.transfers),
         "measures": len(_LOWER) + len(_HIGHER),

@@ -1,12 +1,15 @@
 """Seeds by the designer's compiled loop: each start by itself, shared among threads."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from queue import Empty, SimpleQueue
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.threads import one_thread
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.designer.descent import Descent, Penalties
@@ -60,7 +63,9 @@ class Compiled:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
         numbers = ArmNumbers(problem.constraints, problem.trajectory)
         scene = numbers.scene(Situation())
-        return collect(problem, count, seed, self.attempts, partial(self._propose, problem, numbers, scene))
+        propose = partial(self._propose, problem, numbers, scene)
+        with one_thread():  # torch's own would wait for each other: a set is little work
+            return collect(problem, count, seed, self.attempts, propose)
 
     def _propose(
         self,
@@ -76,16 +81,20 @@ class Compiled:
         found = np.zeros((count, *scene.size.shape))
         sources = source.spawn(count)
         aim = Aim("diagonal" if problem.diagonal else "condition")
-        threads = max(1, min(self.threads, count))
+        left: SimpleQueue[int] = SimpleQueue()  # whoever is quicker takes more: a core is seldom alone
+        for k in range(count):
+            left.put(k)
 
         def work(thread: int) -> None:
             descents = CompiledDescents(numbers, _Grid(problem.samples))
             descent = descents.descent(scene, aim, self._penalties(_ROUGH))
-            for k in range(thread, count, threads):
-                x = numbers.start(scene, np.random.default_rng(sources[k]), reach)
-                found[k] = self._descend(numbers, scene, descent, x)
+            with suppress(Empty):
+                while True:
+                    k = left.get_nowait()
+                    x = numbers.start(scene, np.random.default_rng(sources[k]), reach)
+                    found[k] = self._descend(numbers, scene, descent, x)
 
-        each(work, threads)
+        each(work, max(1, min(self.threads, count)))
         return torch.from_numpy(found).reshape(count, *problem.trajectory.shape)
 
     def _descend(self, numbers: ArmNumbers, scene: Scene, descent: Descent, x: Array) -> Array:

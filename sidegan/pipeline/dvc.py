@@ -8,6 +8,7 @@ can be reused.
 """
 
 import argparse
+import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -25,26 +26,30 @@ from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 
 SHARED = ("seeds", "kinds")  # stages that make theirs for all columns
-PAGES = ("beyond", "ladder", "quality")  # experiments with a page of their own
+PAGES = ("beyond", "ladder", "quality", "worth")  # experiments with a page of their own
 LADDERS = "ladders/dvc.yaml"  # those of them that `dvc repro` leaves alone
+# What is not at the paper's scale: the study of motions, of the arm that every machine has.
+_OTHERS = {"worth": ("scale=quick", "~worth.others.ur10e")}
 SETTINGS = "outputs/settings.yaml"
-_RUN = "python -m sidegan.run +experiment={} scale=paper named=true"
+_RUN = "python -m sidegan.run +experiment={} {} named=true"
 _MANY = 6  # outputs that get a line each
 _VERSIONS = "sidegan/pipeline/versions.yaml"
 _PARTS = ("/tables", "/figures", "/metrics")  # folders of a page
+_ENDS = {"beyond": (".md", *_PARTS), "worth": (".md", ".html", "")}  # of what a page consists of
 HEAD = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`.
 # A stage that is killed goes on where it was.
 """
 HEAD_LADDERS = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. From the paper's recipe to ours, and from poor
-# seeds to good ones, at the paper's scale: `dvc repro ladders/dvc.yaml`.
+# seeds to good ones, at the paper's scale; what motions are worth, quickly: `dvc repro ladders/dvc.yaml`.
 """
 
 
 def task(experiment: str, outputs: Path) -> Task:
     """An experiment of the pipeline."""
-    cfg = composed(f"+experiment={experiment}", "scale=paper", "named=true", f"outputs={outputs}")
+    options = _options(experiment)
+    cfg = composed(f"+experiment={experiment}", *options, "named=true", f"outputs={outputs}")
     return Task(cfg, Store(outputs, named=True))
 
 
@@ -126,21 +131,31 @@ def _stages(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
             alone += f" 'only=[{OURS}]'"
         parents = [p for one in artifacts for p in one.parents if owner[p.digest] != name]
         stages[name] = {
-            "cmd": _RUN.format(name if name in PAGES else "reproduction") + alone,
+            "cmd": _command(name if name in PAGES else "reproduction") + alone,
             "params": _Line([{SETTINGS: [name]}, {_VERSIONS: sorted({one.maker for one in artifacts})}]),
             **({"deps": list(dict.fromkeys(map(path, parents)))} if parents else {}),
             "outs": _outs(map(path, artifacts)),
         }
     everything = [path(one) for name, artifacts in made.items() if name not in PAGES for one in artifacts]
     stages["report"] = {
-        "cmd": _RUN.format("reproduction") + " 'stages=[table]' publish=docs",
+        "cmd": _command("reproduction") + " 'stages=[table]' publish=docs",
         "deps": ["experiments", *dict.fromkeys(everything)],
         **_published("reproduction", ".md", ".html", *_PARTS),
     }
     for name in PAGES:  # last: they take longest
-        one, page = stages.pop(name), _published(name, ".md", *(_PARTS if name == "beyond" else ("",)))
+        one, page = stages.pop(name), _published(name, *_ENDS.get(name, (".md", "")))
         stages[name] = {**one, **page, "outs": one["outs"] + page["outs"]}
     return stages
+
+
+def _options(experiment: str) -> tuple[str, ...]:
+    """The overrides of an experiment."""
+    return _OTHERS.get(experiment, ("scale=paper",))
+
+
+def _command(experiment: str) -> str:
+    """The command of an experiment."""
+    return _RUN.format(experiment, " ".join(map(shlex.quote, _options(experiment))))
 
 
 def _outs(paths: Iterable[str]) -> list[Any]:

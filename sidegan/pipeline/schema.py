@@ -195,6 +195,7 @@ class Beyond:
     epoch: Count  # its steps per epoch
     share: Share  # of that schedule that a transferred generator gets
     reserve: Share  # of each limit that optimised trajectories keep free, beside the seeds with theirs
+    bandwidth: Positive  # of the density estimate of the seeds that generators are compared with, of Scott's
     targets: dict[str, Target]
     objectives: dict[str, Variant]  # exact variants with other objectives, trained briefly
     few_seeds: dict[str, Variant]  # exact variants for smaller seed sets, trained briefly

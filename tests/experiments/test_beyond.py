@@ -7,6 +7,7 @@ import torch
 
 from experiments import beyond, beyond_goals, beyond_tables, beyond_words
 from experiments.artifacts_beyond import BeyondArtifacts
+from experiments.beyond_even import break_even, optimiser_seconds, worth_from
 from experiments.beyond_tables import arrival
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.library.measure import effort
@@ -15,6 +16,7 @@ from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages import stage, transfer
 from sidegan.pipeline.stages.best import GREEDY, OPTIMAL, all_pools, best_sets
 from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.narrow import NARROW, narrow
 from sidegan.pipeline.stages.objectives import with_objectives
 from sidegan.pipeline.stages.optimised import OPTIMISED
 from sidegan.pipeline.stages.polish import POLISHED, polished
@@ -170,6 +172,56 @@ def test_choices_follow_from_the_numbers(artifacts):
     assert "effective rank" in choices("vanilla", rank=1e6)["wins"]["vanilla"]
     assert "effective rank" not in choices("vanilla", rank=0.0)["wins"]["vanilla"]
     assert choices("exact", each=1e6)["worth"] is None and choices("exact", each=0.0)["worth"] > 0
+
+
+CURVE = pd.DataFrame(
+    {
+        "start": ["random"] * 3 + ["exact"] * 2,
+        "steps": [10, 20, 40, 0, 10],
+        "seconds": [2.0, 4.0, 8.0, 0.1, 1.0],
+        "condition": [800.0, 400.0, 100.0, 200.0, 100.0],
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("condition", "seconds"), [(400.0, 4.0), (200.0, 32**0.5), (100.0, 8.0), (50.0, 8.0), (1e4, 2.0)]
+)
+def test_the_optimiser_takes_as_long_as_it_needs_to_the_same_condition_number(condition, seconds):
+    assert optimiser_seconds(CURVE, condition) == pytest.approx(seconds)
+    assert np.isnan(optimiser_seconds(CURVE[CURVE.start == "exact"], condition))
+    assert np.isnan(optimiser_seconds(pd.DataFrame(), condition))
+
+
+def test_a_training_pays_where_one_more_is_cheaper():
+    assert worth_from(100.0, 1.0, 3.0) == 50
+    assert worth_from(100.0, 3.0, 3.0) == worth_from(100.0, 4.0, 3.0) == np.inf
+    assert np.isnan(worth_from(100.0, 3.0, np.nan))
+
+
+def test_break_even_is_at_equal_condition_number(artifacts, monkeypatch):
+    times = pd.DataFrame(
+        {"name": ["exact"] * 2, "each": [0.3, 0.5], "cpu": [90.0, 110.0], "training_seconds": [1.0, 1.0]}
+    )
+    monkeypatch.setitem(artifacts.__dict__, "polish", CURVE)
+    monkeypatch.setitem(artifacts.__dict__, "first_times", times)
+    even = break_even(artifacts)
+    assert even.steps.tolist() == [0, 10] and even.condition.tolist() == [200.0, 100.0]
+    assert even.ours.tolist() == pytest.approx([0.4, 1.3])  # a proof takes 0.3
+    assert even.theirs.tolist() == pytest.approx([32**0.5, 8.0])
+    assert even.more.tolist() == pytest.approx([100 / (32**0.5 - 0.4), 100 / 6.7])
+
+
+def test_blurred_seeds_are_a_pool_like_any_other(artifacts):
+    task = artifacts.task
+    made = task.load(narrow(task))
+    assert made.valid.all() and len(made) == task.cfg.library.count
+    nearest = torch.cdist(*(x.coefficients.flatten(1) for x in (made, task.load(seed_set(task)))))
+    apart = torch.cdist(*[task.load(seed_set(task)).coefficients.flatten(1)] * 2)
+    assert 0 < nearest.amin(1).median() < 0.3 * apart.median()
+    row = artifacts.first_times.set_index("name").loc[NARROW]
+    assert row["each"] > 0 and row.total == pytest.approx(row.seeds + row.drawing) and row.seeds > 0
+    assert "seeds, blurred" in beyond_tables.by_pool(artifacts.pools, "pools").index
 
 
 def test_arrival_is_where_a_training_first_has_both():

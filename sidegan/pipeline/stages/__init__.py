@@ -30,6 +30,7 @@ STAGES = {
     "first_set": "how long it takes to a first set",
     "polish": "what gradient steps on generated trajectories bring",
     "optimised": "seeds that use as much of the limits as exact variants do",
+    "narrow": "seeds blurred a little, the valid ones kept: what a generator has to beat",
     "best": "what the best set of every pool is worth",
     "objectives": "exact variants with other objectives",
     "few_seeds": "exact variants on ever fewer seeds",

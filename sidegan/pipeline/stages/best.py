@@ -17,6 +17,7 @@ from sidegan.library import Library
 from sidegan.library.measure import effort, summary
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.narrow import NARROW, narrow
 from sidegan.pipeline.stages.optimised import OPTIMISED, optimised
 from sidegan.pipeline.stages.polish import POLISHED, polished
 from sidegan.pipeline.stages.pools import Pool, own_pools
@@ -35,7 +36,8 @@ def all_pools(task: Task) -> list[Pool]:
         Pool(POLISHED, training, title(task, POLISHED, training), (polished(task, training),))
         for training in task.cfg.trainings
     ]
-    return [Pool(OPTIMISED, None, OPTIMISED, (optimised(task),)), *own_pools(task), *finished]
+    plain = {OPTIMISED: optimised(task), NARROW: narrow(task)}
+    return [*(Pool(name, None, name, (one,)) for name, one in plain.items()), *own_pools(task), *finished]
 
 
 def best_sets(task: Task, pool: Pool) -> Artifact:
