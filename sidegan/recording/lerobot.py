@@ -53,10 +53,10 @@ def dataset_table(path: Path, rows: int) -> Table:
     # where a column is: its file's, and the element of the vector in that
     places: dict[str, tuple[str, int | None]] = {}
     for column in available:
-        names = named.get(column, [])
-        places |= {f"{column}.{name}": (column, k) for k, name in enumerate(names)} or {
-            column: (column, None)
-        }
+        if names := named.get(column, []):
+            places |= {f"{column}.{name}": (column, k) for k, name in enumerate(names)}
+        else:
+            places[column] = column, None
     return Table([*places], lambda columns: _pieces(files, places, columns, rows))
 
 
