@@ -175,13 +175,14 @@ class Study:
                 sys.stderr.write(f"plant {key[0]}, {key[1]}, {key[2]} …\n")
                 frame = pd.concat([frame, pd.DataFrame(self.rows(*key))], ignore_index=True)
                 write_bytes(path, frame.to_csv(index=False, float_format="%.6g").encode())
-        return frame
+        asked = frame.plant.isin(range(self.plants)) & frame.regime.isin(self.regimes)
+        return frame[asked]
 
 
 def reached(frame: pd.DataFrame, target: float) -> pd.Series:
     """Seconds of motion until the deviation is at most a target, by regime, way and plant, or infinite."""
     keys = ["regime", "way", "plant"]
-    first = frame[frame.deviation <= target].groupby(keys).seconds.min()
+    first = frame[frame.deviation <= target].groupby(keys).seconds.min().astype(float)
     everyone = frame.groupby(keys).seconds.max().index
     return first.reindex(everyone, fill_value=np.inf)
 
