@@ -43,6 +43,8 @@ FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
 _MODE = ("hydra.mode", "hydra.searchpath", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
 EVERYTHING = "--help-all"
+# What names of runs leave out.
+_UNNAMED = ("experiment", "outputs", "seed", "tracking", "named", "publish", "parallel", "hydra")
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
@@ -130,7 +132,7 @@ def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], s
         key, _, value = override.lstrip("+").partition("=")
         if key == "stages":
             stages.append(value.strip("[]"))
-        elif key not in ("experiment", "outputs", "seed", "tracking", "named"):
+        elif key.partition(".")[0] not in _UNNAMED:
             parts.append(value if key in groups else f"{key}={value}")
     return " ".join([*([*stages, *parts] or [experiment]), f"seed={seed}"])[:200]
 

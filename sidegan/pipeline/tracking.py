@@ -34,7 +34,6 @@ UNTRACKED = "untracked.jsonl"
 _RUN, _RUN_ID = "run-{}.lock", re.compile("run-(.+)[.]lock")
 
 _METRICS_AT_ONCE, _PARAMETERS_AT_ONCE, _PARAMETER_LENGTH = 1000, 100, 6000  # what MLflow takes
-_KIND = {"mlflow.experimentKind": "custom_model_development"}  # or MLflow shows pages about language models
 _NOTE, _NOTE_LENGTH = "mlflow.note.content", 8000  # the description of a run, in Markdown
 _ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
@@ -248,7 +247,7 @@ class Tracker:
         with self._one_at_a_time():
             found = client.get_experiment_by_name(experiment)
             number = (
-                found.experiment_id if found else client.create_experiment(experiment, location, tags=_KIND)
+                found.experiment_id if found else client.create_experiment(experiment, location)
             )
         run = client.create_run(number, run_name=name, tags=tags, start_time=_milliseconds(at))
         return run.info.run_id

@@ -317,7 +317,7 @@ def test_an_engine_that_is_not_installed_is_told_before_any_work(command, monkey
     [
         ([], "exp1 seed=3"),
         (["+experiment=exp1", "gan=eigen", "seed=3", "outputs=/x"], "eigen seed=3"),
-        (["scale=paper", "seeds.count=10"], "paper seeds.count=10 seed=3"),
+        (["scale=paper", "parallel.workers=1", "seeds.count=10"], "paper seeds.count=10 seed=3"),
         (["scale=paper", "named=true", "stages=[gan,library]"], "gan,library paper seed=3"),
     ],
 )
