@@ -148,6 +148,17 @@ def test_a_part_of_a_recording_is_held_out(planar, clock):
         split(checked, 0.01)
 
 
+def test_drives_that_count_the_other_way_round_have_the_same_noise(planar, clock):
+    """A gain below zero must not make the noise of a joint nothing."""
+    recording = recorded(planar, clock)
+    noisy = replace(recording, torque=recording.torque + 0.1 * torch.randn(recording.torque.shape).double())
+    gains = torch.tensor([-2.0, 3.0], dtype=torch.float64)
+    currents = replace(noisy, torque=None, current=noisy.torque / gains)
+    one = check_recording(noisy, planar, of_file())
+    other = check_recording(currents, planar, of_file(), gains.tolist())
+    assert other.excitation.condition_number == pytest.approx(one.excitation.condition_number)
+
+
 def sample_at(checked, time):
     """The torque of one kept sample."""
     return torch.cat([segment.torque[segment.time == time] for segment in checked.segments])
