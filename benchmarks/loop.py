@@ -224,7 +224,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--regimes", nargs="+", default=REGIMES, choices=REGIMES, help="default: both")
     parser.add_argument("--scale", default="quick", help="of the study of motions, whose settings are used")
     parser.add_argument("--folder", type=Path, default=_FOLDER, help="where the page goes")
-    parser.add_argument("--kept", action="store_true", help="go on with the loop.csv that is there")
+    parser.add_argument("--kept", action="store_true", help="go on with loop.csv, of the same options")
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     numbers = options.folder / "loop.csv"
