@@ -246,9 +246,7 @@ class Tracker:
         location = None if self._remote else (self.root / "mlartifacts" / experiment).as_uri()
         with self._one_at_a_time():
             found = client.get_experiment_by_name(experiment)
-            number = (
-                found.experiment_id if found else client.create_experiment(experiment, location)
-            )
+            number = found.experiment_id if found else client.create_experiment(experiment, location)
         run = client.create_run(number, run_name=name, tags=tags, start_time=_milliseconds(at))
         return run.info.run_id
 
