@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from omegaconf import OmegaConf
 from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, readings, training
@@ -16,8 +15,7 @@ from experiments.pages import Page, publish
 from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.columns import OURS
-from sidegan.pipeline.run import CONF
+from sidegan.pipeline.columns import OURS, configured
 from sidegan.pipeline.stages.long import long_family
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, spatial, tables
@@ -75,9 +73,8 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
 
 def left_out(groups: Groups) -> list[str]:
     """Titles and names of the columns in ``conf/`` that the page is made without."""
-    every = OmegaConf.load(CONF / "columns" / "default.yaml")
     there = {column for group in groups.values() for column in group.parts}
-    return [f"{column.title} ({name})" for name, column in every.items() if name not in {*there, "defaults"}]
+    return [f"{title} ({name})" for name, title in configured().items() if name not in there]
 
 
 def metrics(groups: Groups) -> dict[str, dict[str, float]]:

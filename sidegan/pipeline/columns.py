@@ -1,6 +1,9 @@
 """Columns of a comparison: the same artifacts under the run's own settings and under others."""
 
 from dataclasses import fields
+from typing import Any
+
+from omegaconf import OmegaConf
 
 from sidegan.errors import ConfigError
 from sidegan.pipeline.schema import Column
@@ -14,6 +17,14 @@ def columns(task: Task) -> dict[str, Task]:
     """The task under its own settings, and under those of every column, by name."""
     others = task.cfg.columns if task.cfg.has("columns") and task.cfg.column is None else {}
     return {OURS: task} | {name: _under(task, name, column) for name, column in others.items()}
+
+
+def configured() -> dict[str, str]:
+    """Titles by name of all columns that the paper is compared in."""
+    from sidegan.pipeline.run import CONF
+
+    columns: Any = OmegaConf.load(CONF / "columns" / "default.yaml")
+    return {str(name): str(column.title) for name, column in columns.items() if name != "defaults"}
 
 
 def groups(task: Task) -> dict[str, list[str]]:
