@@ -102,9 +102,7 @@ class IdentifiedArm:
     @property
     def unseen(self) -> dict[str, float]:
         """Mean nMSE on what was not seen, by method; nothing where there is no such error."""
-        if self.halves or self.tests is self.trained:
-            return self.halves
-        return {method: one.nmse_mean for method, one in self.tests.items()}
+        return _unseen(self.tests, self.trained, self.halves)
 
     @property
     def chosen(self) -> Estimate:
@@ -173,8 +171,7 @@ def identify_arm(
         turns = {method: folds(method, model, whole, **values) for method, values in methods.items()}
         tests = {method: one.pooled for method, one in turns.items()}
     halves = _halves(model, samples, methods, settings.method) if tests is trained else {}
-    unseen = halves if tests is trained else {method: one.nmse_mean for method, one in tests.items()}
-    use = preferred(settings.method, unseen)
+    use = preferred(settings.method, _unseen(tests, trained, halves))
     chosen = estimates[settings.method]
     runs = _candidates(model, chosen, training[0].grid.rate, settings)
     trusted = trust(model, chosen, held_out or None, turns.get(use), **runs)
@@ -189,6 +186,15 @@ def preferred(method: str, errors: Mapping[str, float]) -> str:
     """
     better = bool(errors) and errors[CONSISTENT] > _AS_GOOD * errors[method]
     return method if better else CONSISTENT
+
+
+def _unseen(
+    tests: Mapping[str, Score], trained: Mapping[str, Score], halves: Mapping[str, float]
+) -> dict[str, float]:
+    """Mean nMSE on what was not seen, by method: held out, or halves by each other where nothing was."""
+    if halves or tests is trained:
+        return dict(halves)
+    return {method: one.nmse_mean for method, one in tests.items()}
 
 
 def _halves(
