@@ -25,6 +25,8 @@ _NOTHING_FROM_OUTSIDE = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:"
 )
+# Signs that only few fonts have, as dots of their colour that every font has.
+_DOTS = {"🟢": "#1a7f37", "🟡": "#bf8700", "🔵": "#0969da", "🔴": "#cf222e", "⚪": "#8c959f"}
 _TOOLS = {
     "responsive": True,
     "displaylogo": False,
@@ -51,6 +53,7 @@ def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"]
     plots = interactive or {}
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     parser.add_render_rule("image", _image(path.parent, plots))
+    parser.add_render_rule("text", lambda _, tokens, k, *__: _dotted(escape(tokens[k].content)))
     parser.add_render_rule("table_open", lambda *_: '<div class="scroll" tabindex="0"><table>')
     parser.add_render_rule("table_close", lambda *_: "</table></div>")
     tokens = parser.parse(markdown)
@@ -69,6 +72,12 @@ def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"]
     body += [f"<script>{_SCRIPT.read_text(encoding='utf-8')}</script>" if plots else ""]
     title = next((words for tag, words, _ in headings if tag == "h1"), path.stem)
     write_bytes(path, page(title, "\n".join(body), bool(plots)).encode())
+
+
+def _dotted(text: str) -> str:
+    for sign, colour in _DOTS.items():
+        text = text.replace(sign, f'<span style="color:{colour}">●</span>')
+    return text
 
 
 def _opens(token: Token, tag: str = "") -> bool:

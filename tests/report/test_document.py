@@ -122,6 +122,13 @@ def test_markup_in_the_words_is_shown_and_not_obeyed(tmp_path):
     assert "<script>alert" not in text and 'href="javascript' not in text
 
 
+def test_signs_are_dots_that_every_font_has(tmp_path):
+    write_html("| a | b |\n| --- | --- |\n| 🟢 holds | 🔴 <not> |", tmp_path / "x.html")
+    text = (tmp_path / "x.html").read_text(encoding="utf-8")
+    assert text.count("●</span>") == 2 and "🟢" not in text
+    assert "&lt;not&gt;" in text and Page(text).open == []
+
+
 def test_the_index_of_a_table_is_its_first_column_where_it_has_a_name():
     frame = pd.DataFrame({"a": [1.5, None]})
     assert table_text(frame, "c").splitlines()[2:] == ["| a |", "| ---: |", "| 1.5 |", "| — |"]
