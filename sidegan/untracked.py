@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from sidegan.base.storage import write_bytes
-from sidegan.pipeline.tracking import UNTRACKED, Tracker
+from sidegan.pipeline.tracking import SENDING, UNTRACKED, Tracker
 
 log = logging.getLogger(__name__)
-
-_SENDING = "untracked.sending.jsonl"
 
 
 def send_kept(folder: Path, root: Path, uri: str | None = None) -> bool:
@@ -24,7 +22,7 @@ def send_kept(folder: Path, root: Path, uri: str | None = None) -> bool:
         root: folder of all results.
         uri: tracking server or database; None is sqlite in ``root``.
     """
-    kept, sending = folder / UNTRACKED, folder / _SENDING
+    kept, sending = folder / UNTRACKED, folder / SENDING
     _set_aside(kept, sending)
     lines = _lines(sending)
     tracker = Tracker.resumed(root, folder, uri, lines[0]["run"] if lines else None)
@@ -73,10 +71,11 @@ def main(arguments: list[str] | None = None) -> int:
         default=os.environ.get("MLFLOW_TRACKING_URI"),
         help="tracking server or database; MLFLOW_TRACKING_URI, or sqlite in the outputs, by default",
     )
+    parser.add_argument("--only", type=Path, help="folder of a run; all of the outputs by default")
     chosen = parser.parse_args(arguments)
     logging.basicConfig(format="%(message)s", level=logging.INFO)
-    names = (UNTRACKED, _SENDING)
-    folders = sorted({path.parent for name in names for path in chosen.outputs.rglob(name)})
+    names = (UNTRACKED, SENDING)
+    folders = sorted({path.parent for name in names for path in (chosen.only or chosen.outputs).rglob(name)})
     missing = 0
     for folder in folders:
         sent = send_kept(folder, chosen.outputs, chosen.uri)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+import scipy  # its parts are imported when they are used
 import torch
-from scipy.stats import chi2
 from torch import Tensor
 
 from sidegan.errors import ShapeError
@@ -68,7 +68,7 @@ def compare(model: TorqueModel, first: tuple[Tensor, Tensor], second: tuple[Tens
         names=tuple(model.names),
         difference=difference,
         deviation=deviation,
-        probability=float(chi2.sf(distance, int(kept.sum()))),
+        probability=float(scipy.stats.chi2.sf(distance, int(kept.sum()))),
         torque=(y @ difference).square().mean(0).sqrt() / usual,
         uncertain=uncertain.sqrt() / usual,
     )

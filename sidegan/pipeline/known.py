@@ -11,7 +11,6 @@ from sidegan.base.storage import read_json
 from sidegan.errors import ConfigError, SideganError
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.motion.dynamics import RigidBody
-from sidegan.report.identification import PARAMETERS
 from sidegan.robot import Arm
 
 _ROUNDED = 2e-3  # relative difference of numbers in two formulas that differ in rounding alone
@@ -37,6 +36,8 @@ def known_model(folder: Path, arm: Arm) -> Known:
     Raises:
         ConfigError: when the folder holds none, or one of another arm.
     """
+    from sidegan.report.identification import PARAMETERS  # and with it all that makes a report
+
     path = folder / PARAMETERS
     try:
         numbers = read_json(path)

@@ -1,6 +1,7 @@
 """The command ``python -m sidegan.run``: compose the configuration, check it, run its stages in order."""
 
 import errno
+import gc
 import logging
 import os
 import re
@@ -74,11 +75,15 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
     from sidegan.pipeline.task import Task
 
     _check(config)
+    for one in config.stages:
+        stage(one)  # is imported
+    _collect_garbage()
     task = Task(config, Store(Path(config.outputs), config.named, run_folder))
     for one in config.stages:
         refuse(stage(one), task)
-    uri, enabled, parent = config.tracking.uri, config.tracking.enabled, os.environ.get(PARENT)
-    tracker = Tracker(task.store.root, run_folder, config.experiment, name, uri, enabled, parent)
+    tracking, parent = config.tracking, os.environ.get(PARENT)
+    where = task.store.root, run_folder, config.experiment, name, tracking.uri, tracking.enabled
+    tracker = Tracker(*where, parent, 0.0 if parent else tracking.patience)
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(config.plain())
         if config.has("robot"):
@@ -139,6 +144,7 @@ def run_name(experiment: str, overrides: list[str], groups: Mapping[str, Any], s
 
 def main() -> int:
     """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
+    gc.disable()  # imports leave none, and looking for it takes a fifth of their time
     # Hydra copies its store of configurations, of which there is one, for every group that --help lists.
     ConfigStore.__deepcopy__ = lambda store, memo: store  # type: ignore[attr-defined]
     # It composes everything a first time to read hydra.mode, which is set nowhere in our conf/.
@@ -176,6 +182,7 @@ def main() -> int:
         sys.stderr.write(f"error: the outputs cannot be written: {error}\n")
         return FAILURE
     finally:
+        _collect_garbage()
         end_sweep("FAILED")
     return 0
 
@@ -242,6 +249,13 @@ def _check(config: "Config") -> None:
         except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
             reason = str(error).split("\n", 1)[0]
             raise ConfigError(f"device is {config.device!r}, which is not there: {reason}") from error
+
+
+def _collect_garbage() -> None:
+    """Look for garbage from now on, but not among what was imported."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
 
 
 def _leave(run_folder: Path, code: int, error: str | None) -> None:

@@ -207,6 +207,7 @@ class Tracking:
 
     enabled: bool
     uri: str | None  # null: sqlite in the outputs
+    patience: NonNegative  # [s] that a run takes before MLflow is imported; a shorter one is sent at its end
 
     def __post_init__(self) -> None:
         scheme = urlsplit(self.uri or "sqlite:").scheme.partition("+")[0]

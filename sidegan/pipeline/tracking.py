@@ -2,13 +2,16 @@
 
 Tracking never stops a run: when the server cannot be reached, one warning is given and whatever could not
 be sent is kept, a JSON object a line, in ``untracked.jsonl`` in the run's folder. ``sidegan.untracked`` sends
-it later.
+it later. Nor does it keep a short run waiting: MLflow takes seconds to import, so what the first seconds
+report is kept in the same way, and a process of its own sends it when the run has ended by then.
 """
 
 import json
 import logging
 import os
 import re
+import subprocess
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -30,6 +33,7 @@ log = logging.getLogger(__name__)
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 
 UNTRACKED = "untracked.jsonl"
+SENDING = "untracked.sending.jsonl"  # the same while it is being sent
 
 _RUN, _RUN_ID = "run-{}.lock", re.compile("run-(.+)[.]lock")
 
@@ -54,6 +58,7 @@ class Tracker:
         uri: tracking server or database; None is sqlite in ``root``.
         enabled: False: nothing is recorded and MLflow is not imported.
         parent: run that it is a part of.
+        patience: how long a run has to take before MLflow is imported in its process [s].
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class Tracker:
         uri: str | None = None,
         enabled: bool = True,
         parent: str | None = None,
+        patience: float = 0.0,
     ) -> None:
         self.root, self.folder, self.uri = root.resolve(), folder, uri
         self.enabled = self.reached = enabled  # whether everything could be sent so far
@@ -74,6 +80,8 @@ class Tracker:
         self.run_id: str | None = None
         self._client: MlflowClient | None = None
         self._alive: FileLock | None = None  # held while the run goes on, whatever ends it
+        self._waiting: list[tuple[str, Any, float]] | None = [] if enabled and patience > 0 else None
+        self._until = time.monotonic() + patience
         tags = {} if parent is None else {"mlflow.parentRunId": parent}
         self.send("run", {"experiment": experiment, "name": name, "tags": tags})
 
@@ -140,6 +148,9 @@ class Tracker:
 
     def send(self, kind: str, content: Any, at: float | None = None) -> None:
         """Record plain values of a time [s since 1970], None is now; what cannot be sent is kept."""
+        if self._waiting is not None:
+            self._wait(self._waiting, kind, content)
+            return
         if self.reached:
             try:
                 self._record(kind, content, at)
@@ -150,14 +161,47 @@ class Tracker:
                     "tracking stops (%s); the rest goes to %s", _reason(error), self.folder / UNTRACKED
                 )
         if self.enabled:
-            record = {"time": at or time.time(), "run": self.run_id, "kind": kind, "content": content}
-            self._keep(f"{json.dumps(record)}\n")
+            self._keep(kind, content, at or time.time())
 
-    def _keep(self, record: str) -> None:
-        """Keep a line for later; where that cannot be done either, say so once."""
+    def _wait(self, waiting: list[tuple[str, Any, float]], kind: str, content: Any) -> None:
+        """Keep a record until the run has ended, or taken so long that MLflow's import no longer counts."""
+        waiting.append((kind, content, time.time()))
+        self._keep(*waiting[-1])
+        ended = kind == "status"
+        if not self.kept or (not ended and time.monotonic() > self._until):
+            self._catch_up(waiting)
+        elif ended:
+            self._hand_over(waiting)
+
+    def _catch_up(self, waiting: list[tuple[str, Any, float]]) -> None:
+        """Send what was kept, and from now on everything as it comes."""
+        self._waiting = None
+        kept, sending = self.folder / UNTRACKED, self.folder / SENDING
+        with suppress(OSError):
+            kept.replace(sending)
+        for record in waiting:
+            self.send(*record)
+        with suppress(OSError):
+            sending.unlink()
+
+    def _hand_over(self, waiting: list[tuple[str, Any, float]]) -> None:
+        """Have what was kept sent by a process that outlives this one, and Ctrl-C."""
+        command = [sys.executable, "-m", "sidegan.untracked", str(self.root), "--only", str(self.folder)]
+        command += ["--uri", self.uri] if self.uri else []
+        quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        try:
+            subprocess.Popen(command, start_new_session=True, **quiet)
+        except OSError:
+            self._catch_up(waiting)
+            return
+        log.info("MLflow gets what is in %s now, in the background", self.folder / UNTRACKED)
+
+    def _keep(self, kind: str, content: Any, at: float) -> None:
+        """Keep a record as a line for later; where that cannot be done either, say so once."""
+        record = {"time": at, "run": self.run_id, "kind": kind, "content": content}
         try:
             with (self.folder / UNTRACKED).open("a", encoding="utf-8") as file:
-                file.write(record)
+                file.write(f"{json.dumps(record)}\n")
         except OSError as error:
             if self.kept:
                 path = self.folder / UNTRACKED

@@ -5,8 +5,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.signal import butter, sosfiltfilt
+import scipy  # its parts are imported when they are used
 
 from sidegan.errors import RecordingError
 from sidegan.recording.tables import Numbers
@@ -84,7 +83,7 @@ def _block(
     run: int, first: int, count: int, origin: float, step: float, time: Numbers, signals: Numbers
 ) -> Block:
     grid = np.asarray(origin + np.arange(first, count) * step, dtype=np.float64)
-    values = PchipInterpolator(time, signals)(np.minimum(grid, time[-1]))
+    values = scipy.interpolate.PchipInterpolator(time, signals)(np.minimum(grid, time[-1]))
     return Block(run, first, grid, np.asarray(values, dtype=np.float64))
 
 
@@ -98,11 +97,11 @@ def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
     """
     if cutoff >= _HIGHEST / (2 * step):
         return x
-    sections = butter(order, cutoff, fs=1 / step, output="sos")
+    sections = scipy.signal.butter(order, cutoff, fs=1 / step, output="sos")
     pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * order)
     if pad < 1:
         raise RecordingError(f"{len(x)} samples are too few to filter")
-    return np.ascontiguousarray(sosfiltfilt(sections, x, axis=0, padlen=pad))
+    return np.ascontiguousarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad))
 
 
 def derivative(x: Numbers, step: float) -> Numbers:

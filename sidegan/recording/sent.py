@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import scipy  # its parts are imported when they are used
 import torch
-from scipy.interpolate import PchipInterpolator
-from scipy.signal import correlate
 from torch import Tensor
 
 from sidegan.base.storage import reading
@@ -34,7 +33,7 @@ class Sent:
 
     def at(self, times: Numbers) -> tuple[Numbers, Numbers]:
         """Positions and velocities at some times [s] within, (S, J) each."""
-        curve = PchipInterpolator(self.time, self.position)
+        curve = scipy.interpolate.PchipInterpolator(self.time, self.position)
         return curve(times), curve(times, 1)
 
 
@@ -111,9 +110,10 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
             "executed at another speed, or is recording.sent of another run?"
         )
     step = float(np.median(np.diff(time)))
-    curves = {name: PchipInterpolator(time, x) for name, x in signals.items()}
+    curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
     load = "torque" if "torque" in signals else "current"
-    white = PchipInterpolator(time, np.random.default_rng(0).standard_normal(signals["position"].shape))
+    random = np.random.default_rng(0).standard_normal(signals["position"].shape)
+    white = scipy.interpolate.PchipInterpolator(time, random)
     found, squares, free = [], np.zeros(len(recording.joint_names)), 0
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
@@ -172,7 +172,7 @@ def _alike(velocity: Numbers, wanted: Numbers) -> Numbers:
     """Correlation, −1 to 1, of velocities (S, J) with wanted ones (T, J) that begin at each sample."""
     if len(wanted) > len(velocity):
         return np.zeros(0)
-    match = sum(correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
+    match = sum(scipy.signal.correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
     energy = np.cumsum(np.append(0.0, (velocity**2).sum(1)))
     power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), 1e-300)
     return np.asarray(match / np.sqrt(power))

@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
-from markdown_it import MarkdownIt
-from markdown_it.token import Token
-
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ArtifactError
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
+    from markdown_it.token import Token
 
 _STYLE, _SCRIPT = (Path(__file__).with_name(name) for name in ("document.css", "document.js"))
 _FRAME = Path(__file__).with_name("page.css")
@@ -50,6 +48,8 @@ def write_html(markdown: str, path: Path, interactive: Mapping[str, "go.Figure"]
     Raises:
         ArtifactError: when the file of a figure is missing.
     """
+    from markdown_it import MarkdownIt
+
     plots = interactive or {}
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     parser.add_render_rule("image", _image(path.parent, plots))
@@ -80,11 +80,11 @@ def _dotted(text: str) -> str:
     return text
 
 
-def _opens(token: Token, tag: str = "") -> bool:
+def _opens(token: "Token", tag: str = "") -> bool:
     return token.type == "heading_open" and token.tag.startswith(tag)
 
 
-def _mark(tokens: Sequence[Token]) -> None:
+def _mark(tokens: "Sequence[Token]") -> None:
     """Give headings names to link to and captions their class, and free images from their paragraphs."""
     for number, (opening, inline, closing) in enumerate(zip(tokens, tokens[1:], tokens[2:])):
         kinds = [part.type for part in inline.children or []]
@@ -104,7 +104,7 @@ def _is_emphasis(kinds: Sequence[str]) -> bool:
 def _image(folder: Path, plots: Mapping[str, "go.Figure"]) -> Any:
     """How an image is rendered: as the interactive figure of its name, or with its file inside the page."""
 
-    def render(renderer: Any, tokens: Sequence[Token], k: int, options: Any, env: Any) -> str:
+    def render(renderer: Any, tokens: "Sequence[Token]", k: int, options: Any, env: Any) -> str:
         link, words = Path(unquote(str(tokens[k].attrGet("src")))), escape(tokens[k].content)
         if link.stem in plots:
             return figure_html(plots[link.stem], link.stem)

@@ -1,8 +1,8 @@
 """The smallest capsule around points: a quick guess along an axis, and the refinement of its end points."""
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 Points = NDArray[np.float64]
 Segment = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] around the segment between them
@@ -53,16 +53,16 @@ def extremes(points: Points) -> Points:
 def corners(points: Points) -> Points:
     """The corners of the points' convex hull; all of them, each once, where they lie in a plane."""
     try:
-        return points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
+        return points[scipy.spatial.ConvexHull(points).vertices]
+    except (scipy.spatial.QhullError, ValueError):
         return np.unique(points, axis=0)
 
 
 def hull_volume(points: Points) -> float:
     """Volume [m³] of the points' convex hull; 0 where they lie in a plane."""
     try:
-        return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):
+        return float(scipy.spatial.ConvexHull(points).volume)
+    except (scipy.spatial.QhullError, ValueError):
         return 0.0
 
 

@@ -1,8 +1,8 @@
 """A small capsule around a shape; never one that the shape sticks out of."""
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 Points = NDArray[np.float64]
 Segment = tuple[Points, float]  # end points, and the radius around the segment between them
@@ -55,8 +55,8 @@ def _around_rings(across: Points, along: Points) -> Segment:
 def _corners(points: Points) -> Points:
     """The corners of the points' convex hull; all points when they lie in a plane."""
     try:
-        return points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
+        return points[scipy.spatial.ConvexHull(points).vertices]
+    except (scipy.spatial.QhullError, ValueError):
         return points
 
 

@@ -1,7 +1,7 @@
 """Convex hulls with few corners, and how far the shape they stand for sticks out of them."""
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy  # its parts are imported when they are used
 
 from sidegan.robot.capsule_fit import DIRECTIONS, Points
 
@@ -23,14 +23,14 @@ def thinned(points: Points, tolerance: float) -> tuple[Points, float]:
     try:
         kept = np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))
         for _ in range(_ROUNDS):
-            hull = ConvexHull(points[kept])
+            hull = scipy.spatial.ConvexHull(points[kept])
             beyond = points @ hull.equations[:, :3].T + hull.equations[:, 3]
             worst = np.unique(beyond.argmax(0)[beyond.max(0) > tolerance])
             if not len(worst):
                 break
             kept = np.unique(np.concatenate([kept[hull.vertices], worst]))
-        hull = ConvexHull(points[kept])
-    except (QhullError, ValueError):
+        hull = scipy.spatial.ConvexHull(points[kept])
+    except (scipy.spatial.QhullError, ValueError):
         return points, 0.0
     outside = (points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1) > 0
     distance = _from_triangles(points[outside], points[kept][hull.simplices])

@@ -4,7 +4,7 @@ import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.chain import choose
 from sidegan.robot.locking import from_rpy, lock
 from sidegan.robot.meshes import find_mesh
+from sidegan.robot.solids import Surface, box, capsule, cylinder
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import Tree, read_tree
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:  # slow to import
 
 _log = logging.getLogger(__name__)
 Colour = tuple[float, float, float]  # red, green and blue, 0 to 1
-_ROUND = 32  # faces around a cylinder
 
 
 class Part(NamedTuple):
@@ -100,37 +100,38 @@ def _shape_parts(urdf: Path, visual: ET.Element, placed: Placed, own: Colour | N
     """The surfaces of one shape in its joint's frame."""
     local, shift = _origin(visual, "a shape")
     turn, place = placed.turn @ local, placed.place + placed.turn @ shift
-    for surface in _surfaces(xml.child(visual, "geometry", "a shape")[0], urdf):
-        vertices = np.asarray(surface.vertices, float) @ turn.T + place
-        if len(surface.faces) and np.isfinite(vertices).all():
-            faces = np.asarray(surface.faces, np.int64)
-            yield Part(placed.joint, vertices, faces, own or _material_colour(surface))
+    shape = xml.child(visual, "geometry", "a shape")[0]
+    meshes = _meshes(shape, urdf) if shape.tag == "mesh" else [(*_solid(shape), None)]
+    for corners, faces, colour in meshes:
+        vertices = corners @ turn.T + place
+        if len(faces) and np.isfinite(vertices).all():
+            yield Part(placed.joint, vertices, faces, own or colour)
 
 
-def _surfaces(shape: ET.Element, urdf: Path) -> "list[trimesh.Trimesh]":
-    """Triangles of a shape [m], in its own frame."""
+def _meshes(shape: ET.Element, urdf: Path) -> Iterator[tuple[NDArray[Any], NDArray[Any], Colour | None]]:
+    """Vertices [m], triangles and colour of what is in a mesh file."""
     import trimesh
 
-    if shape.tag == "mesh":
-        file = find_mesh(xml.attribute(shape, "filename", "a shape"), urdf)
-        if file is None:
-            raise RobotError(f"there is no file {shape.get('filename')}")
-        found = trimesh.load_scene(file, process=False).dump()
-        surfaces = [surface for surface in found if isinstance(surface, trimesh.Trimesh)]
-        for surface in surfaces:
-            surface.apply_scale(xml.vector(shape, "scale", "a shape", "1 1 1"))
-        return surfaces
+    file = find_mesh(xml.attribute(shape, "filename", "a shape"), urdf)
+    if file is None:
+        raise RobotError(f"there is no file {shape.get('filename')}")
+    scale = xml.vector(shape, "scale", "a shape", "1 1 1")
+    for surface in trimesh.load_scene(file, process=False).dump():
+        if isinstance(surface, trimesh.Trimesh):
+            surface.apply_scale(scale)
+            faces = np.asarray(surface.faces, np.int64)
+            yield np.asarray(surface.vertices, float), faces, _material_colour(surface)
+
+
+def _solid(shape: ET.Element) -> Surface:
+    """Triangles of a solid [m], in its own frame."""
     if shape.tag == "box":
-        return [trimesh.creation.box(xml.positive(shape, "size", "a box", 3))]
+        return box(xml.positive(shape, "size", "a box", 3))
     (radius,) = xml.positive(shape, "radius", f"a {shape.tag}")
     if shape.tag == "sphere":
-        return [trimesh.creation.icosphere(3, radius)]
+        return capsule(radius, 0.0)
     (length,) = xml.positive(shape, "length", f"a {shape.tag}")
-    if shape.tag == "capsule":
-        capsule = trimesh.creation.capsule(length, radius)
-        capsule.vertices[:, 2] -= capsule.bounds.mean(0)[2]
-        return [capsule]
-    return [trimesh.creation.cylinder(radius, length, sections=_ROUND)]
+    return capsule(radius, length) if shape.tag == "capsule" else cylinder(radius, length)
 
 
 def _colours(root: ET.Element) -> dict[str, Colour]:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from sidegan.base.storage import write_bytes
 from sidegan.errors import StorageError
@@ -120,8 +120,8 @@ class GeomWriter:
 def _hull_faces(vertices: NDArray[np.float32]) -> NDArray[np.int32] | None:
     """Triangles of the vertices' hull, outwards, (F, 3); None of what lies in a plane."""
     try:
-        hull = ConvexHull(vertices.astype(np.float64))
-    except (QhullError, ValueError):
+        hull = scipy.spatial.ConvexHull(vertices.astype(np.float64))
+    except (scipy.spatial.QhullError, ValueError):
         return None
     a, b, c = (hull.points[hull.simplices[:, k]] for k in range(3))
     inwards = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(1) < 0

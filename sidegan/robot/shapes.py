@@ -10,6 +10,7 @@ from pathlib import Path
 import coal
 import numpy as np
 import pinocchio as pin
+import scipy  # its parts are imported when they are used
 import torch
 
 from sidegan.robot.arm import Capsules, Pieces
@@ -202,9 +203,7 @@ def _triangles(shape: coal.CollisionGeometry) -> Points:
     """Corners of a mesh's triangles [m], (N, 3, 3)."""
     vertices = vertices_of(shape)
     if isinstance(shape, coal.ConvexBase):
-        from scipy.spatial import ConvexHull
-
-        return vertices[ConvexHull(vertices).simplices]
+        return vertices[scipy.spatial.ConvexHull(vertices).simplices]
     indices = [[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))]
     return vertices[np.array(indices, dtype=int).reshape(-1, 3)]
 

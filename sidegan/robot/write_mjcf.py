@@ -4,8 +4,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import scipy  # its parts are imported when they are used
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from sidegan.base.storage import write_bytes
@@ -142,4 +142,5 @@ def _check(arm: Arm, text: str) -> None:
 
 
 def _quaternion(rotation: Tensor) -> str:
-    return words(Rotation.from_matrix(rotation.numpy()).as_quat()[[3, 0, 1, 2]])  # scalar first
+    turn = scipy.spatial.transform.Rotation.from_matrix(rotation.numpy())
+    return words(turn.as_quat()[[3, 0, 1, 2]])  # scalar first

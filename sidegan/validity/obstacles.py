@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
 from sidegan.errors import ConfigError
@@ -77,8 +77,8 @@ class Convex:
         """
         points = np.asarray(points, float)
         try:
-            hull = ConvexHull(points)
-        except (QhullError, ValueError) as error:
+            hull = scipy.spatial.ConvexHull(points)
+        except (scipy.spatial.QhullError, ValueError) as error:
             raise ConfigError("an obstacle needs corners that are finite and enclose a volume") from error
         corners = points[hull.vertices]
         normals = np.vstack([_touching(hull), directions()])
@@ -125,7 +125,7 @@ class Convex:
     @property
     def volume(self) -> float:
         """Its volume [m³]."""
-        return float(ConvexHull(self.points).volume)
+        return float(scipy.spatial.ConvexHull(self.points).volume)
 
     @cached_property
     def ball(self) -> list[float]:
@@ -181,7 +181,7 @@ def _lowest(start: Tensor, slope: Tensor) -> tuple[Tensor, Tensor, Tensor, Tenso
     return one, two, share, part
 
 
-def _touching(hull: ConvexHull) -> Points:
+def _touching(hull: "scipy.spatial.ConvexHull") -> Points:
     """Unit normals, (K, 3), of planes on a hull's faces, around its edges and on its corners."""
     own = hull.equations[:, :3]
     i, j = np.repeat(np.arange(len(own)), 3), hull.neighbors.reshape(-1)

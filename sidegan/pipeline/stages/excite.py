@@ -20,7 +20,7 @@ from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.pools import Pool, own_pools
+from sidegan.pipeline.stages.pools import RANDOM, SEEDS, Pool, own_pools
 from sidegan.pipeline.stages.rehearsal import rehearsed, require_rehearsal
 from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task
@@ -160,10 +160,10 @@ def _keep_shapes(task: Task, folder: Path) -> None:
 
 def _pool(task: Task) -> Library:
     """All trajectories of the configured pools."""
-    parts: dict[str, list[Artifact]] = {}
-    for pool in own_pools(task):
-        parts.setdefault(pool.name, []).extend(pool.parts)
-    together = tuple(part for name in task.cfg.excite for part in parts[name])
+    parts: dict[str, list[Artifact]] = {name: [] for name in task.cfg.excite}
+    for pool in own_pools(task, task.cfg.excite):
+        parts[pool.name].extend(pool.parts)
+    together = tuple(part for some in parts.values() for part in some)
     return Pool("excite", None, "excite", together).load(task)
 
 
@@ -231,7 +231,7 @@ def _check(task: Task) -> None:
             f"controllers.formats has urscript, which moves {SCRIPTED} joints; "
             f"{task.arm.name} has {task.arm.joints}"
         )
-    known = dict.fromkeys(pool.name for pool in own_pools(task))
+    known = RANDOM, SEEDS, *task.cfg.gan
     for name in task.cfg.excite:
         if name not in known:
             raise ConfigError(f"excite names {name!r}, expected some of {', '.join(known)}")

@@ -3,7 +3,7 @@
 import json
 import zipfile
 from functools import cache
-from importlib.resources import files
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 
@@ -61,7 +61,9 @@ def three_js() -> str:
         ArtifactError: when this trimesh has none.
     """
     try:
-        archive = files("trimesh").joinpath("resources", *_ARCHIVE.split("/")).read_bytes()
+        package = find_spec("trimesh")  # which takes half a second to import
+        folder = Path((package and package.origin) or "").parent
+        archive = (folder / "resources" / _ARCHIVE).read_bytes()
         lines = zipfile.ZipFile(BytesIO(archive)).read(_TEMPLATE).decode().splitlines()
         script = next(k for k, line in enumerate(lines) if "<script>" in line)
         library = next(k for k, line in enumerate(lines) if ".THREE={}" in line)

@@ -5,12 +5,13 @@ from itertools import groupby, product
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from sidegan.report.pose import capsule_mesh
 from sidegan.robot import Arm
 from sidegan.robot.looks import Colour, Part, visual_parts
+from sidegan.robot.solids import triangles
 from sidegan.validity import Convex, Plane, Region, Sphere
 
 _TRIANGLES = 120_000  # of an arm; more are merged
@@ -36,13 +37,8 @@ def capsule_parts(arm: Arm) -> list[Part]:
     capsules, parts = arm.capsules, []
     for k, link in enumerate(capsules.link.tolist()):
         mesh = capsule_mesh(capsules.a[k].numpy(), capsules.b[k].numpy(), float(capsules.radius[k]))
-        parts.append(Part(link, mesh.vertices, _triangles(mesh.faces), None))
+        parts.append(Part(link, mesh.vertices, triangles(mesh.faces), None))
     return parts
-
-
-def _triangles(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles of faces of four corners."""
-    return np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
 
 
 def region_surface(region: Region) -> Part | None:
@@ -66,7 +62,7 @@ def _sphere() -> NDArray[np.float64]:
 
 def hull(points: NDArray[np.float64]) -> Part:
     """The convex hull of points [m], (N, 3), in the world."""
-    triangles = ConvexHull(points)
+    triangles = scipy.spatial.ConvexHull(points)
     corners = points[triangles.simplices]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inwards = (normal * triangles.equations[:, :3]).sum(1) < 0

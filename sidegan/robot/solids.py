@@ -1,0 +1,48 @@
+"""Triangles of the solids that descriptions know, about their own origin."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+Surface = tuple[NDArray[np.float64], NDArray[np.int64]]  # vertices [m], (V, 3), and triangles (F, 3)
+
+_AROUND = 32  # corners of a circle
+_CAP = 8  # rings from the pole of a half sphere to its rim
+
+
+def box(size: Sequence[float]) -> Surface:
+    """A box with these edges [m]."""
+    corners = np.array([*product((-0.5, 0.5), repeat=3)]) * size
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    return corners, triangles(quads)
+
+
+def cylinder(radius: float, length: float) -> Surface:
+    """A cylinder along z, [m]."""
+    return _turned(np.array([0, radius, radius, 0]), np.array([-1, -1, 1, 1]) * length / 2)
+
+
+def capsule(radius: float, length: float) -> Surface:
+    """All points within a radius of a segment of some length along z, [m]; a ball where that is zero."""
+    tilt = np.linspace(0, np.pi / 2, _CAP + 1)
+    height = np.concatenate([-np.cos(tilt), np.sin(tilt)]) * radius
+    ends = np.repeat([-0.5, 0.5], _CAP + 1) * length
+    return _turned(np.concatenate([np.sin(tilt), np.cos(tilt)]) * radius, height + ends)
+
+
+def _turned(radius: NDArray[np.float64], height: NDArray[np.float64]) -> Surface:
+    """The surface of a profile (N,) that turns about z, from below."""
+    turn = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
+    circle = np.stack([np.cos(turn), np.sin(turn), np.ones(_AROUND)], 1)
+    rings = circle * np.stack([radius, radius, height], 1)[:, None]
+    corner = np.arange(rings[..., 0].size).reshape(rings.shape[:2])
+    after = np.roll(corner, -1, axis=1)
+    quads = np.stack([corner[:-1], after[:-1], after[1:], corner[1:]], -1)
+    return rings.reshape(-1, 3), triangles(quads.reshape(-1, 4))
+
+
+def triangles(quads: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Two triangles for each face of four corners, (2 F, 3)."""
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
