@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import hydra
@@ -48,6 +49,7 @@ EVERYTHING = "--help-all"
 _UNNAMED = ("experiment", "outputs", "seed", "tracking", "named", "publish", "parallel", "hydra")
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
+_interrupts: list[int] = []  # signals that this command got
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
 
@@ -115,6 +117,9 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str) -> int:
         _leave(run_folder, INTERRUPTED, "interrupted")
         raise
     except Exception as error:
+        if _interrupts:  # whoever was at work lost the exception, and failed at what it left undone
+            _leave(run_folder, INTERRUPTED, "interrupted")
+            raise KeyboardInterrupt from error
         code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
         if isinstance(error, SideganError) or getattr(error, "errno", None) in _STORAGE:
             log.error("error: %s", error)
@@ -152,7 +157,9 @@ def main() -> int:
         Hydra.get_mode = lambda *arguments, **named: None  # type: ignore[method-assign]
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
     # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _interrupts.clear()
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, _interrupt)
     if EVERYTHING in sys.argv:
         sys.argv = [sys.argv[0], "--help", "hydra/help=everything"]
     try:
@@ -249,6 +256,11 @@ def _check(config: "Config") -> None:
         except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
             reason = str(error).split("\n", 1)[0]
             raise ConfigError(f"device is {config.device!r}, which is not there: {reason}") from error
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
 
 
 def _collect_garbage() -> None:

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 import types
 
 import pandas as pd
@@ -52,6 +53,14 @@ def terminate(task, tracker):
     os.kill(os.getpid(), signal.SIGTERM)
 
 
+def lose_the_interrupt(task, tracker):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(5)
+    except KeyboardInterrupt:  # as a compiler does whose callbacks cannot raise
+        raise RuntimeError("no compiled object yet") from None
+
+
 def break_down(task, tracker):
     raise ZeroDivisionError("a bug")
 
@@ -66,6 +75,7 @@ SHOWN = {
     "odd": fail_on_odd_seeds,
     "interrupt": interrupt,
     "terminate": terminate,
+    "lost": lose_the_interrupt,
     "break": break_down,
     "fill": fill_disk,
 }
@@ -79,7 +89,7 @@ def command(tmp_path, monkeypatch):
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     monkeypatch.chdir(tmp_path)
     handlers, level = logging.root.handlers[:], logging.root.level
-    terminated = signal.getsignal(signal.SIGTERM)
+    handling = {one: signal.getsignal(one) for one in (signal.SIGTERM, signal.SIGINT)}
 
     def call(*arguments, tracking="off"):
         chosen = [] if any("experiment=" in one for one in arguments) else ["+experiment=exp1"]
@@ -94,7 +104,8 @@ def command(tmp_path, monkeypatch):
     yield call
     logging.root.handlers[:] = handlers
     logging.root.setLevel(level)
-    signal.signal(signal.SIGTERM, terminated)
+    for one, handler in handling.items():
+        signal.signal(one, handler)
 
 
 def statuses(folder):
@@ -193,7 +204,7 @@ def test_outputs_that_cannot_be_written_are_one_line(command, capsys, tmp_path, 
     assert "error: the outputs cannot be written" in error and "Traceback" not in error
 
 
-@pytest.mark.parametrize("stage", ["interrupt", "terminate"])
+@pytest.mark.parametrize("stage", ["interrupt", "terminate", "lost"])
 @pytest.mark.parametrize("multirun", [[], ["-m"]])
 def test_an_interrupt_says_how_to_go_on(command, capsys, tmp_path, stage, multirun):
     assert command(*multirun, f"stages=[{stage}]") == 130

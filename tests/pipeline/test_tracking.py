@@ -1,13 +1,16 @@
 import json
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from sidegan.pipeline import tracking
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
+from sidegan.untracked import main as send_all
 from tests.pipeline.conftest import NOWHERE, client_of
 
 
@@ -182,6 +185,62 @@ def test_where_nothing_can_be_kept_either_that_is_told_once(root, tmp_path, capl
 def test_a_run_folder_that_cannot_be_written_stops_nothing_either(root, tmp_path):
     with Tracker(root, tmp_path / "missing", "exp1", "name", NOWHERE) as tracker:
         tracker.log_metrics({"nmse": 0.5})
+
+
+SHORT = """
+import sys
+from pathlib import Path
+from sidegan.pipeline.tracking import Tracker
+root = Path(sys.argv[1])
+with Tracker(root, root / "short", "exp1", "short", patience=600) as tracker:
+    tracker.log_params({"seed": 1})
+    tracker.log_artifact(root / "short" / "table.csv")
+assert "mlflow" not in sys.modules
+"""
+
+
+def test_a_short_run_is_recorded_when_it_has_ended_by_another_process(root):
+    (root / "short").mkdir()
+    (root / "short" / "table.csv").write_text("a,b")
+    subprocess.run([sys.executable, "-c", SHORT, str(root)], check=True, timeout=600)
+    until = time.monotonic() + 300
+    while len(list((root / "short").iterdir())) > 1 and time.monotonic() < until:
+        time.sleep(0.5)
+    assert [path.name for path in (root / "short").iterdir()] == ["table.csv"], "nothing is kept any more"
+    client = client_of(root)
+    (run,) = client.search_runs(["1"], "attributes.run_name = 'short'")
+    assert run.info.status == "FINISHED" and run.data.params == {"seed": "1"}
+    assert [file.path for file in client.list_artifacts(run.info.run_id)] == ["table.csv"]
+
+
+def test_an_interrupted_short_run_is_recorded_too(root, start, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(tracking.subprocess, "Popen", lambda command, **how: asked.append((command, how)))
+    with pytest.raises(KeyboardInterrupt), start(name="stopped", patience=600) as tracker:
+        tracker.log_metrics({"nmse": 0.5})
+        raise KeyboardInterrupt
+    ((command, how),) = asked
+    assert how["start_new_session"], "Ctrl-C is for everything that a terminal has started"
+    assert [record["kind"] for record in untracked(tmp_path)] == ["run", "metrics", "status"]
+    assert command[1:3] == ["-m", "sidegan.untracked"] and send_all(command[3:]) == 0
+    (run,) = client_of(root).search_runs(["1"], "attributes.run_name = 'stopped'")
+    assert run.info.status == "KILLED" and run.data.metrics == {"nmse": 0.5}
+
+
+def test_a_run_that_takes_longer_is_recorded_as_it_goes(root, start, tmp_path):
+    with start(patience=1e-9) as tracker:
+        tracker.log_metrics({"nmse": 0.5})
+        assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
+        tracker.log_metrics({"nmse": 0.4})
+    run = client_of(root).get_run(tracker.run_id)
+    assert run.info.status == "FINISHED" and run.data.metrics == {"nmse": 0.4}
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_short_run_whose_folder_cannot_be_written_is_recorded_at_once(root, tmp_path):
+    with Tracker(root, tmp_path / "missing", "exp1", "homeless", patience=600) as tracker:
+        tracker.log_metrics({"nmse": 0.5})
+    assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
 
 
 def test_without_tracking_mlflow_is_not_even_imported(tmp_path):
