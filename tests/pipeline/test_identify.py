@@ -23,6 +23,7 @@ from sidegan.pipeline.stages.selection import excitation_sets
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.robot import load_robot
+from tests.pipeline.conftest import client_of
 from tests.recording.conftest import real
 from tests.recording.files import frame
 from tests.recording.made import moved
@@ -159,18 +160,33 @@ def test_the_python_class_gives_the_consistent_models_torques(once, consistent):
     np.testing.assert_allclose(model.mass_matrix(q) @ ddq, inertia - coriolis, rtol=0, atol=1e-9)
 
 
-def test_mlflow_loads_the_same_from_the_folder(once, consistent):
+@pytest.fixture
+def recorded(once, files, monkeypatch):
+    """The address of the model in the MLflow run of the same command, whose artifact is there."""
+    folder = once[1]
+    outputs, (a, b, c) = folder.parents[1], files
+    given = f"recordings=[{a},{b}]", f"validation=[{c}]", f"outputs={outputs}"
+    kept = "tracking=local", "tracking.patience=0"
+    run_stages(validate(composed("+experiment=identify", "robot=planar2", *given, *kept)), folder, "again")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{outputs / 'mlflow.db'}")
+    (run,) = client_of(outputs).search_runs(["1"])
+    return f"runs:/{run.info.run_id}/identify"
+
+
+@pytest.mark.parametrize("source", ["folder", "run"])
+def test_mlflow_loads_the_same_from_the_folder_and_by_the_run(once, consistent, source, request):
     import mlflow
 
     folder, (torque, states, _) = once[1], consistent
+    address = str(folder) if source == "folder" else request.getfixturevalue("recorded")
     names = [f"{letter}_{joint}" for letter in ("q", "dq", "ddq") for joint in ("shoulder", "elbow")]
     table = pd.DataFrame(torch.cat(states, 1).numpy(), columns=names)[names[::-1]]
     table.index = table.index + 100
-    found = mlflow.pyfunc.load_model(str(folder)).predict(table)
+    found = mlflow.pyfunc.load_model(address).predict(table)
     assert [*found.columns] == ["tau_shoulder", "tau_elbow"] and found.index.equals(table.index)
     np.testing.assert_allclose(found.to_numpy(), torque.numpy(), rtol=0, atol=1e-9)
     with pytest.raises(mlflow.exceptions.MlflowException, match="q_elbow"):
-        mlflow.pyfunc.load_model(str(folder)).predict(table.drop(columns="q_elbow"))
+        mlflow.pyfunc.load_model(address).predict(table.drop(columns="q_elbow"))
 
 
 def test_the_python_class_is_the_weighted_model_where_that_predicts_better(planar, tmp_path):
