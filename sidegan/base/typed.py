@@ -114,9 +114,9 @@ class _Reader:
         return found
 
     def value(self, hint: Any, value: Any, path: str) -> Any:
-        plain, bounds, optional = _unwrap(_arm(hint, value))
-        if optional and value is None:
+        if value is None and NoneType in get_args(hint):
             return None
+        plain, bounds, _ = _unwrap(_arm(hint, value))
         if dataclasses.is_dataclass(plain):
             return self.record(plain, value, path)  # type: ignore[arg-type]
         origin, arguments = get_origin(plain), get_args(plain)
@@ -158,7 +158,8 @@ _NAMES = {int: "a whole number", float: "a number", str: "text", bool: "true or 
 
 def _expected(hint: Any, null: bool = True) -> str:
     if len(arms := _arms(hint)) > 1:
-        return ", or ".join(_expected(arm) for arm in arms)
+        either = [*map(_expected, arms), *(["null"] if null and NoneType in get_args(hint) else [])]
+        return ", or ".join(either)
     plain, bounds, optional = _unwrap(hint)
     origin, arguments = get_origin(plain), get_args(plain)
     if optional and null:

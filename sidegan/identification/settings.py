@@ -82,8 +82,10 @@ class GoalSettings:
     # "condition": each of a small condition number, of rigid bodies alone; the others are of the configured
     # model, and a list is of links whose parameters are wanted
     wanted: Literal["condition", "all", "payload", "prediction"] | list[str]
-    # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N]
-    noise: Positive | list[Positive]
+    # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N];
+    # null: that of the recordings where a model is known, else the share that is assumed
+    noise: Positive | list[Positive] | None
+    assumed: Positive
     correlation: Seconds  # time over which that noise keeps its sign
     believed: Positive  # deviation of the description's parameters, in their typical sizes
 
@@ -94,10 +96,15 @@ class GoalSettings:
             ConfigError: when there is not one per joint.
         """
         if not isinstance(self.noise, list):
-            return self.noise * usual
+            return (self.noise or self.assumed) * usual
         if len(self.noise) != len(usual):
             raise ConfigError(f"goal.noise has {len(self.noise)} numbers, the arm has {len(usual)} joints")
         return torch.tensor(self.noise, dtype=torch.float64)
+
+    @property
+    def rate(self) -> float:
+        """Of samples whose noise is independent [Hz]."""
+        return 1 / (2 * self.correlation)
 
 
 @dataclass(frozen=True)

@@ -104,10 +104,8 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
         )
     model, usual = TorqueModel(body, terms), usual_torque(body)
     covariance = torch.linalg.inv(belief(model, usual, goal.believed))
-    rate = 1 / (2 * goal.correlation)  # of samples whose noise is independent
-    return Uncertain(
-        model, covariance, 1 / goal.deviation(usual), rate, wanted_of(goal, usual, identified=False)
-    )
+    wanted = wanted_of(goal, usual, identified=False)
+    return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, wanted)
 
 
 def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:

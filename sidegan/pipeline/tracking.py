@@ -188,9 +188,9 @@ class Tracker:
         """Have what was kept sent by a process that outlives this one, and Ctrl-C."""
         command = [sys.executable, "-m", "sidegan.untracked", str(self.root), "--only", str(self.folder)]
         command += ["--uri", self.uri] if self.uri else []
-        quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        none = subprocess.DEVNULL
         try:
-            subprocess.Popen(command, start_new_session=True, **quiet)
+            subprocess.Popen(command, stdin=none, stdout=none, stderr=none, start_new_session=True)
         except OSError:
             self._catch_up(waiting)
             return

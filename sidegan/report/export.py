@@ -60,10 +60,12 @@ def show(table: pd.DataFrame, caption: str) -> None:
     from rich.table import Table
 
     rows = table.reset_index().astype(str)
-    drawn = Table(title=caption, title_justify="left", title_style="bold")
+    drawn = Table()
     for i, column in enumerate(rows.columns):
         drawn.add_column(str(column), justify="left" if i == 0 else "right", overflow="fold")
     for row in rows.to_numpy().tolist():
         drawn.add_row(*row)
     width = None if sys.stdout.isatty() else 150
-    Console(file=sys.stdout, width=width, markup=False).print(drawn)  # "[s]" is a unit and no style
+    console = Console(file=sys.stdout, width=width, markup=False)  # "[s]" is a unit and no style
+    console.print(caption, style="bold", soft_wrap=True, highlight=False)  # paths stay whole
+    console.print(drawn)

@@ -20,7 +20,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 from tests.identification.recordings import model_of, multisine
 
-SETTINGS = GoalSettings(wanted="all", noise=0.05, correlation=0.03, believed=1.0)
+SETTINGS = GoalSettings(wanted="all", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
 SEARCH = Search(starts=4, rough=15, strict=25, samples=4, reserve=0.02)
 TERMS = replace(FULL, sign_width=0.03)
 GOALS = {"all": "all", "links": ["forearm"], "payload": "payload", "prediction": "prediction"}

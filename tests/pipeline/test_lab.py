@@ -21,6 +21,8 @@ from tests.recording.made import moved
 from tests.tiny import composed
 
 NOISE = 0.2
+WHITE = "goal.correlation=0.005"  # s: at the 100 Hz of the recordings
+SAME, ONE_LOUDER = (WHITE, "goal.noise=[0.2,0.2]"), (WHITE, "goal.noise=[0.2,2]")
 
 
 def ran(outputs, experiment, *overrides):
@@ -132,6 +134,16 @@ def test_what_to_do_next_is_a_command_that_designs_for_it(planar, tmp_path):
     assert np.ptp(table.q_elbow) > 5 * np.ptp(q[:, 1].numpy())
     with pytest.raises(ConfigError, match="expected the folder of a run of"):
         ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={tmp_path}", *small)
+
+    def expected(*noise):
+        goal = "goal.wanted=all", *noise
+        folder = ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={known}", *small, *goal)
+        return pd.read_csv(folder / "goal.csv", index_col=0)["with the set"]
+
+    as_before, alike, louder = expected(), expected(*SAME), expected(*ONE_LOUDER)
+    np.testing.assert_allclose(alike, as_before, rtol=0.35)
+    rises = louder / alike
+    assert (rises[["fv2", "fc2", "fo2"]] > 1.4).all() and (rises[["fc1", "fo1"]] < 1.3).all()
 
 
 def test_a_set_for_a_tool_says_how_well_it_will_be_told(tmp_path):

@@ -86,9 +86,12 @@ def _aim(task: Task) -> Uncertain | None:
     """
     cfg = task.cfg
     if cfg.known is not None:
-        known = known_model(Path(cfg.known), task.arm)
-        wanted = wanted_of(cfg.goal, usual_torque(task.body), identified=True)
-        return Uncertain(known.model, known.covariance, known.certainty, known.rate, wanted)
+        known, usual = known_model(Path(cfg.known), task.arm), usual_torque(task.body)
+        certainty, rate = known.certainty, known.rate
+        if cfg.goal.noise is not None:  # what is measured next has another noise than the recordings
+            certainty, rate = 1 / cfg.goal.deviation(usual), cfg.goal.rate
+        wanted = wanted_of(cfg.goal, usual, identified=True)
+        return Uncertain(known.model, known.covariance, certainty, rate, wanted)
     return None if cfg.goal.wanted == "condition" else unmeasured(task.body, cfg.model, cfg.goal)
 
 
