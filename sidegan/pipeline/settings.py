@@ -49,6 +49,7 @@ from sidegan.seeds.settings import Long, Seeds
 from sidegan.worth.settings import WorthSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_PARTS = ("subset", "half", "only", "column")  # of a comparison of sets and columns
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -145,8 +146,9 @@ class Config:
         return self.validation if isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
-        """All settings that are composed, as plain values."""
-        return {name: value for name, value in asdict(self).items() if self.has(name)}
+        """All settings that are composed, as plain values; parts of a comparison that is not made are none."""
+        values = {name: value for name, value in asdict(self).items() if self.has(name)}
+        return {name: value for name, value in values.items() if value is not None or name not in _PARTS}
 
     def __post_init__(self) -> None:
         variants = [
