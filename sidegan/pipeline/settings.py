@@ -146,7 +146,7 @@ class Config:
         return self.validation if isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
-        """All settings that are composed, as plain values; parts of a comparison that is not made are none."""
+        """All settings that are composed, as plain values, without parts of comparisons that are not made."""
         values = {name: value for name, value in asdict(self).items() if self.has(name)}
         return {name: value for name, value in values.items() if value is not None or name not in _PARTS}
 

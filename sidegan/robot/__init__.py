@@ -8,6 +8,7 @@ from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, 
 from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
+from sidegan.robot.write_usd import usd_installed, write_usd
 
 __all__ = [
     "HIGHER",
@@ -28,8 +29,10 @@ __all__ = [
     "pinocchio_model",
     "pseudo_inertia",
     "require_consistent",
+    "usd_installed",
     "with_effort",
     "words",
     "write_mjcf",
     "write_urdf",
+    "write_usd",
 ]

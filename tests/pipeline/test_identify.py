@@ -110,6 +110,17 @@ def test_everything_is_left_in_the_runs_folder(once):
     assert "planar2" in text and "c.csv" in text
 
 
+def test_where_the_converter_is_the_model_is_left_as_usd(once):
+    pytest.importorskip("urdf_usd_converter")
+    from pxr import Usd, UsdPhysics
+
+    folder = once[1]
+    stage, links = Usd.Stage.Open(str(folder / "planar2.usdc")), pd.read_csv(folder / "links.csv")
+    bodies = {prim.GetName(): UsdPhysics.MassAPI(prim) for prim in stage.Traverse()}
+    for link in links.itertuples():
+        assert bodies[link.link].GetMassAttr().Get() == pytest.approx(link.m, rel=1e-6)
+
+
 def test_the_urdf_is_that_of_the_consistent_links(once, planar):
     _, folder = once
     arm = load_robot(folder / "planar2.urdf")

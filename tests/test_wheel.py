@@ -1,0 +1,49 @@
+"""A wheel holds what the commands need where there is no clone."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+HELD = ("sidegan", "experiments", "conf")
+
+
+def tracked():
+    """Files of the repository that a wheel is to hold, where it holds them."""
+    listed = subprocess.run(["git", "ls-files", *HELD], cwd=ROOT, capture_output=True, text=True)
+    files = listed.stdout.split()
+    if not files:
+        pytest.skip("this is no clone")
+    return {f"sidegan/{file}" if file.startswith("conf/") else file for file in files}
+
+
+def test_every_file_of_ours_is_in_the_wheel_and_nothing_else():
+    wheel = pytest.importorskip("hatchling.builders.wheel")
+    builder = wheel.WheelBuilder(str(ROOT))
+    with builder.config.set_build_data({"artifacts": [], "force_include": {}}):
+        held = {one.distribution_path for one in builder.recurse_included_files()}
+    there = {file for file in tracked() if (ROOT / file.replace("sidegan/conf/", "conf/")).exists()}
+    assert there <= held
+    assert {path.split("/")[0] for path in held} == {"sidegan", "experiments"}
+    assert not [path for path in held if path.endswith((".nbc", ".nbi", ".pyc"))]
+
+
+def test_settings_are_found_in_the_wheel_where_there_is_no_clone(tmp_path):
+    """The package's own copy of conf/, as the wheel has it, goes before the one beside the package."""
+    code = (
+        "import shutil, sys; from pathlib import Path; root = Path(sys.argv[1])\n"
+        "shutil.copytree(root / 'sidegan', 'sidegan', ignore=shutil.ignore_patterns('__pycache__'))\n"
+        "shutil.copytree(root / 'conf', 'sidegan/conf')\n"
+        "sys.path.insert(0, '.')\n"
+        "from sidegan.pipeline.run import CONF\n"
+        "assert CONF == Path('sidegan/conf').resolve(), CONF\n"
+        "sys.argv = ['sidegan', '+experiment=excite', '--cfg', 'job']\n"
+        "from sidegan.pipeline.run import main\n"
+        "sys.exit(main())"
+    )
+    ran = subprocess.run(
+        ["python", "-I", "-c", code, str(ROOT)], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "experiment: excite" in ran.stdout
