@@ -13,7 +13,7 @@ from itertools import combinations, product
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
+import scipy  # its parts are imported when they are used
 
 from sidegan.base.storage import write_bytes
 from sidegan.errors import StorageError
@@ -135,12 +135,14 @@ class _Scene:
 
     def _add(self, shape: Shape, corners: Points, rounding: float) -> None:
         """Add a piece; flat ones, which hold little that the mesh does not, are left out."""
-        with suppress(QhullError, ValueError):
+        with suppress(scipy.spatial.QhullError, ValueError):
             out = corners - corners.mean(0)
             out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
             points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
             points.extend(list(corners + _ROUND * rounding * out))  # coal takes no rounded hulls near meshes
-            triangles.extend([coal.Triangle(*face) for face in ConvexHull(corners).simplices.tolist()])
+            triangles.extend(
+                [coal.Triangle(*face) for face in scipy.spatial.ConvexHull(corners).simplices.tolist()]
+            )
             body = coal.Convex(points, triangles)
             name = f"piece {self.geometry.ngeoms}"
             one = pin.GeometryObject(name, shape.link + 1, 0, pin.SE3.Identity(), body)
