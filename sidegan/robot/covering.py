@@ -17,6 +17,7 @@ from sidegan.robot.capsule_fit import (
     guess,
     hull_volume,
 )
+from sidegan.robot.splitting import cut_further
 
 _FINE = 12  # edges are at most this part of a mesh's size, so that planes can cut it
 _SAMPLE = 3_000  # triangles that the cuts are chosen by
@@ -41,7 +42,7 @@ class Part:
         return self.ends, self.radius
 
 
-def cover(meshes: Sequence[Points], most: int) -> list[Part]:
+def cover(meshes: Sequence[Points], most: int, further: int = 0) -> list[Part]:
     """Parts of a link's meshes with capsules and hulls that each triangle is within one of.
 
     Triangles go to parts as a whole: capsules and hulls are convex, and hold a triangle whose corners they
@@ -51,6 +52,7 @@ def cover(meshes: Sequence[Points], most: int) -> list[Part]:
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
         most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
+        further: parts that these are then cut into at most, to leave out what only hulls hold.
     """
     edge = float(np.ptp(np.concatenate(meshes).reshape(-1, 3), axis=0).max()) / _FINE
     groups = [
@@ -65,7 +67,8 @@ def cover(meshes: Sequence[Points], most: int) -> list[Part]:
             break
         part, axis, height = cut
         owner[(owner == part) & (middles @ axis >= height)] = cutter.count - 1
-    return [_part(fine[owner == k]) for k in range(cutter.count) if (owner == k).any()]
+    parts = [fine[owner == k] for k in range(cutter.count) if (owner == k).any()]
+    return [_part(part) for part in (cut_further(parts, further) if further > len(parts) else parts)]
 
 
 def _part(triangles: Points) -> Part:

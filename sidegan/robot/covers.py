@@ -19,9 +19,11 @@ from sidegan.robot.hull import thinned
 
 VERSION = 1  # raise it when covers of the same mesh become others
 SEVERAL = 3  # the same of links with several meshes
+FURTHER = 2  # the same of links that are cut further
 VARIABLE = "SIDEGAN_CACHE"  # environment variable that names the folder of the cache
 
 _FINE = 3e-4  # [m] by which hulls may be larger than they need be, for fewer corners
+_FINER = 3e-5  # the same of those that are cut further: some links pass within a fraction of a millimetre
 _log = logging.getLogger(__name__)
 
 
@@ -35,7 +37,9 @@ class Cover:
     rounding: tuple[float, ...]  # radius of the ball that is added to each hull [m]
 
 
-def cover_of(meshes: str, count: int, triangles: Callable[[], list[Points]], pieces: int) -> Cover:
+def cover_of(
+    meshes: str, count: int, triangles: Callable[[], list[Points]], pieces: int, further: int = 0
+) -> Cover:
     """Cover of the meshes of a link, from the cache where it is there.
 
     Args:
@@ -43,12 +47,14 @@ def cover_of(meshes: str, count: int, triangles: Callable[[], list[Points]], pie
         count: their number.
         triangles: gives the corners of the triangles of each [m], (N, 3, 3).
         pieces: their number at most.
+        further: into how many parts these are cut then, at most; the digest does not tell.
     """
     digest = hashlib.sha256(f"{meshes} {pieces} {VERSION if count == 1 else SEVERAL}".encode()).hexdigest()
-    file = cache_folder() / "shapes" / f"{digest}.npz"
+    name = hashlib.sha256(f"{digest} {further} {FURTHER}".encode()).hexdigest() if further else digest
+    file = cache_folder() / "shapes" / f"{name}.npz"
     found = read(file, digest)
     if found is None:
-        found = make(digest, triangles(), pieces)
+        found = make(digest, triangles(), pieces, further)
         with suppress(StorageError):  # a folder that cannot be written: the work is done again next time
             write(file, found)
     return found
@@ -61,11 +67,11 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
 
 
-def make(digest: str, meshes: list[Points], pieces: int) -> Cover:
+def make(digest: str, meshes: list[Points], pieces: int, further: int = 0) -> Cover:
     """A cover of the triangles of some meshes, (N, 3, 3) each."""
     _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
-    parts = cover(meshes, pieces)
-    hulls = [thinned(part.corners, _FINE) for part in parts]
+    parts = cover(meshes, pieces, further)
+    hulls = [thinned(part.corners, _FINER if further else _FINE) for part in parts]
     return Cover(
         digest,
         tuple(part.capsule for part in parts),

@@ -18,6 +18,8 @@ from sidegan.robot.named import by_name, close_names
 from sidegan.robot.setup import PLAIN, Setup
 
 if TYPE_CHECKING:
+    import pinocchio as pin
+
     from sidegan.robot.shapes import Shape
 
 _MODELS = Path(__file__).parent / "models"
@@ -78,15 +80,11 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
-    shapes = pin_model.collision_shapes(model, description, setup.pieces)
-    if setup.shapes is not None:
-        from sidegan.robot.kept import mesh_places, read_shapes
-
-        kept = read_shapes(Path(setup.shapes).expanduser(), mesh_places(model, description))
-        shapes += _wanted(kept, description)
+    shapes = pin_model.collision_shapes(model, description, setup.pieces, setup.finer)
+    shapes += _kept(model, description, setup)
     capsules = capsules_of(shapes)
     stamped = sorted(shape.digest for shape in shapes if shape.digest) + _stamped(setup, description)
-    stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION}"]
+    stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION} {setup.finer}"]
     _warn_of_missing(description)
     return Arm(
         name=description.name,
@@ -107,8 +105,13 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     )
 
 
-def _wanted(kept: list["Shape"], description: Description) -> list["Shape"]:
-    """Those of the kept shapes whose meshes are not there; these count as found."""
+def _kept(model: "pin.Model", description: Description, setup: Setup) -> list["Shape"]:
+    """Those of the setup's kept shapes whose meshes are not there; these count as found."""
+    if setup.shapes is None:
+        return []
+    from sidegan.robot.kept import mesh_places, read_shapes
+
+    kept = read_shapes(Path(setup.shapes).expanduser(), mesh_places(model, description))
     found = [shape for shape in kept if shape.owner in description.missing]
     for shape in found:
         del description.missing[shape.owner]

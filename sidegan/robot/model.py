@@ -15,6 +15,7 @@ from torch import Tensor
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 from sidegan.robot.enclosing import Points
+from sidegan.robot.refining import Refining
 from sidegan.robot.shapes import Shape, shapes_of
 
 _log = logging.getLogger(__name__)
@@ -60,17 +61,20 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def collision_shapes(model: pin.Model, description: Description, pieces: int) -> list[Shape]:
+def collision_shapes(model: pin.Model, description: Description, pieces: int, finer: int) -> list[Shape]:
     """Capsules around the collision shapes that a description gives the links, and what is inside of them.
 
     Args:
         model: Pinocchio's.
         description: the same arm's.
         pieces: convex pieces that the mesh of a link is cut into, at most.
+        finer: the same where these refuse what the meshes allow.
     """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
-    return shapes_of(geometry, model, pieces)
+    shapes = shapes_of(geometry, model, pieces)
+    further = Refining(model, geometry, description, pieces, finer).run(shapes)
+    return shapes_of(geometry, model, pieces, further) if further else shapes
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:

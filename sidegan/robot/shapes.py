@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,8 +18,9 @@ from sidegan.robot.capsule_fit import hull_volume, volume
 from sidegan.robot.covers import Cover, cover_of
 from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
 
-PIECES_VERSION = 1  # raise it when what is inside of capsules of sizes becomes something else
+PIECES_VERSION = 2  # raise it when what is inside of capsules of sizes becomes something else
 
+NONE: Mapping[str, int] = {}
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
 _HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
@@ -39,25 +40,31 @@ class Shape:
     digest: str = ""  # of the meshes it was fitted to, and where they are
 
 
-def shapes_of(geometry: pin.GeometryModel, model: pin.Model, pieces: int) -> list[Shape]:
+def shapes_of(
+    geometry: pin.GeometryModel, model: pin.Model, pieces: int, further: Mapping[str, int] = NONE
+) -> list[Shape]:
     """The collision shapes of a description, those made of meshes link by link.
 
     Args:
         geometry: the shapes as Pinocchio read them.
         model: the chain of links.
         pieces: into how many parts a link's meshes are cut at most.
+        further: into how many these are cut then, by link.
     """
     groups: dict[str, list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
         owner = model.frames[one.parentFrame].name
-        key = f"{owner} meshes" if _is_mesh(one) else one.name
+        key = f"{owner} meshes" if is_mesh(one) else one.name
         groups.setdefault(key, []).append(one)
     owners = [model.frames[group[0].parentFrame].name for group in groups.values()]
     count = Counter(owners)
     shapes = []
     for owner, group in zip(owners, groups.values()):
         name = owner if count[owner] == 1 else group[0].name
-        shape = _fitted(group, owner, pieces) if _is_mesh(group[0]) else _primitive(group[0], owner)
+        if is_mesh(group[0]):
+            shape = _fitted(group, owner, pieces, further.get(owner, 0))
+        else:
+            shape = _primitive(group[0], owner)
         shapes.append(replace(shape, name=name))
     return shapes
 
@@ -105,7 +112,8 @@ def _core(shape: Shape, k: int) -> float:
     return max(high, shape.rounding[k])
 
 
-def _is_mesh(one: pin.GeometryObject) -> bool:
+def is_mesh(one: pin.GeometryObject) -> bool:
+    """Whether a shape is one of triangles."""
     return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
@@ -178,10 +186,10 @@ class MeshGroup:
         return state.hexdigest()
 
 
-def _fitted(group: list[pin.GeometryObject], owner: str, pieces: int) -> Shape:
+def _fitted(group: list[pin.GeometryObject], owner: str, pieces: int, further: int) -> Shape:
     """Capsules and hulls around the meshes of a link."""
     meshes, placement = MeshGroup(group), group[0].placement
-    cover: Cover = cover_of(meshes.digest, len(group), lambda: meshes.triangles, pieces)
+    cover: Cover = cover_of(meshes.digest, len(group), lambda: meshes.triangles, pieces, further)
     where = hashlib.sha256(_rounded(np.r_[placement.rotation.ravel(), placement.translation])).hexdigest()
 
     def placed(points: Points) -> Points:

@@ -42,11 +42,14 @@ def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 
 @settings(max_examples=15)
-@given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 4), st.integers(1, 5))
-def test_every_triangle_is_in_the_capsule_and_in_the_hull_of_one_part(seed, triangles, pieces, meshes):
+@given(
+    st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 4), st.integers(1, 5), st.sampled_from([0, 9])
+)
+def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, triangles, pieces, meshes, further):
     whole = mesh(seed, triangles)
-    made = covers.make("", np.array_split(whole, min(meshes, triangles)), pieces)
-    assert 1 <= len(made.segments) <= pieces + (meshes - 1 if min(meshes, triangles) <= pieces else 0)
+    made = covers.make("", np.array_split(whole, min(meshes, triangles)), pieces, further)
+    most = pieces + (meshes - 1 if min(meshes, triangles) <= pieces else 0)
+    assert 1 <= len(made.segments) <= max(most, further)
     points = points_on(whole, seed)
     outside = [
         np.maximum(from_segment(ends, points) - radius, from_hull(points, hull) - rounding)

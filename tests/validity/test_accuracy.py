@@ -27,7 +27,7 @@ def test_nothing_is_missed_and_little_is_refused(name: str) -> None:
 
 def test_one_piece_a_link_misses_nothing_either() -> None:
     path = ROBOTS / ARMS[0]
-    few, many = (load_robot(path, Setup(pieces=pieces)) for pieces in (1, 4))
+    few, many = (load_robot(path, Setup(pieces=pieces, finer=pieces)) for pieces in (1, 4))
     assert len(few.capsules.names) < len(many.capsules.names) and few.digest != many.digest
     refused, missed = shape_accuracy(few, 500)
     assert missed == 0

@@ -18,6 +18,7 @@ _TRIANGLES = 120_000  # of an arm; more are merged
 _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and the factor to the next ones
 _SPHERE = 400  # corners of a ball
 _THIN = 1e-6  # [m] below which a surface has no thickness
+_DENSE = 2**31  # numbers of rows from which on they are counted anew
 _STEPS = 65_535  # of a coordinate within its surface's box
 
 
@@ -100,13 +101,23 @@ def fewer(parts: Sequence[Part]) -> list[Part]:
 
 def _clustered(part: Part, size: float) -> Part:
     cells = np.floor(part.vertices / size).astype(np.int64)
-    _, index, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    index = index.reshape(-1)
+    _, index, count = np.unique(_numbered(cells), return_inverse=True, return_counts=True)
     means = np.stack([np.bincount(index, part.vertices[:, k]) for k in range(3)], 1) / count[:, None]
     faces = index[part.faces]
     apart = (faces != np.roll(faces, 1, axis=1)).all(1)
-    _, first = np.unique(np.sort(faces[apart], axis=1), axis=0, return_index=True)
+    _, first = np.unique(_numbered(np.sort(faces[apart], axis=1)), return_index=True)
     return Part(part.link, means, faces[apart][np.sort(first)], part.colour)
+
+
+def _numbered(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A number for each of some rows (N, 3), equal for equal ones and in their order: quick to sort."""
+    number = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        low, high = column.min(initial=0), column.max(initial=0)
+        number = number * (high - low + 1) + (column - low)
+        if number.max(initial=0) >= _DENSE:  # the next product might not be a number any more
+            number = np.unique(number, return_inverse=True)[1]
+    return number
 
 
 def packed(part: Part) -> tuple[dict[str, Any], NDArray[np.uint16], NDArray[np.int64]]:
