@@ -60,6 +60,7 @@ class Contender:
     practice: bool = False  # whether laboratories run it today: what the goal compares ours with
     bad: bool = False  # whether it is known to be bad: what tells whether the study can tell
     options: dict[str, float] | None = None  # of the maker
+    files: dict[str, str] | None = None  # by arm, that a maker takes its motions from; none on other arms
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class WorthSettings:
 
     others: dict[str, str]  # further arms: descriptions by name, studied in free space where they are there
     plants: Count
+    compared: Count  # of them in the regimes too that are not judged
     sets: Count  # of each contender
     distinct: Seconds  # of motion of its own in a set that nobody designs
     designed: Seconds  # of one that is designed

@@ -12,7 +12,7 @@ from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
-from sidegan.pipeline.stages.worth import arms, expected, groups, load, sets, worth
+from sidegan.pipeline.stages.worth import arms, contenders, expected, groups, load, plants, sets, worth
 from sidegan.pipeline.store import Store
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
@@ -270,9 +270,10 @@ def test_a_goal_is_met_where_its_whole_interval_is(seconds, share, met, sure):
 
 def test_what_was_made_is_not_made_again(small, run):
     name = next(iter(small.cfg.worth.contenders))
-    before = [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)]
+    made = sets(small, name), worth(small, 0)
+    before = [small.store.require(one).stat().st_ino for one in made]
     run_stages(replace(small.cfg, stages=["worth"]), run, "again")
-    assert [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)] == before
+    assert [small.store.require(one).stat().st_ino for one in made] == before
     assert len(load(small, name)) == small.cfg.worth.sets
 
 
@@ -282,8 +283,14 @@ def test_regimes_that_are_not_judged_are_artifacts_of_their_own(task):
     judged = {name: study.regimes[name] for name in study.judged}
     alone = task.with_settings(worth=replace(study, regimes=judged))
     assert list(groups(alone)) == [""]
-    assert worth(alone, "chirp").digest == worth(task, "chirp").digest
-    assert worth(task, "chirp", "others").digest != worth(task, "chirp").digest
+    assert worth(alone, 0).digest == worth(task, 0).digest
+    assert worth(task, 0, "others").digest != worth(task, 0).digest
+
+
+def test_a_larger_study_goes_on_from_a_smaller_one(task):
+    larger = task.with_settings(worth=replace(task.cfg.worth, plants=3, compared=2))
+    assert plants(larger) == [(0, ""), (0, "others"), (1, ""), (1, "others"), (2, "")]
+    assert worth(larger, 0).digest == worth(task, 0).digest
 
 
 def test_an_arm_whose_description_is_missing_is_left_out(task):
