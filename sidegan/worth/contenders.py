@@ -2,7 +2,7 @@
 
 import math
 import statistics
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,11 +12,12 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import read_json
+from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import LACKING, Prediction, Volume
 from sidegan.design.problem import Problem
-from sidegan.design.sequence import designed
+from sidegan.design.sequence import designed, together
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import RIGID, TorqueModel
 from sidegan.identification.prior import belief
@@ -120,6 +121,23 @@ def make_set(order: Order) -> SetOf:
     if order.contender.maker not in MAKERS:
         raise ConfigError(f"worth: {order.contender.maker!r} makes no sets, expected one of {sorted(MAKERS)}")
     return MAKERS[order.contender.maker](order)
+
+
+def make_sets(orders: Sequence[Order]) -> list[SetOf]:
+    """Sets of one contender; those that are designed at once, which takes little longer than one.
+
+    Raises:
+        ConfigError: when there is no such maker.
+        InfeasibleError: when nothing valid is found.
+    """
+    first = orders[0]
+    designed = DESIGNED.get(first.contender.maker)
+    if designed is None or first.option("or", first.contender.period) != first.contender.period:
+        return [make_set(one) for one in orders]
+    problem, aims = first.problem(), [aim_of(one, *designed) for one in orders]
+    generators = [one.generator for one in orders]
+    made = together(problem, aims, first.count, first.settings.search, generators)
+    return [SetOf(problem.trajectory, c) for c in made]
 
 
 def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Prediction:
@@ -273,12 +291,6 @@ def _waypoints(order: Order) -> SetOf:
     return SetOf(Rests(order.contender.period), points.T[None])
 
 
-def _volume(order: Order, friction: bool) -> SetOf:
-    aim = aim_of(order, Volume, friction)
-    problem, c = designed([order.problem()], aim, order.count, order.settings.search, order.generator)
-    return SetOf(problem.trajectory, c)
-
-
 def _prediction(order: Order) -> SetOf:
     """Designed for the error on tasks, at the best of its periods."""
     period = order.contender.period
@@ -297,10 +309,15 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "tiny": _tiny,
     "condition": _conditioned,
     "excite": _excite,
-    "volume": lambda order: _volume(order, friction=True),
-    "rigid_volume": lambda order: _volume(order, friction=False),
+    "volume": lambda order: make_sets([order])[0],
+    "rigid_volume": lambda order: make_sets([order])[0],
     "prediction": _prediction,
     "library": _library,
     "waypoints": _waypoints,
 }
-DESIGNED = {"volume", "rigid_volume", "prediction"}  # whose sets are designed one trajectory after another
+# Whose sets are designed one trajectory after another, by what, and whether friction has a part in it.
+DESIGNED: Mapping[str, tuple[type[Prediction], bool]] = {
+    "volume": (Volume, True),
+    "rigid_volume": (Volume, False),
+    "prediction": (Prediction, True),
+}

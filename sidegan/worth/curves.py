@@ -19,6 +19,7 @@ from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
 _TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
 _REWEIGHTED = 3
+PARTS = PIECE  # [s] of motion within which errors may belong together
 NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
 FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
 
@@ -254,8 +255,19 @@ class Judge:
             variance = torch.maximum(variance, (1e-3 * scale).square())
         return x, variance, prior
 
+    def executed(self, plant: VariedPlant, one: SetOf) -> tuple[list[Tensor], Tensor, Tensor]:
+        """States, torque and friction (n, S, J) of a set as sensors see them, without noise."""
+        clock = _clock(one.family.period, plant.settings.rate)
+        return self._seen(plant.follow(one.family.roll_out(one.coefficients, clock)), plant.settings.rate)
+
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
+        states, torque, friction = self._seen(signals, rate)
+        y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (len(torque), -1))
+        return y, torque, friction
+
+    def _seen(self, signals: Signals, rate: float) -> tuple[list[Tensor], Tensor, Tensor]:
+        """States, torque and friction (B, S, J) at the sensors' rate, filtered without delay."""
         from scipy.signal import butter, sosfiltfilt  # takes half a second to import
 
         sensors, step = self.settings.sensors, round(rate / self.settings.sensors.rate)
@@ -265,11 +277,9 @@ class Judge:
         ddq = np.empty_like(q)
         ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
         ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
-        batch = len(q)
-        states = [torch.from_numpy(np.ascontiguousarray(x[:, step // 2 :: step])) for x in (q, dq, ddq)]
-        y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (batch, -1))
-        rest = (torch.from_numpy(np.ascontiguousarray(x[:, step // 2 :: step])) for x in (torque, friction))
-        return y, next(rest), next(rest)
+        kept = (x[:, step // 2 :: step] for x in (q, dq, ddq, torque, friction))
+        *states, torque, friction = (torch.from_numpy(np.ascontiguousarray(x)) for x in kept)
+        return states, torque, friction
 
 
 def disturbed(

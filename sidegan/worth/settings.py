@@ -90,6 +90,9 @@ class WorthSettings:
     misfits: Misfits  # that it knows
     search: Search
     contenders: dict[str, Contender]
+    estimated: str  # whose sets estimators are compared on
+    outliers: Share  # of the samples, where estimators are compared on outliers
+    estimators: dict[str, dict[str, float] | None]  # settings of each method
 
     def __post_init__(self) -> None:
         if unknown := set(self.judged) - set(self.regimes):
@@ -99,6 +102,8 @@ class WorthSettings:
         rate, seen = self.plant.rate, self.sensors.rate
         if not _whole(rate, seen):
             raise ConfigError(f"worth.plant.rate is {rate} Hz, expected a multiple of the sensors' {seen} Hz")
+        if self.estimated not in self.contenders or self.contenders[self.estimated].files:
+            raise ConfigError(f"worth.estimated is {self.estimated!r}, expected a contender without a file")
         for name, one in self.contenders.items():
             self._refuse(name, one)
         for side in ("ours", "practice"):

@@ -26,15 +26,17 @@ from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
 from sidegan.validity import Constraints
-from sidegan.worth import Contender, Judge, Regime, SetOf, Truth, legs, make_set
-from sidegan.worth.contenders import Order, file_of
+from sidegan.worth import Contender, Judge, Regime, SetOf, Truth, legs
+from sidegan.worth.contenders import Order, file_of, make_sets
 from sidegan.worth.cost import Cost, cost, pace
 from sidegan.worth.curves import Curves, mean_error
+from sidegan.worth.estimators import compared
 from sidegan.worth.waypoints import Rests
 
 log = logging.getLogger(__name__)
 
-SETS = "sets.pt"
+SETS, TRUTH = "sets.pt", "truth.pt"
+OUTLIERS = "outliers"
 JUDGED, OTHERS = "", "others"  # groups of regimes
 _STUDY = ("sets", "horizon", "plant", "sensors", "model", "believed", "tasks", "acceleration")
 _DESIGN = ("sets", "plant", "model", "believed", "design_tasks", "misfits", "search")
@@ -95,6 +97,16 @@ def worth(task: Task, number: int, group: str = JUDGED) -> Artifact:
     return task.artifact("worth", label, make, own, inputs, title=f"worth/{label}")
 
 
+def estimators(task: Task, number: int) -> Artifact:
+    """Estimators on one plant, in every judged regime and with outliers."""
+    settings = task.cfg.worth
+    own = {"outliers": settings.outliers, "estimators": settings.estimators, "estimated": settings.estimated}
+    make, title = partial(_make_estimators, number=number), f"worth_estimators/{number}"
+    return task.artifact(
+        "worth_estimators", f"plant{number}", make, own, {"worth": worth(task, number)}, title=title
+    )
+
+
 def plants(task: Task) -> list[tuple[int, str]]:
     """Plants and groups of regimes that are made of an arm, in the order of their work."""
     settings, made = task.cfg.worth, groups(task)
@@ -128,23 +140,20 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
     one = settings.contenders[name]
     home = tuple(task.trajectory.home or ())
     seeds = task.random(f"worth {name}").spawn(settings.sets)
-    made = []
-    for number, seed in enumerate(seeds):
-        path = build.work / f"{number}.pt"
-        if not readable(path):
-            began_one = time.process_time()
-            found = make_set(Order(place, home, settings, one, settings.count(one), seed, number))
-            took = time.process_time() - began_one
-            content = {"family": found.family.describe(), "coefficients": found.coefficients, "seconds": took}
-            write_task(path, content)
-        made.append(read_torch(path))
-        build.report(number + 1, settings.sets)
-    costs = [x["seconds"] for x in made]  # those of sets that a stopped run left too
-    build.costs.update(cpu_seconds=float(np.sum(costs)), cpu_seconds_per_set=float(np.mean(costs)))
+    path = build.work / SETS
+    if not readable(path):
+        began, count = time.process_time(), settings.count(one)
+        orders = (Order(place, home, settings, one, count, seed, k) for k, seed in enumerate(seeds))
+        found = make_sets(list(orders))
+        content = [{"family": x.family.describe(), "coefficients": x.coefficients} for x in found]
+        write_task(path, {"sets": content, "seconds": time.process_time() - began})
+    content = read_torch(path)
+    made, seconds = content["sets"], float(content["seconds"])
+    build.costs.update(cpu_seconds=seconds, cpu_seconds_per_set=seconds / len(made))
     families, coefficients = ([x[key] for x in made] for key in ("family", "coefficients"))
     write_torch(build.folder / SETS, {"families": families, "coefficients": coefficients})
-    seconds = [len(c) * f["period"] for f, c in zip(families, coefficients)]
-    report = {"sets": len(made), "seconds": float(np.mean(seconds))}
+    lasting = [len(c) * f["period"] for f, c in zip(families, coefficients)]
+    report = {"sets": len(made), "seconds": float(np.mean(lasting))}
     write_json(build.folder / REPORT, report | _violated(place, made))
 
 
@@ -163,6 +172,7 @@ def _make(task: Task, build: Build, number: int, group: str) -> None:
         moves = _tasks(task, place)
         known = {form: tuple(judge.truth(_plant(task, place, form, number), moves)) for form in forms}
         write_task(path, known)
+    write_torch(build.folder / TRUTH, read_torch(path))
     truths = {form: Truth(*x) for form, x in read_torch(path).items()}
     frames = []
     for done, name in enumerate(names):
@@ -175,6 +185,27 @@ def _make(task: Task, build: Build, number: int, group: str) -> None:
     write_parquet(build.folder / RESULTS, arrow(frame))
     last = frame[frame.time == frame.time.max()].groupby(["contender", "regime"]).error.median()
     write_json(build.folder / REPORT, {f"{name}_{regime}": float(x) for (name, regime), x in last.items()})
+
+
+def _make_estimators(task: Task, build: Build, number: int) -> None:
+    settings, place = task.cfg.worth, constraints(task)
+    judge = Judge(settings, TorqueModel(place.body, settings.model))
+    known = read_torch(task.store.require(worth(task, number)) / TRUTH)
+    made = load(task, settings.estimated)[number % settings.sets]
+    kinds = {name: (settings.regimes[name], False) for name in settings.judged}
+    kinds[OUTLIERS] = next(iter(kinds.values()))[0], True
+    rows = []
+    for done, (kind, (regime, outliers)) in enumerate(kinds.items()):
+        plant, truth = _plant(task, place, regime.form, number), Truth(*known[regime.form])
+        seed = task.number(f"worth estimators {number} {kind}")
+        found = compared(judge, plant, made, truth, regime, outliers, seed)
+        key = {"plant": number, "kind": kind, "floor": float(truth.floor())}
+        rows += [{**key, "method": method, **one._asdict()} for method, one in found.items()]
+        build.report(done + 1, len(kinds))
+    frame = pd.DataFrame(rows)
+    write_parquet(build.folder / RESULTS, arrow(frame))
+    errors = frame.groupby(["method", "kind"]).error.median()
+    write_json(build.folder / REPORT, {f"{m}_{kind}": float(x) for (m, kind), x in errors.items()})
 
 
 def _rows(
@@ -232,10 +263,11 @@ def _tasks(task: Task, place: Constraints) -> list[Motion]:
 
 def _artifacts(task: Task) -> list[Artifact]:
     """Every contender's sets, then plant by plant of each arm, so that some are complete when others are not."""
-    every = arms(task).values()
+    every = list(arms(task).values())
     made = [sets(one, name) for one in every for name in contenders(one)]
     order = sorted((where, k) for k, one in enumerate(every) for where in plants(one))
-    return [*made, *(worth(list(every)[k], *where) for where, k in order)]
+    judged = [worth(every[k], *where) for where, k in order]
+    return [*made, *judged, *(estimators(every[k], where[0]) for where, k in order if where[1] == JUDGED)]
 
 
 def _check(task: Task) -> None:
