@@ -1,13 +1,14 @@
 """The command ``python benchmarks/with_figaroh.py``: trajectories by FIGAROH's optimiser, as waypoints.
 
-They contend in the study of motions (``conf/worth``). FIGAROH needs an environment of its own, since it is no
-dependency of sidegan: ``pip install figaroh cyipopt`` (1.0.2 and 1.7.0 were used), with a library of IPOPT that
-cyipopt can be built against. This file imports nothing of sidegan, so that it runs there.
+They contend in the study of motions (``conf/worth``). FIGAROH needs an environment of its own, since it is
+no dependency of sidegan: ``pip install figaroh cyipopt`` (1.0.2 and 1.7.0 were used), with a library of
+IPOPT that cyipopt can be built against, such as that in casadi's wheel. This file imports nothing of sidegan,
+so that it runs there.
 
 Under the same limits as other contenders: those of position, velocity and torque of the description, the desk
 as a box, and distances between links. FIGAROH knows no limit of acceleration. What it is given: an initial
-guess that violates nothing (its own is drawn over all positions, which the desk never allows), and bounds that
-lead the last waypoint of the last segment back to where the first began.
+guess that violates nothing (its own is drawn over all positions, which the desk never allows), and bounds
+that lead the last waypoint of the last segment back to where the first began.
 """
 
 import argparse
@@ -31,6 +32,7 @@ from figaroh.utils.cubic_spline import CubicSpline, calc_torque
 
 _WAYPOINTS, _SEGMENT, _SEGMENTS = 5, 2.0, 2  # FIGAROH's defaults: 2 times 4 moves of 2 s
 _RATE = 20  # Hz at which it looks; its default of 100 takes five times as long
+_ATTEMPTS = 3  # at a segment, whose search may end where a limit is violated
 _SHRINK, _TRIES = 0.97, 4000  # of guesses that violate something
 _MARGIN, _SCREEN = 0.01, 0.03  # [m]
 _DESK = 4.0  # [m] edge of the box that is the desk
@@ -181,6 +183,7 @@ def config_of(robot: Robot, iterations: int) -> dict[str, Any]:
                 "problem": {
                     "soft_lim": 0.01,
                     "max_iterations": iterations,
+                    "segment_attempts": _ATTEMPTS,
                     "collision_margin": _MARGIN,
                     "collision_screen": _SCREEN,
                     "collision_check_frequency": 1.0 * _RATE,

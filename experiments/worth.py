@@ -11,12 +11,13 @@ from experiments import worth_tables
 from experiments.pages import Page, publish
 from experiments.worth_measures import Worth
 from sidegan.base.storage import write_json
-from sidegan.pipeline.stages.worth import arms, contenders, plants, sets, worth
+from sidegan.pipeline.stages.worth import JUDGED, arms, contenders, estimators, plants, sets, worth
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
 from sidegan.report.style import colours
 from sidegan.worth.contenders import file_of, seconds_of
+from sidegan.worth.curves import PARTS
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
@@ -29,17 +30,20 @@ _DISTINCT, _COLUMNS = 7, 5  # colours, and columns of the legend
 
 def collect(task: Task) -> Worth:
     """What the stage made."""
-    parts, design, violated = [], {}, {}
+    parts, estimated, design, violated = [], [], {}, {}
     for arm, one in arms(task).items():
-        for where in plants(one):
-            parts.append(one.frame(worth(one, *where)).assign(arm=arm))
+        for number, group in plants(one):
+            parts.append(one.frame(worth(one, number, group)).assign(arm=arm))
+            if group == JUDGED:
+                estimated.append(one.frame(estimators(one, number)).assign(arm=arm))
         for name in contenders(one):
             made = sets(one, name)
             seconds = one.store.costs(made).get("cpu_seconds_per_set", np.nan)
             file = file_of(one.cfg.worth.contenders[name], one.arm.name)
             design[arm, name] = float(seconds) if file is None else seconds_of(file)
             violated[arm, name] = float(one.report(made).get("violated", 0.0))
-    return Worth(task.cfg, pd.concat(parts, ignore_index=True), design, violated)
+    frames = (pd.concat(x, ignore_index=True) for x in (parts, estimated))
+    return Worth(task.cfg, *frames, design, violated)
 
 
 def present(found: Worth, folder: Path, tracker: Tracker) -> None:
@@ -50,6 +54,7 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
     judged = measures.goals(found)
     tables["goals"], tables["marks"] = worth_tables.goal_table(judged), worth_tables.marks(found)
     tables |= {f"{name}-intervals": worth_tables.intervals(found, name) for name in found.arms}
+    tables |= {f"{name}-estimators": worth_tables.estimators(found, name) for name in found.arms}
     drawn = {f"curves-{arm}": curves(found, arm) for arm in found.arms}
     numbers = measures.metrics(found)
     settings = found.cfg.worth
@@ -62,9 +67,12 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
         "discerning": measures.discerning(found),
         "practice": measures.PRACTICE,
         "best": measures.best(found),
+        "estimators": {arm: measures.estimators(found, arm) for arm in found.arms},
+        "contenders": {arm: found.contenders(arm) for arm in found.arms},
         "same_ranking": measures.rankings(found),
         "floors": measures.floors(found),
         "looser": 1 + worth_tables.LOOSER,
+        "part": PARTS,
         "soon": min(measures.SOON, settings.horizon),
     }
     flat = {arm: measures.flat(x) for arm, x in numbers.items()}

@@ -45,6 +45,7 @@ class Worth:
 
     cfg: Config
     frame: pd.DataFrame
+    estimated: pd.DataFrame  # a row per arm, plant, kind of recording and estimator
     design: dict[tuple[str, str], float]
     violated: dict[tuple[str, str], float]  # share of the time in which a set is beyond a limit
 
@@ -123,6 +124,13 @@ def best(found: Worth) -> dict[str, dict[str, tuple[str, float]]]:
         names = {part: min(side, key=means.__getitem__) for part, side in parts.items()}
         out[arm] = {part: (contenders[x].title, float(means[x])) for part, x in names.items()}
     return out
+
+
+def estimators(found: Worth, arm: str) -> dict[str, str]:
+    """The estimator with the smallest median error, by kind of recording."""
+    part = found.estimated[found.estimated.arm == arm]
+    medians = part.groupby(["kind", "method"], sort=False).error.median().unstack("method")
+    return {str(kind): str(method) for kind, method in medians.idxmin(axis=1).items()}
 
 
 def sides(contenders: Mapping[str, Contender]) -> tuple[list[str], list[str], list[str]]:

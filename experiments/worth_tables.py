@@ -34,7 +34,7 @@ def table(found: Worth, arm: str) -> pd.DataFrame:
 
 
 def intervals(found: Worth, arm: str) -> pd.DataFrame:
-    """A row per contender: how many true parameters 95 % intervals hold at the end, as they are and widened."""
+    """A row per contender: true parameters that 95 % intervals hold at the end, as they are and widened."""
     rows = {}
     for name, one in found.contenders(arm).items():
         held = {regime: found.covered(arm, name, regime) for regime in found.cfg.worth.judged}
@@ -106,3 +106,18 @@ def quotient(x: Estimate) -> str:
         return "neither arrives"
     words = [f"{v:.3g}" if np.isfinite(v) else "∞" for v in x]
     return f"{words[0]} × ({words[1]} … {words[2]})"
+
+
+def estimators(found: Worth, arm: str) -> pd.DataFrame:
+    """A row per estimator: its error over the floor, and what its intervals hold, by kind of recording."""
+    part, rows = found.estimated[found.estimated.arm == arm], {}
+    for method, own in part.groupby("method", sort=False):
+        row = {}
+        for kind, one in own.groupby("kind", sort=False):
+            floor = one.floor.clip(lower=found.cfg.worth.resolution)
+            row[f"error over the floor, {kind}"] = f"{(one.error / floor).median():.3g}"
+        for kind, one in own.groupby("kind", sort=False):
+            both = 100 * one.covered.mean(), 100 * one.widened.mean()
+            row[f"intervals hold, {kind} [%]"] = " → ".join(f"{x:.0f}" for x in both)
+        rows[str(method)] = row
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("estimator")

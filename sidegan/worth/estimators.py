@@ -67,9 +67,7 @@ def _outliers(
     return hit * random.standard_normal(shape) * plant.scale
 
 
-def _widened(
-    judge: Judge, recordings: list[Measurements], parameters: Tensor, weights: Tensor
-) -> Tensor:
+def _widened(judge: Judge, recordings: list[Measurements], parameters: Tensor, weights: Tensor) -> Tensor:
     """Standard deviations (P,) of weighted least squares that allow for what the model lacks."""
     size = round(PARTS * judge.settings.sensors.rate)
     scores, matrix = [], torch.zeros(len(parameters), len(parameters), dtype=torch.float64)

@@ -37,7 +37,7 @@ class Rests:
         return asdict(self)
 
     def violations(self, constraints: Constraints, points: Tensor) -> dict[str, float]:
-        """Share of the time in which each constraint is violated by motions through waypoints (B, J, K + 1)."""
+        """Share of the time in which motions through waypoints (B, J, K + 1) violate each constraint."""
         times = torch.arange(round(self.period * _RATE), dtype=torch.float64) / _RATE
         states = [x.flatten(0, 1) for x in self.roll_out(points, times)[1:]]
         states += [torch.zeros_like(states[0])] if "jerk" in constraints.higher else []

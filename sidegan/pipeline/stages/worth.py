@@ -160,7 +160,8 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
 def _violated(place: Constraints, made: list[dict[str, Any]]) -> dict[str, float]:
     """Share of the time in which a limit is violated by sets that nobody here made; others never do."""
     every = [SetOf.of(x["family"], x["coefficients"]) for x in made]
-    shares = [one.family.violations(place, one.coefficients) for one in every if isinstance(one.family, Rests)]
+    others = [(one.family, one.coefficients) for one in every if isinstance(one.family, Rests)]
+    shares = [family.violations(place, points) for family, points in others]
     return {"violated": float(np.mean([max(x.values()) for x in shares]))} if shares else {}
 
 
@@ -262,7 +263,7 @@ def _tasks(task: Task, place: Constraints) -> list[Motion]:
 
 
 def _artifacts(task: Task) -> list[Artifact]:
-    """Every contender's sets, then plant by plant of each arm, so that some are complete when others are not."""
+    """Every contender's sets, then plant by plant of each arm: some are complete while others are not."""
     every = list(arms(task).values())
     made = [sets(one, name) for one in every for name in contenders(one)]
     order = sorted((where, k) for k, one in enumerate(every) for where in plants(one))
