@@ -14,6 +14,8 @@ from sidegan.base.typed import build
 from sidegan.controllers import Course, csv_text
 from sidegan.designer import Aim, Design, Designer, Situation
 from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.uncertain import rigid_information
+from sidegan.pipeline.known import Known, known_model
 from sidegan.pipeline.schema import Asked, Several
 from sidegan.pipeline.stages import generator, starts
 from sidegan.pipeline.task import Task
@@ -34,13 +36,15 @@ class Answer:
 def collect(task: Task) -> list[Answer]:
     """The designer's answers, in the order of the questions."""
     cfg = task.cfg
+    known = None if cfg.known is None else known_model(Path(cfg.known), task.arm)
     begin = generator.load if cfg.design.starts == "generator" else starts.load
     designer = Designer(task.constraints, task.trajectory, cfg.designer, begin(task))
     answers = []
     for number, asked in enumerate(questions(task), 1):
         name = folder_name(asked.name or f"situation-{number}")
         try:
-            design = designer.ask(*_meant(asked), cfg.design.evaluations, cfg.design.deadline)
+            what = _meant(asked, known, cfg.designer.rate)
+            design = designer.ask(*what, cfg.design.evaluations, cfg.design.deadline)
         except (ConfigError, ShapeError) as error:
             raise type(error)(f"{name}: {error}") from error
         answers.append(Answer(name, asked, design))
@@ -69,10 +73,15 @@ def questions(task: Task) -> list[Asked]:
     return asked
 
 
-def _meant(asked: Asked) -> tuple[Situation, Aim]:
+def _meant(asked: Asked, known: Known | None, rate: float) -> tuple[Situation, Aim]:
+    """Where to move, and for what; beside what is known, with torques measured at a rate [Hz]."""
     regions = [region.shape for region in asked.regions or ()]
     place = Situation(asked.home, regions, asked.velocity, asked.torque, asked.period, asked.clearance)
-    return place, Aim(asked.aim, None, asked.noise, asked.links)
+    if known is None:
+        return place, Aim(asked.aim, None, asked.noise, asked.links)
+    prior = rigid_information(known.model, known.covariance).numpy()
+    noise = asked.noise or ((rate / known.rate) ** 0.5 / known.certainty).tolist()
+    return place, Aim(asked.aim, prior, noise, asked.links)
 
 
 def present(answers: list[Answer], folder: Path, tracker: Tracker) -> None:

@@ -11,37 +11,39 @@ from experiments import worth_tables
 from experiments.pages import Page, publish
 from experiments.worth_measures import Worth
 from sidegan.base.storage import write_json
-from sidegan.pipeline.stages.worth import JUDGED, arms, groups, sets, worth
+from sidegan.pipeline.stages.worth import JUDGED, arms, contenders, estimators, plants, sets, worth
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
 from sidegan.report.style import colours
+from sidegan.worth.contenders import file_of, seconds_of
+from sidegan.worth.curves import PARTS
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
     from matplotlib.figure import Figure
 
-_DASHES = {"solid": "solid", "dashed": "dash"}  # Plotly's names
+_DASHES = {"solid": "solid", "dashed": "dash", "dotted": "dot"}  # Plotly's names
 _SHOWN = (0.9, 30.0)  # errors over the floor
 _DISTINCT, _COLUMNS = 7, 5  # colours, and columns of the legend
 
 
 def collect(task: Task) -> Worth:
     """What the stage made."""
-    parts, design = [], {}
+    parts, estimated, design, violated = [], [], {}, {}
     for arm, one in arms(task).items():
-        names = one.cfg.worth.contenders
-        # What is not judged is shown where it was made for every contender.
-        made = [
-            group
-            for group in groups(one)
-            if group == JUDGED or all(one.store.find(worth(one, name, group)) for name in names)
-        ]
-        for name in names:
-            for group in made:
-                parts.append(one.frame(worth(one, name, group)).assign(arm=arm, contender=name))
-            design[arm, name] = float(one.store.costs(sets(one, name)).get("cpu_seconds_per_set", np.nan))
-    return Worth(task.cfg, pd.concat(parts, ignore_index=True), design)
+        for number, group in plants(one):
+            parts.append(one.frame(worth(one, number, group)).assign(arm=arm))
+            if group == JUDGED:
+                estimated.append(one.frame(estimators(one, number)).assign(arm=arm))
+        for name in contenders(one):
+            made = sets(one, name)
+            seconds = one.store.costs(made).get("cpu_seconds_per_set", np.nan)
+            file = file_of(one.cfg.worth.contenders[name], one.arm.name)
+            design[arm, name] = float(seconds) if file is None else seconds_of(file)
+            violated[arm, name] = float(one.report(made).get("violated", 0.0))
+    frames = (pd.concat(x, ignore_index=True) for x in (parts, estimated))
+    return Worth(task.cfg, *frames, design, violated)
 
 
 def present(found: Worth, folder: Path, tracker: Tracker) -> None:
@@ -51,6 +53,8 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
         show(one, f"Robot seconds, {name}")
     judged = measures.goals(found)
     tables["goals"], tables["marks"] = worth_tables.goal_table(judged), worth_tables.marks(found)
+    tables |= {f"{name}-intervals": worth_tables.intervals(found, name) for name in found.arms}
+    tables |= {f"{name}-estimators": worth_tables.estimators(found, name) for name in found.arms}
     drawn = {f"curves-{arm}": curves(found, arm) for arm in found.arms}
     numbers = measures.metrics(found)
     settings = found.cfg.worth
@@ -62,9 +66,13 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
         "monday": measures.monday(found),
         "discerning": measures.discerning(found),
         "practice": measures.PRACTICE,
+        "best": measures.best(found),
+        "estimators": {arm: measures.estimators(found, arm) for arm in found.arms},
+        "contenders": {arm: found.contenders(arm) for arm in found.arms},
         "same_ranking": measures.rankings(found),
         "floors": measures.floors(found),
         "looser": 1 + worth_tables.LOOSER,
+        "part": PARTS,
         "soon": min(measures.SOON, settings.horizon),
     }
     flat = {arm: measures.flat(x) for arm, x in numbers.items()}
@@ -82,7 +90,7 @@ def curves(found: Worth, arm: str) -> "Figure":
     figure = blank(13.0, 5.4)
     axes = figure.subplots(1, len(settings.judged), squeeze=False)[0]
     for axis, regime in zip(axes, settings.judged):
-        for (name, one), style in zip(settings.contenders.items(), _styles(found)):
+        for (name, one), style in zip(found.contenders(arm).items(), _styles(found, arm)):
             times, errors, floor = found.values(arm, name, regime)
             middle = np.median(errors / floor[..., None], (0, 1))
             axis.plot(times, middle, label=one.title, color=style[0], linestyle=style[1], linewidth=style[2])
@@ -100,13 +108,12 @@ def curves(found: Worth, arm: str) -> "Figure":
     return figure
 
 
-def _styles(found: Worth) -> list[tuple[str, str, float]]:
+def _styles(found: Worth, arm: str) -> list[tuple[str, str, float]]:
     """Colour, line style and width of each contender; ours are thick, and no two are alike."""
     few = list(colours(map(str, range(_DISTINCT))).values())
-    contenders = enumerate(found.cfg.worth.contenders.values())
     return [
-        (few[k % _DISTINCT], "dashed" if k // _DISTINCT else "solid", 3.0 if one.ours else 1.3)
-        for k, one in contenders
+        (few[k % _DISTINCT], list(_DASHES)[k // _DISTINCT], 3.0 if one.ours else 1.3)
+        for k, one in enumerate(found.contenders(arm).values())
     ]
 
 
@@ -119,7 +126,7 @@ def _interactive(found: Worth) -> "dict[str, go.Figure]":
     for arm in found.arms:
         figure = make_subplots(1, len(settings.judged), subplot_titles=settings.judged, shared_yaxes=True)
         for column, regime in enumerate(settings.judged, 1):
-            for (name, one), style in zip(settings.contenders.items(), _styles(found)):
+            for (name, one), style in zip(found.contenders(arm).items(), _styles(found, arm)):
                 times, errors, floor = found.values(arm, name, regime)
                 middle = np.median(errors / floor[..., None], (0, 1))
                 line = {"color": style[0], "dash": _DASHES[style[1]], "width": style[2]}

@@ -45,12 +45,19 @@ class Worth:
 
     cfg: Config
     frame: pd.DataFrame
+    estimated: pd.DataFrame  # a row per arm, plant, kind of recording and estimator
     design: dict[tuple[str, str], float]
+    violated: dict[tuple[str, str], float]  # share of the time in which a set is beyond a limit
 
     @property
     def arms(self) -> list[str]:
         """Arms that were studied."""
         return list(self.frame.arm.unique())
+
+    def contenders(self, arm: str) -> dict[str, Contender]:
+        """Who contends on an arm."""
+        names = set(self.frame[self.frame.arm == arm].contender)
+        return {name: one for name, one in self.cfg.worth.contenders.items() if name in names}
 
     def regimes(self, arm: str) -> list[str]:
         """Regimes that were made of an arm."""
@@ -76,11 +83,11 @@ class Worth:
         times, errors, _ = self.values(arm, name, regime)
         return 100 * errors[..., int(np.abs(times - time).argmin())]
 
-    def covered(self, arm: str, name: str, regime: str) -> float:
-        """Share of the true parameters [%] that 95 % intervals hold at the end; not a number without such."""
+    def covered(self, arm: str, name: str, regime: str) -> tuple[float, float]:
+        """Shares of the true parameters [%] that 95 % intervals hold at the end, as they are and widened."""
         frame = self.frame
         part = frame[(frame.arm == arm) & (frame.contender == name) & (frame.regime == regime)]
-        return 100 * float(part.covered.mean())
+        return 100 * float(part.covered.mean()), 100 * float(part.widened.mean())
 
     def excess(self, arm: str, name: str, regime: str, time: float) -> np.ndarray:
         """Error above the floor after a time, in points of percent, (plants, sets)."""
@@ -92,17 +99,38 @@ def goals(found: Worth) -> list[Goal]:
     settings, out = found.cfg.worth, []
     for arm in found.arms:
         for regime in settings.judged:
-            seconds = {x: found.seconds(arm, x, regime, settings.within) for x in settings.contenders}
+            contenders = found.contenders(arm)
+            seconds = {x: found.seconds(arm, x, regime, settings.within) for x in contenders}
             end = {x: np.median(found.after(arm, x, regime, settings.horizon)) for x in seconds}
             # Among those that never arrive, the closest at the end.
             order = {x: (np.median(seconds[x]), end[x]) for x in seconds}
-            ours, *best = (min(side, key=order.__getitem__) for side in sides(settings.contenders))
+            ours, *best = (min(side, key=order.__getitem__) for side in sides(contenders))
             for against, theirs in zip((PRACTICE, ALL), best):
                 share = ratio(seconds[ours], seconds[theirs], settings.resamples)
                 mine, other = (median(found, seconds[x]) for x in (ours, theirs))
-                titles = settings.contenders[ours].title, settings.contenders[theirs].title
+                titles = contenders[ours].title, contenders[theirs].title
                 out.append(Goal(arm, regime, against, *titles, mine, other, share, settings.goal))
     return out
+
+
+def best(found: Worth) -> dict[str, dict[str, tuple[str, float]]]:
+    """By arm: who has the lowest score of all, of practice and of ours, each with that score."""
+    out = {}
+    for arm in found.arms:
+        contenders = found.contenders(arm)
+        means = np.exp(scores(found, arm, found.cfg.worth.judged).mean(axis=1))
+        ours, practice, others = sides(contenders)
+        parts = {"ours": ours, PRACTICE: practice, ALL: others}
+        names = {part: min(side, key=means.__getitem__) for part, side in parts.items()}
+        out[arm] = {part: (contenders[x].title, float(means[x])) for part, x in names.items()}
+    return out
+
+
+def estimators(found: Worth, arm: str) -> dict[str, str]:
+    """The estimator with the smallest median error, by kind of recording."""
+    part = found.estimated[found.estimated.arm == arm]
+    medians = part.groupby(["kind", "method"], sort=False).error.median().unstack("method")
+    return {str(kind): str(method) for kind, method in medians.idxmin(axis=1).items()}
 
 
 def sides(contenders: Mapping[str, Contender]) -> tuple[list[str], list[str], list[str]]:
@@ -120,7 +148,7 @@ def monday(found: Worth) -> dict[str, list[tuple[str, str]]]:
     out = {}
     for arm in found.arms:
         means = scores(found, arm, found.cfg.worth.judged).mean(axis=1).sort_values()
-        titles = {x: one.title for x, one in found.cfg.worth.contenders.items()}
+        titles = {x: one.title for x, one in found.contenders(arm).items()}
         out[arm] = [(titles[str(name)], f"{np.exp(x):.2f}") for name, x in means.items()]
     return out
 
@@ -128,7 +156,7 @@ def monday(found: Worth) -> dict[str, list[tuple[str, str]]]:
 def scores(found: Worth, arm: str, regimes: list[str]) -> pd.DataFrame:
     """Mean logarithm over all times of the error over the floor, of each contender in each regime."""
     rows = {}
-    for name in found.cfg.worth.contenders:
+    for name in found.contenders(arm):
         values = (found.values(arm, name, regime) for regime in regimes)
         rows[name] = [float(np.log(errors / floor[..., None]).mean()) for _, errors, floor in values]
     return pd.DataFrame.from_dict(rows, orient="index", columns=regimes)
@@ -158,7 +186,7 @@ def discerning(found: Worth) -> dict[str, dict[float, bool]]:
 
 
 def _apart(found: Worth, arm: str, time: float) -> bool:
-    contenders, apart = found.cfg.worth.contenders, []
+    contenders, apart = found.contenders(arm), []
     for regime in found.cfg.worth.judged:
         ends = {x: median(found, found.after(arm, x, regime, time)) for x in contenders}
         bad = [ends[x].low for x, one in contenders.items() if one.bad]
@@ -185,7 +213,7 @@ def metrics(found: Worth) -> dict[str, Any]:
                 }
                 for regime in found.regimes(arm)
             }
-            for name in settings.contenders
+            for name in found.contenders(arm)
         }
         for arm in found.arms
     }

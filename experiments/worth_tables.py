@@ -13,7 +13,7 @@ LOOSER = 0.5  # of the floor: a mark that more contenders reach
 def table(found: Worth, arm: str) -> pd.DataFrame:
     """A row per contender: robot seconds in each judged regime, excess soon and at the end, design time."""
     settings, rows = found.cfg.worth, {}
-    for name, one in settings.contenders.items():
+    for name, one in found.contenders(arm).items():
         row: dict[str, str] = {}
         for regime in settings.judged:
             row[f"s, {regime}"] = shown(median(found, found.seconds(arm, name, regime, settings.within)))
@@ -25,10 +25,20 @@ def table(found: Worth, arm: str) -> pd.DataFrame:
             ends = (min(SOON, settings.horizon), settings.horizon)
             points = [float(np.median(found.excess(arm, name, regime, t))) for t in ends]
             row[f"points over the floor, {regime}"] = " → ".join(f"{x:.2f}" for x in points)
-        held = {regime: found.covered(arm, name, regime) for regime in settings.judged}
-        row |= {f"95 % intervals hold, {k} [%]": f"{x:.0f}" for k, x in held.items() if np.isfinite(x)}
-        row["design [s]"] = f"{found.design[arm, name]:.3g}"
+        seconds = found.design[arm, name]
+        row["design [s]"] = f"{seconds:.3g}" if np.isfinite(seconds) else "—"
+        if (share := found.violated[arm, name]) > 0:
+            row["beyond a limit [% of the time]"] = f"{100 * share:.2g}"
         rows[f"**{one.title}**" if one.ours else one.title] = row
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("motion").fillna("—")
+
+
+def intervals(found: Worth, arm: str) -> pd.DataFrame:
+    """A row per contender: true parameters that 95 % intervals hold at the end, as they are and widened."""
+    rows = {}
+    for name, one in found.contenders(arm).items():
+        held = {regime: found.covered(arm, name, regime) for regime in found.cfg.worth.judged}
+        rows[one.title] = {f"{regime} [%]": f"{x:.0f} → {y:.0f}" for regime, (x, y) in held.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("motion")
 
 
@@ -65,16 +75,17 @@ def marks(found: Worth) -> pd.DataFrame:
 
 def _marks(found: Worth, arm: str, regime: str) -> list[dict[str, str]]:
     settings, rows = found.cfg.worth, []
-    names = list(settings.contenders)
+    contenders = found.contenders(arm)
+    names = list(contenders)
     kinds = {f"s to {1 + LOOSER:g} × the floor": {x: found.seconds(arm, x, regime, LOOSER) for x in names}}
     for time in (min(SOON, settings.horizon), settings.horizon):
         kinds[f"error after {time:g} s [%]"] = {x: found.after(arm, x, regime, time) for x in names}
     for kind, values in kinds.items():
         medians = {x: float(np.median(value)) for x, value in values.items()}
         row = {"arm": arm, "regime": regime, "mark": kind}
-        best = [min(side, key=medians.__getitem__) for side in sides(settings.contenders)]
+        best = [min(side, key=medians.__getitem__) for side in sides(contenders)]
         for side, x in zip(("ours", *OTHERS), best):
-            row[side] = f"{settings.contenders[x].title}: {shown(median(found, values[x]))}"
+            row[side] = f"{contenders[x].title}: {shown(median(found, values[x]))}"
         for side, x in zip(OTHERS, best[1:]):
             row[f"ours : {side}"] = quotient(ratio(values[best[0]], values[x], settings.resamples))
         rows.append(row)
@@ -95,3 +106,18 @@ def quotient(x: Estimate) -> str:
         return "neither arrives"
     words = [f"{v:.3g}" if np.isfinite(v) else "∞" for v in x]
     return f"{words[0]} × ({words[1]} … {words[2]})"
+
+
+def estimators(found: Worth, arm: str) -> pd.DataFrame:
+    """A row per estimator: its error over the floor, and what its intervals hold, by kind of recording."""
+    part, rows = found.estimated[found.estimated.arm == arm], {}
+    for method, own in part.groupby("method", sort=False):
+        row = {}
+        for kind, one in own.groupby("kind", sort=False):
+            floor = one.floor.clip(lower=found.cfg.worth.resolution)
+            row[f"error over the floor, {kind}"] = f"{(one.error / floor).median():.3g}"
+        for kind, one in own.groupby("kind", sort=False):
+            both = 100 * one.covered.mean(), 100 * one.widened.mean()
+            row[f"intervals hold, {kind} [%]"] = " → ".join(f"{x:.0f}" for x in both)
+        rows[str(method)] = row
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("estimator")

@@ -116,7 +116,6 @@ SMALL = {
         "~worth.contenders.excite",
         "~worth.contenders.rigid_volume",
         "~worth.contenders.volume",
-        "~worth.contenders.volume_8",
         "~worth.contenders.prediction_16",
         "~worth.contenders.single",
         "~worth.regimes.second",

@@ -10,11 +10,14 @@ error above what the best parameters of the model reach is
 the last for what changes from one recording to the next, with m = Σ w Yᵀ b of a recording alone.
 """
 
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from sidegan.base.typed import NonNegative, Positive, Seconds
 from sidegan.errors import ShapeError
@@ -162,7 +165,7 @@ class Prediction:
         """The error's three parts, (B,), of the factor of A (B, P, P) and the moments."""
         carried = torch.cholesky_solve(self.root.expand(len(factor), -1, -1), factor)  # A⁻¹ root
         noise = (self.root * carried).sum((1, 2))
-        off = carried.mT @ lasting - self.root.T @ self.best
+        off = carried.mT @ lasting - self.root.mT @ self.best
         bias = (off.square() * self._lasting.flatten()).sum((1, 2))
         known = (carried.mT @ self.known.passing @ carried).diagonal(dim1=1, dim2=2).sum(1)
         return noise, bias, known + (carried.mT @ passing).square().sum((1, 2))
@@ -191,6 +194,25 @@ class Prediction:
         known, (information, lasting, passing) = self.known, (x[0].detach() for x in new)
         both = known.passing + passing @ passing.T
         self.known = Told(known.information + information, known.lasting + lasting, both)
+
+
+def beside(aims: Sequence["Prediction"], times: int) -> "Prediction":
+    """One aim for batches in which each of several aims has so many trajectories in a row.
+
+    The aims are of one model and one family of misfits; their tasks and what they know differ.
+    """
+    if len(aims) == 1:
+        return aims[0]
+    both, widest = copy(aims[0]), max(one.root.shape[1] for one in aims)
+    both.root = _in_a_row([pad(one.root, (0, widest - one.root.shape[1])) for one in aims], times)
+    both.best = _in_a_row([one.best for one in aims], times)
+    both.known = Told(*(_in_a_row(x, times) for x in zip(*(one.known for one in aims))))
+    return both
+
+
+def _in_a_row(parts: Sequence[Tensor], times: int) -> Tensor:
+    """Tensors (…) as a batch in which each comes so many times, (len(parts) · times, …)."""
+    return torch.stack(list(parts)).repeat_interleave(times, 0)
 
 
 def with_terms(model: Linear, rigid: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:

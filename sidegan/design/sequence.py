@@ -11,7 +11,7 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.lbfgs import BatchedLbfgs, Function
 from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
-from sidegan.design.prediction import Prediction, Told
+from sidegan.design.prediction import Prediction, Told, beside
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.validity import check
@@ -39,19 +39,40 @@ class Search:
         Raises:
             InfeasibleError: when no search ends within the constraints.
         """
+        return self.each(problem, [aim], [generator])[0]
+
+    def each(
+        self, problem: Problem, aims: Sequence[Prediction], generators: Sequence[torch.Generator]
+    ) -> list[tuple[Tensor, float]]:
+        """The same for each of several aims that differ in what they know alone, all searches at once.
+
+        Raises:
+            InfeasibleError: when no search of one of them ends within the constraints.
+        """
+        found: dict[int, tuple[Tensor, float]] = {}
         for _ in range(_TRIES):
-            c = self._descend(problem, aim, generator)
-            c = c[check(problem.constraints, problem.trajectory, c).valid]
-            if len(c):
-                with torch.no_grad():
-                    values = aim.value(told(problem, aim, c, self._points(problem, 2)))
-                best = int(values.argmin())
-                return c[best], float(values[best])
+            left = [k for k in range(len(aims)) if k not in found]
+            c = self._descend(problem, [aims[k] for k in left], [generators[k] for k in left])
+            valid = check(problem.constraints, problem.trajectory, c).valid
+            for k, own, good in zip(left, c.split(self.starts), valid.split(self.starts)):
+                if good.any():
+                    found[k] = self._best(problem, aims[k], own[good])
+            if len(found) == len(aims):
+                return [found[k] for k in range(len(aims))]
         raise InfeasibleError(f"{_TRIES * self.starts} searches ended outside the constraints")
 
-    def _descend(self, problem: Problem, aim: Prediction, generator: torch.Generator) -> Tensor:
-        coordinates = Coordinates.of(problem)
-        x = coordinates.start(problem, self.starts, generator, _REACH)
+    def _best(self, problem: Problem, aim: Prediction, c: Tensor) -> tuple[Tensor, float]:
+        with torch.no_grad():
+            values = aim.value(told(problem, aim, c, self._points(problem, 2)))
+        best = int(values.argmin())
+        return c[best], float(values[best])
+
+    def _descend(
+        self, problem: Problem, aims: Sequence[Prediction], generators: Sequence[torch.Generator]
+    ) -> Tensor:
+        """Where the searches of the aims end, (aims · starts, J, H, 2)."""
+        coordinates, aim = Coordinates.of(problem), beside(aims, self.starts)
+        x = torch.cat([coordinates.start(problem, self.starts, one, _REACH) for one in generators])
         phases = ((_ROUGH, 0.5, self.rough), (_STRICT, 1.0, self.strict))
         search: BatchedLbfgs | None = None
         for weight, share, steps in phases:
@@ -120,13 +141,40 @@ def designed(
             now = _now(aim)
             firsts = [(one, *search.one(one, aim, generator)) for one in problems]
             problem, first, _ = min(firsts, key=lambda x: (x[2] - now) / x[0].trajectory.period)
-        chosen = []
+            _take(problem, aim, search, first)
+        rest = count if first is None else count - 1
+        (c,) = together(problem, [aim], rest, search, [generator], report)
+        return problem, c if first is None else torch.cat([first[None], c])
+
+
+def together(
+    problem: Problem,
+    aims: Sequence[Prediction],
+    count: int,
+    search: Search,
+    generators: Sequence[torch.Generator],
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Tensor]:
+    """Sets of ``count`` trajectories, (count, J, H, 2), for aims that differ in what they know alone.
+
+    Each is designed given those before it in its set. All at once take little longer than one.
+
+    Raises:
+        InfeasibleError: when no search ends within the constraints.
+    """
+    chosen: list[list[Tensor]] = [[] for _ in aims]
+    with torch.no_grad():
         for number in range(count):
-            c = first if number == 0 and first is not None else search.one(problem, aim, generator)[0]
-            aim.take(told(problem, aim, c[None], search._points(problem, 4)))
-            chosen.append(c)
+            for own, aim, (c, _) in zip(chosen, aims, search.each(problem, aims, generators)):
+                _take(problem, aim, search, c)
+                own.append(c)
             report(number + 1, count)
-    return problem, torch.stack(chosen)
+    nothing = torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64)
+    return [torch.stack(own) if own else nothing for own in chosen]
+
+
+def _take(problem: Problem, aim: Prediction, search: Search, c: Tensor) -> None:
+    aim.take(told(problem, aim, c[None], search._points(problem, 4)))
 
 
 def _now(aim: Prediction) -> float:

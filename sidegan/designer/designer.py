@@ -162,7 +162,7 @@ class Designer:
         if not at_home.valid:
             blocked = tuple(f"at home, {fault}" for fault in self._faults(scene, at_home, timed=False))
             return self._answer(scene, None, budget, None, blocked)
-        pursuit = Pursuit(self.numbers, self.settings, self.prover, scene, budget)
+        pursuit = Pursuit(self.numbers, self.settings, self.prover, scene, at_home, budget)
         descent = self.descents.descent(scene, aim, pursuit.penalties)
         c, verdict = pursuit.run(descent, self._candidates(scene))
         if c is None or verdict is None:

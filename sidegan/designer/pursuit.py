@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from sidegan.designer.descent import Descent, Penalties
-from sidegan.designer.proof import Verdict
+from sidegan.designer.proof import NEAR_MARGINS, Verdict
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
 
@@ -15,16 +15,7 @@ Array = np.ndarray
 
 _WEIGHT = 300.0  # of violations
 _CHUNK = 6  # evaluations between two looks at the clock
-_CHECKPOINTS = (
-    12,
-    24,
-    48,
-    80,
-    140,
-    200,
-    300,
-    500,
-)  # evaluations of a pursuit after which what it found is proven
+_CHECKPOINTS = (12, 24, 48, 80, 140, 200, 300, 500)  # evaluations of a pursuit after which it is proven
 _FULL = 0.99  # share of its limits that a joint uses at most
 _REACH = 0.7  # that a joint of a random start uses
 _FIRST = 3  # proofs that have their time before there is an answer
@@ -32,6 +23,7 @@ _MEND, _MENDED = 8, 2  # evaluations with more in reserve where a proof fails, a
 _MORE = 0.01  # share of limits, and [m] of clearance, that is reserved besides what was lacking
 _SHRINK = (0.95, 0.88, 0.78, 0.65, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)  # towards home, where nothing else helps
 _LITTLE = 0.004  # share of limits, and [m], within which a smaller motion is not worth a proof
+_HALF = 0.5  # of what home has, where that is less
 _ALIKE = 0.01  # share by which coefficients may differ that have one goal
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
 
@@ -104,10 +96,11 @@ class Pursuit:
         settings: DesignerSettings,
         prover: Proves,
         scene: Scene,
+        at_home: Verdict,
         budget: Budget,
     ) -> None:
         self._numbers, self._settings, self._prover = numbers, settings, prover
-        self._scene, self._budget = scene, budget
+        self._scene, self._at_home, self._budget = scene, at_home, budget
         self._gradient = np.zeros_like(scene.size)
         self._random = np.random.default_rng(0)
         self.best: Array | None = None
@@ -201,7 +194,7 @@ class Pursuit:
     def _shrink(self, descent: Descent) -> None:
         """Take what a descent has found closer to home until it is proven."""
         c = self._numbers.within(self._scene, descent.coefficients, _FULL)
-        descent.penalise(replace(self.penalties, reserve=_LITTLE, torque=_LITTLE, reach=_LITTLE))
+        descent.penalise(self._bare)
         for share in _SHRINK:
             if self._budget.late:
                 break
@@ -209,6 +202,16 @@ class Pursuit:
             if cost == 0 and self._take(share * c, goal):
                 break
         descent.penalise(self._penalties)
+
+    @property
+    def _bare(self) -> Penalties:
+        """Penalties without any reserve but a little, and no more than home itself has."""
+        numbers, home = self._numbers, self._at_home
+        room = (numbers.upper - numbers.lower) / 2
+        whole = np.array([room[home.elements[0]], self._scene.torque[home.elements[2]]])
+        reserve, torque = np.minimum(_LITTLE, _HALF * home.margins[[0, 2]] / whole)
+        reach = min(_LITTLE, _HALF * float(home.margins[NEAR_MARGINS].min()))
+        return replace(self.penalties, reserve=float(reserve), torque=float(torque), reach=reach)
 
     def _offer(self, descent: Descent) -> bool:
         """Take what a descent has found, within the limits; whether there is nothing left to be done."""

@@ -108,6 +108,22 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
     return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, wanted)
 
 
+def rigid_information(model: TorqueModel, covariance: Tensor) -> Tensor:
+    """Information on rigid bodies where all else is unknown, in their orthonormal basis, (q, q).
+
+    Args:
+        model: whose parameters are known.
+        covariance: of their errors, (P, P); a parameter that is certain counts as nearly so.
+    """
+    bodies = slice(model.rigid)
+    spread = torch.linalg.solve(model.body.base.subspace, covariance[bodies, bodies])
+    spread = torch.linalg.solve(model.body.base.subspace, spread.T)
+    unit = spread.diagonal().clamp_min(_LEAST * float(spread.diagonal().max())).sqrt()
+    values, vectors = torch.linalg.eigh((spread + spread.T) / 2 / unit / unit[:, None])
+    found = (vectors / values.clamp_min(_LEAST * float(values[-1]))) @ vectors.T / unit / unit[:, None]
+    return (found + found.T) / 2
+
+
 def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:
     """What the settings say is wanted of an arm with these usual torques (J,) [N·m or N].
 

@@ -4,8 +4,10 @@ Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are 
 description says, the servos feed forward what the description says, and friction is not of a model's form.
 """
 
+import ctypes
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,6 +15,7 @@ import torch
 
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.compiled import compiled
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
@@ -137,6 +140,34 @@ class VariedPlant:
 
     def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J)."""
+        return (self._compiled if compiled() else self._plain)(q, dq, ahead)
+
+    def _compiled(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
+        """The same as ``_plain``, motion by motion and without Python between the steps."""
+        from mujoco import MjData, mj_resetData
+
+        from sidegan.motion.compiled import servos as kernels
+
+        data, step = MjData(self.model), _step()
+        simulator = kernels.Simulator(
+            step, self.model._address, data._address, data.qpos, data.qvel, data.qfrc_applied
+        )
+        law, size, form = self.law, self.law.settings, ("linear", "eyring", "tustin").index(self.law.form)
+        sizes = size.width, size.stribeck, size.load, size.asymmetry, size.position, size.ripple
+        own = law.scale, law.coulomb, law.viscous, law.speed, law.phase, law.skew
+        friction = kernels.Friction(form, *map(float, sizes), *map(np.ascontiguousarray, own))
+        servos = kernels.Servos(
+            *self._gains, self.arm.torque_limit.numpy(), self.rotor, float(self.settings.rate)
+        )
+        out = np.empty((len(q), 3, *q.shape[1:]))
+        for wanted, one in zip(np.stack([q, dq, ahead], 1), out):
+            mj_resetData(self.model, data)
+            data.qpos[:], data.qvel[:] = wanted[0, 0], wanted[1, 0]
+            kernels.follow(simulator, servos, friction, wanted, one)
+        return out[:, 0], out[:, 1], out[:, 2]
+
+    def _plain(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
+        """All motions at once, step by step."""
         from mujoco import MjData, mj_stateSize, mjtState, rollout
 
         spec, applied = mjtState.mjSTATE_FULLPHYSICS, int(mjtState.mjSTATE_QFRC_APPLIED)
@@ -170,6 +201,15 @@ class VariedPlant:
         return Signals(seen, _rounded(torque, self.settings.resolution * self.scale), friction, q)
 
 
+@cache
+def _step() -> int:
+    """Address of MuJoCo's step."""
+    import mujoco
+
+    (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
+    return int(ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p).value or 0)
+
+
 def _tool(random: np.random.Generator, most: float) -> Array:
     """Inertial parameters about the last joint's frame, (10,), of a solid sphere of random mass and place."""
     mass, centre, radius = random.uniform(0, most), random.uniform(-0.08, 0.08, 3), 0.05
@@ -187,7 +227,7 @@ def _later(x: Array, steps: float) -> Array:
     """Signals (B, T, J) that come so many steps later, in between linearly."""
     if not steps:
         return x
-    times = np.arange(x.shape[1]) - steps
-    low = np.clip(np.floor(times).astype(int), 0, None)
-    share = np.clip(times - low, 0, 1)[:, None]
-    return (1 - share) * x[:, low] + share * x[:, np.minimum(low + 1, x.shape[1] - 1)]
+    whole, share = int(steps), steps - int(steps)
+    padded = np.concatenate([np.repeat(x[:, :1], whole + 1, 1), x], 1)
+    late = padded[:, 1 : x.shape[1] + 1]
+    return (1 - share) * late + share * padded[:, : x.shape[1]] if share else late

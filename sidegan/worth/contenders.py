@@ -1,21 +1,27 @@
 """Ways to make excitation sets, all under the same limits."""
 
-from collections.abc import Callable, Mapping
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import read_json
+from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import LACKING, Prediction, Volume
 from sidegan.design.problem import Problem
-from sidegan.design.sequence import designed
+from sidegan.design.sequence import designed, together
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import RIGID, TorqueModel
 from sidegan.identification.prior import belief
+from sidegan.library import Library
 from sidegan.library.draw import draw_valid
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
@@ -23,6 +29,7 @@ from sidegan.seeds.gradient import Gradient
 from sidegan.validity import Constraints, check
 from sidegan.worth.settings import Contender, WorthSettings
 from sidegan.worth.tasks import legs, states
+from sidegan.worth.waypoints import Rests
 
 _REACH = 0.9  # of the tightest limit, that random motions and sines use
 _TINY = 0.03  # the same of motions that are known to be bad
@@ -37,8 +44,13 @@ _RESERVE = 0.05  # of each limit, as ``excite`` keeps it
 class SetOf(NamedTuple):
     """A set of trajectories, (n, J, H, 2), of one family."""
 
-    family: Trajectory
+    family: Trajectory | Rests
     coefficients: Tensor
+
+    @classmethod
+    def of(cls, family: Mapping[str, Any], coefficients: Tensor) -> "SetOf":
+        """A set of what its family's ``describe`` has told."""
+        return cls((Trajectory if "harmonics" in family else Rests)(**family), coefficients)
 
 
 @dataclass(frozen=True)
@@ -51,6 +63,7 @@ class Order:
     contender: Contender
     count: int
     seed: np.random.SeedSequence
+    number: int = 0  # of the set among those of its contender
 
     def family(self, period: float | None = None) -> Trajectory:
         """The trajectories' family."""
@@ -67,9 +80,35 @@ class Order:
         """Random numbers of the set."""
         return torch.Generator().manual_seed(int(self.seed.generate_state(1, np.uint64)[0] >> 1))
 
+    @property
+    def file(self) -> Path:
+        """The file that motions are taken from.
+
+        Raises:
+            ConfigError: when there is none for this arm.
+        """
+        name = self.constraints.arm.name
+        found = file_of(self.contender, name)
+        if found is None:
+            raise ConfigError(f"{self.contender.title}: there is no file of motions for {name}")
+        return found
+
     def option(self, name: str, default: float) -> float:
         """An option of the maker, one of ``settings.OPTIONS``."""
         return (self.contender.options or {}).get(name, default)
+
+
+def file_of(one: Contender, arm: str) -> Path | None:
+    """The file that a contender takes its motions for an arm from, if it is there."""
+    path = Path((one.files or {}).get(arm, "")).expanduser()
+    return path if path.is_file() else None
+
+
+def seconds_of(path: Path) -> float:
+    """CPU time [s] that a motion of a file took to be made; not a number where the file does not say so."""
+    if path.suffix != ".json":
+        return math.nan
+    return statistics.fmean(float(one["seconds"]) for one in read_json(path)["trajectories"])
 
 
 def make_set(order: Order) -> SetOf:
@@ -82,6 +121,23 @@ def make_set(order: Order) -> SetOf:
     if order.contender.maker not in MAKERS:
         raise ConfigError(f"worth: {order.contender.maker!r} makes no sets, expected one of {sorted(MAKERS)}")
     return MAKERS[order.contender.maker](order)
+
+
+def make_sets(orders: Sequence[Order]) -> list[SetOf]:
+    """Sets of one contender; those that are designed at once, which takes little longer than one.
+
+    Raises:
+        ConfigError: when there is no such maker.
+        InfeasibleError: when nothing valid is found.
+    """
+    first = orders[0]
+    designed = DESIGNED.get(first.contender.maker)
+    if designed is None or first.option("or", first.contender.period) != first.contender.period:
+        return [make_set(one) for one in orders]
+    problem, aims = first.problem(), [aim_of(one, *designed) for one in orders]
+    generators = [one.generator for one in orders]
+    made = together(problem, aims, first.count, first.settings.search, generators)
+    return [SetOf(problem.trajectory, c) for c in made]
 
 
 def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Prediction:
@@ -199,10 +255,40 @@ def _excite(order: Order) -> SetOf:
     return SetOf(family, pool[d_optimal(information, min(order.count, len(pool)))])
 
 
-def _volume(order: Order, friction: bool) -> SetOf:
-    aim = aim_of(order, Volume, friction)
-    problem, c = designed([order.problem()], aim, order.count, order.settings.search, order.generator)
-    return SetOf(problem.trajectory, c)
+def _library(order: Order) -> SetOf:
+    """The paper's pick from a random part of a library, of what is valid under these limits.
+
+    Raises:
+        ConfigError: when the library is of other trajectories.
+    """
+    family, library = order.family(), Library.load(order.file, order.constraints.arm)
+    found = Trajectory(family.joints, library.coefficients.shape[2], library.period, library.home)
+    if found != family:
+        raise ConfigError(f"{order.file} has trajectories of {found}, expected {family}")
+    random = np.random.default_rng(order.seed)
+    part = random.permutation(len(library))[: round(order.option("pool", 10) * order.count)]
+    c = library.coefficients[part]
+    valid = check(order.constraints, family, c).valid
+    diagonals = library.diagonal[part][valid]
+    if len(diagonals) < order.count:
+        raise InfeasibleError(f"{order.file}: hardly any trajectory is valid under these limits")
+    return SetOf(family, c[valid][greedy(diagonals, order.count)])
+
+
+def _waypoints(order: Order) -> SetOf:
+    """Moves through waypoints of a file, from rest to rest: one motion that is repeated.
+
+    Raises:
+        ConfigError: when the file holds too few motions, or of another length.
+    """
+    content = read_json(order.file)
+    motions, step = content["trajectories"], float(content["step"])
+    if order.number >= len(motions):
+        raise ConfigError(f"{order.file} holds {len(motions)} motions, expected {order.number + 1}")
+    points = torch.tensor(motions[order.number]["waypoints"], dtype=torch.float64)
+    if len(points) - 1 != round(order.contender.period / step):
+        raise ConfigError(f"{order.file}: {len(points)} waypoints take no {order.contender.period:g} s")
+    return SetOf(Rests(order.contender.period), points.T[None])
 
 
 def _prediction(order: Order) -> SetOf:
@@ -223,8 +309,15 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "tiny": _tiny,
     "condition": _conditioned,
     "excite": _excite,
-    "volume": lambda order: _volume(order, friction=True),
-    "rigid_volume": lambda order: _volume(order, friction=False),
+    "volume": lambda order: make_sets([order])[0],
+    "rigid_volume": lambda order: make_sets([order])[0],
     "prediction": _prediction,
+    "library": _library,
+    "waypoints": _waypoints,
 }
-DESIGNED = {"volume", "rigid_volume", "prediction"}  # whose sets are designed one trajectory after another
+# Whose sets are designed one trajectory after another, by what, and whether friction has a part in it.
+DESIGNED: Mapping[str, tuple[type[Prediction], bool]] = {
+    "volume": (Volume, True),
+    "rigid_volume": (Volume, False),
+    "prediction": (Prediction, True),
+}

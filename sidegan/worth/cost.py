@@ -1,7 +1,7 @@
 """What a study takes, from the pace of a few of its parts: told before it begins."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -61,11 +61,13 @@ def pace(judge: Judge, plant: VariedPlant, order: Order) -> Pace:
     return Pace(max(one - motion, 0.0), motion, _seconds(identify) / _STATES, gradient)
 
 
-def cost(settings: WorthSettings, pace: Pace) -> Cost:
-    """What the study of one arm takes."""
-    forms = len({one.form for one in settings.regimes.values()})
-    each = [_each(settings, one, pace) for one in settings.contenders.values()]
-    return Cost(sum(x.design for x in each), settings.plants * forms * sum(x.plants for x in each))
+def cost(settings: WorthSettings, contenders: Mapping[str, Contender], pace: Pace) -> Cost:
+    """What the study of one arm takes on which these contend."""
+    forms = {settings.regimes[name].form for name in settings.judged}
+    others = {one.form for name, one in settings.regimes.items() if name not in settings.judged}
+    each = [_each(settings, one, pace) for one in contenders.values()]
+    moved = settings.plants * len(forms) + min(settings.plants, settings.compared) * len(others)
+    return Cost(sum(x.design for x in each), moved * sum(x.plants for x in each))
 
 
 def _each(settings: WorthSettings, one: Contender, pace: Pace) -> Cost:

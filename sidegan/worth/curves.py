@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.prior import belief
@@ -20,6 +19,7 @@ from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
 _TIMES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 60, 72, 88, 112, 140)  # pieces
 _REWEIGHTED = 3
+PARTS = PIECE  # [s] of motion within which errors may belong together
 NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
 FIRST = 0.05  # share of a joint's torque that its residual is taken for at first
 
@@ -49,9 +49,39 @@ class Curves(NamedTuple):
     """What sets of a contender tell of one plant in one regime."""
 
     errors: Tensor  # relative error of each joint after each time, (sets, T, J)
-    # share of the true parameters that 95 % intervals hold at the end, (sets,); not a number where the plant
-    # has none that the model could find
+    # share of the true parameters that 95 % intervals hold at the end, (sets,), of those that the plant has
     covered: Tensor
+    widened: Tensor  # the same of intervals that allow for what the model lacks, (sets,)
+
+
+class Repeated(NamedTuple):
+    """A set in pieces that are executed again and again, without noise."""
+
+    regressor: Tensor  # (n, S, J, P)
+    torque: Tensor  # (n, S, J)
+    friction: Tensor  # (n, S, J)
+    gram: Tensor  # of each joint, (n, J, P, P)
+
+    @classmethod
+    def of(cls, parts: tuple[Tensor, Tensor, Tensor], period: float) -> "Repeated":
+        """Pieces of whole trajectories (n, S, …)."""
+        y, torque, friction = (_pieces(x, period) for x in parts)
+        rows = y.transpose(1, 2)
+        return cls(y, torque, friction, rows.mT @ rows)
+
+    def moments(self, torque: Tensor) -> Tensor:
+        """Σ Yᵀ τ of torques (R, S, J) of R pieces in a row, of each joint, (R, J, P)."""
+        count, total = len(self.torque), len(torque)
+        rounds = -(-total // count)
+        padded = torch.cat([torque, torque.new_zeros(rounds * count - total, *torque.shape[1:])])
+        right = padded.unflatten(0, (rounds, count)).permute(1, 3, 2, 0)  # (n, J, S, rounds)
+        return (self.regressor.permute(0, 2, 3, 1) @ right).permute(3, 0, 1, 2).flatten(0, 1)[:total]
+
+    def information(self, executed: Tensor) -> Tensor:
+        """Σ YᵀY of the first pieces in a row, as many as each of T numbers says, (T, J, P, P)."""
+        count = len(self.torque)
+        times = (executed[:, None] + count - 1 - torch.arange(count)) // count  # how often each, (T, n)
+        return torch.tensordot(times.double(), self.gram, 1)
 
 
 def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tensor) -> Tensor:
@@ -72,27 +102,48 @@ def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tens
     return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().sqrt() / unit
 
 
+def widened(scores: Tensor, matrix: Tensor, prior: Tensor) -> Tensor:
+    """Standard deviations (P,) that allow for errors that belong together within each of K parts of a motion.
+
+    What a model lacks is no noise: it comes back with the motion, in all joints at once. Parts of the motion
+    are its independent samples.
+
+    Args:
+        scores: Σ w Yᵀ r of the residuals r of each part, all its repetitions together, (K, P).
+        matrix: Σ w YᵀY and the prior, (P, P).
+        prior: information that was believed, (P, P).
+
+    Source: Liang, Zeger 1986; Cameron, Miller 2015 for the factor K / (K − 1).
+    """
+    count = len(scores)
+    middle = prior + scores.T @ scores * count / max(1, count - 1)
+    unit = matrix.diagonal().sqrt()
+    inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix / unit[:, None] / unit))
+    return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().clamp_min(0).sqrt() / unit
+
+
 def held(parameters: Tensor, deviation: Tensor, true: Tensor) -> Tensor:
-    """Share of the true parameters (P,) that 95 % intervals hold, ()."""
-    return ((parameters - true).abs() <= NORMAL * deviation).double().mean()
+    """Share of the true parameters (P,) that 95 % intervals hold, (), of those that are numbers."""
+    known = true.isfinite()
+    return ((parameters - true).abs() <= NORMAL * deviation)[known].double().mean()
 
 
 def true_parameters(plant: VariedPlant, model: TorqueModel) -> Tensor:
-    """Parameters of a plant whose friction is of the model's class, (P,).
-
-    Raises:
-        ConfigError: when its friction is of another form.
-    """
+    """Parameters of a plant, (P,); not numbers those of friction that is not of the model's class."""
     law, joints = plant.law, model.joints
-    if law.form != "linear" or law.settings.width != model.terms.sign_width:
-        raise ConfigError(f"friction of the form {law.form!r} has no parameters in the model")
-    own = {"rotor_inertia": plant.rotor, "viscous": law.viscous, "coulomb": law.coulomb}
+    own = {"rotor_inertia": plant.rotor}
+    if linear := law.form == "linear" and law.settings.width == model.terms.sign_width:
+        own |= {"viscous": law.viscous, "coulomb": law.coulomb}
     standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
     standard[: 10 * joints] = plant.true.inertial_parameters.reshape(-1)
     for kind in model.kinds:
         if kind in own:
             standard[model.standard_slice(kind)] = torch.from_numpy(own[kind])
-    return model.mapping @ standard
+    true = model.mapping @ standard
+    if not linear:
+        kinds = [model.kinds[k // joints] for k in model.extras.tolist()]
+        true[model.rigid :][torch.tensor([kind not in own for kind in kinds], dtype=torch.bool)] = torch.nan
+    return true
 
 
 def mean_error(errors: Tensor) -> Tensor:
@@ -131,15 +182,15 @@ class Judge:
         self, plant: VariedPlant, sets: list[SetOf], truth: Truth, regimes: dict[str, Regime], seed: int
     ) -> dict[str, Curves]:
         """What sets tell of a plant, by regime."""
-        true = true_parameters(plant, self.model) if plant.law.form == "linear" else None
+        true = true_parameters(plant, self.model)
         found: dict[str, list[Curves]] = {name: [] for name in regimes}
         for k, (one, parts) in enumerate(zip(sets, self.followed(plant, sets))):
-            pieces = [_pieces(x, one.family.period) for x in parts]
+            motion, each = Repeated.of(parts, one.family.period), round(one.family.period / PIECE)
             for name, regime in regimes.items():
                 random = np.random.default_rng([seed, k, *name.encode()])
-                parameters, deviation = self._identified(plant, pieces, one.family.period, regime, random)
-                covered = torch.tensor(torch.nan) if true is None else held(parameters[-1], deviation, true)
-                found[name].append(Curves(truth.errors(parameters), covered))
+                parameters, *both = self._identified(plant, motion, each, regime, random)
+                shares = (held(parameters[-1], deviation, true) for deviation in both)
+                found[name].append(Curves(truth.errors(parameters), *shares))
         return {name: Curves(*map(torch.stack, zip(*x))) for name, x in found.items()}
 
     def followed(self, plant: VariedPlant, sets: Sequence[SetOf]) -> list[tuple[Tensor, Tensor, Tensor]]:
@@ -158,33 +209,29 @@ class Judge:
         return [found[k] for k in range(len(sets))]
 
     def _identified(
-        self,
-        plant: VariedPlant,
-        pieces: list[Tensor],
-        period: float,
-        regime: Regime,
-        random: np.random.Generator,
-    ) -> tuple[Tensor, Tensor]:
-        """Parameters after each time, (T, P), and their standard deviations at the end, (P,).
+        self, plant: VariedPlant, motion: Repeated, each: int, regime: Regime, random: np.random.Generator
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Parameters after each time, (T, P), and their deviations at the end, as they are and widened, (P,).
 
-        They are of pieces (n, S, J, …) that are repeated.
+        A recording is ``each`` pieces long.
         """
-        y, torque, friction = pieces
-        total, each = round(self.times[-1] / PIECE), round(period / PIECE)
-        order = torch.arange(total) % len(y)
-        own = _gram(y)
-        measured = torque[order] + disturbed(
-            friction[order], plant.scale, self.settings.sensors, regime.drift, each, random
+        count, total = len(motion.torque), round(self.times[-1] / PIECE)
+        order, scale = torch.arange(total) % count, torch.from_numpy(plant.scale)
+        measured = motion.torque[order] + disturbed(
+            motion.friction[order], plant.scale, self.settings.sensors, regime.drift, each, random
         )
-        moment = torch.stack([(y[k] * t[..., None]).sum(0) for k, t in zip(order, measured)])
-        energy = measured.square().sum(1)
-        places = torch.from_numpy(np.round(self.times / PIECE).astype(int) - 1)
-        sums = [x.cumsum(0)[places] for x in (own[order], moment, energy)]
-        samples = (places + 1) * y.shape[1]
-        parameters, variance, prior = self._estimates(sums, samples.double(), torch.from_numpy(plant.scale))
-        residuals = torch.cat([t - y[k] @ parameters[-1] for k, t in zip(order, measured)])
-        errors = variance[-1] * inflation_of([residuals])
-        return parameters, deviations(sums[0][-1], variance[-1], errors, prior)
+        executed = torch.from_numpy(np.round(self.times / PIECE).astype(int))
+        sums = [x.cumsum(0)[executed - 1] for x in (motion.moments(measured), measured.square().sum(1))]
+        sums = [motion.information(executed), *sums]
+        samples = executed.double() * measured.shape[1]
+        parameters, variance, prior = self._estimates(sums, samples, scale)
+        residuals = measured - (motion.regressor @ parameters[-1])[order]
+        errors = variance[-1] * inflation_of([residuals.flatten(0, 1)])
+        told = deviations(sums[0][-1], variance[-1], errors, prior)
+        weighted = motion.moments(residuals / variance[-1]).sum(1)
+        scores = torch.zeros(count, weighted.shape[1], dtype=torch.float64).index_add(0, order, weighted)
+        matrix = prior + (sums[0][-1] / variance[-1][:, None, None]).sum(0)
+        return parameters, told, torch.maximum(told, widened(scores, matrix, prior))
 
     def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Weighted least squares with weights from residuals and a weak belief in the description.
@@ -208,8 +255,19 @@ class Judge:
             variance = torch.maximum(variance, (1e-3 * scale).square())
         return x, variance, prior
 
+    def executed(self, plant: VariedPlant, one: SetOf) -> tuple[list[Tensor], Tensor, Tensor]:
+        """States, torque and friction (n, S, J) of a set as sensors see them, without noise."""
+        clock = _clock(one.family.period, plant.settings.rate)
+        return self._seen(plant.follow(one.family.roll_out(one.coefficients, clock)), plant.settings.rate)
+
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
+        states, torque, friction = self._seen(signals, rate)
+        y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (len(torque), -1))
+        return y, torque, friction
+
+    def _seen(self, signals: Signals, rate: float) -> tuple[list[Tensor], Tensor, Tensor]:
+        """States, torque and friction (B, S, J) at the sensors' rate, filtered without delay."""
         from scipy.signal import butter, sosfiltfilt  # takes half a second to import
 
         sensors, step = self.settings.sensors, round(rate / self.settings.sensors.rate)
@@ -219,11 +277,9 @@ class Judge:
         ddq = np.empty_like(q)
         ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
         ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
-        batch = len(q)
-        states = [torch.from_numpy(np.ascontiguousarray(x[:, step // 2 :: step])) for x in (q, dq, ddq)]
-        y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (batch, -1))
-        rest = (torch.from_numpy(np.ascontiguousarray(x[:, step // 2 :: step])) for x in (torque, friction))
-        return y, next(rest), next(rest)
+        kept = (x[:, step // 2 :: step] for x in (q, dq, ddq, torque, friction))
+        *states, torque, friction = (torch.from_numpy(np.ascontiguousarray(x)) for x in kept)
+        return states, torque, friction
 
 
 def disturbed(
@@ -251,12 +307,6 @@ def _coloured(random: np.random.Generator, count: int, joints: int, keep: float)
     draw = random.standard_normal((count, joints))
     draw[1:] *= np.sqrt(1 - keep**2)
     return lfilter([1.0], [1.0, -keep], draw, axis=0)
-
-
-def _gram(y: Tensor) -> Tensor:
-    """Sums of each joint over pieces (n, S, J, P), (n, J, P, P)."""
-    rows = y.transpose(1, 2)
-    return rows.mT @ rows
 
 
 def _pieces(x: Tensor, period: float) -> Tensor:

@@ -10,6 +10,7 @@ from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.prior import belief
+from sidegan.identification.uncertain import rigid_information
 from sidegan.plant.varied import VariedPlant
 from sidegan.worth.contenders import SetOf
 from sidegan.worth.curves import FIRST, Judge, disturbed, held
@@ -36,11 +37,7 @@ class Known(NamedTuple):
 
     def rigid(self, model: TorqueModel) -> Tensor:
         """Information on rigid bodies where all else is unknown, in their orthonormal basis, (q, q)."""
-        bodies = slice(model.rigid)
-        subspace = model.body.base.subspace
-        spread = torch.linalg.solve(subspace, self.covariance[bodies, bodies])
-        found = torch.linalg.inv(torch.linalg.solve(subspace, spread.T))
-        return (found + found.T) / 2
+        return rigid_information(model, self.covariance)
 
     def deviation(self, tasks: Tensor) -> float:
         """Standard deviation of torque on tasks, as a share, of the tasks' mean YᵀY over squares (P, P)."""

@@ -60,6 +60,7 @@ class Contender:
     practice: bool = False  # whether laboratories run it today: what the goal compares ours with
     bad: bool = False  # whether it is known to be bad: what tells whether the study can tell
     options: dict[str, float] | None = None  # of the maker
+    files: dict[str, str] | None = None  # by arm, that a maker takes its motions from; none on other arms
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class WorthSettings:
 
     others: dict[str, str]  # further arms: descriptions by name, studied in free space where they are there
     plants: Count
+    compared: Count  # of them in the regimes too that are not judged
     sets: Count  # of each contender
     distinct: Seconds  # of motion of its own in a set that nobody designs
     designed: Seconds  # of one that is designed
@@ -88,6 +90,9 @@ class WorthSettings:
     misfits: Misfits  # that it knows
     search: Search
     contenders: dict[str, Contender]
+    estimated: str  # whose sets estimators are compared on
+    outliers: Share  # of the samples, where estimators are compared on outliers
+    estimators: dict[str, dict[str, float] | None]  # settings of each method
 
     def __post_init__(self) -> None:
         if unknown := set(self.judged) - set(self.regimes):
@@ -97,6 +102,8 @@ class WorthSettings:
         rate, seen = self.plant.rate, self.sensors.rate
         if not _whole(rate, seen):
             raise ConfigError(f"worth.plant.rate is {rate} Hz, expected a multiple of the sensors' {seen} Hz")
+        if self.estimated not in self.contenders or self.contenders[self.estimated].files:
+            raise ConfigError(f"worth.estimated is {self.estimated!r}, expected a contender without a file")
         for name, one in self.contenders.items():
             self._refuse(name, one)
         for side in ("ours", "practice"):

@@ -9,7 +9,7 @@ import yaml
 
 from sidegan.base.typed import build
 from sidegan.design.prediction import LACKING, Misfits, Prediction, Volume
-from sidegan.design.sequence import Search, designed, told, value_and_gradient
+from sidegan.design.sequence import Search, designed, together, told, value_and_gradient
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import Terms, TorqueModel
 from sidegan.identification.model import states_within
@@ -119,6 +119,25 @@ def test_a_designed_set_is_valid_and_predicts_better_than_random_ones(planar_pro
             aim.take(told(problem, aim, one[None], 100))
         errors.append(sum(aim.parts()))
     assert errors[0] < 0.7 * errors[1]
+
+
+def test_sets_that_are_designed_at_once_are_those_that_are_designed_alone(planar_problem, made, random):
+    """For tasks and knowledge of their own, one after another."""
+
+    def aims():
+        both = made(), made()
+        both[1].take(told(planar_problem, both[1], planar_problem.start(1, seeded(9)), 60))
+        both[1].root = both[1].root[:, :-1] * 2  # tasks of their own, which tell of less
+        return both
+
+    def seeded(seed):
+        return torch.Generator().manual_seed(seed)
+
+    at_once = together(planar_problem, aims(), 2, SEARCH, [seeded(0), seeded(1)])
+    for k, one in enumerate(at_once):
+        (alone,) = together(planar_problem, [aims()[k]], 2, SEARCH, [seeded(k)])
+        torch.testing.assert_close(one, alone, rtol=1e-4, atol=1e-6)
+    assert (at_once[0] - at_once[1]).abs().max() > 0.01
 
 
 def test_the_period_is_the_one_that_lowers_the_error_most_in_a_second(planar_problem, made, random):

@@ -1,5 +1,7 @@
 """What a designer answers: proven by another author's physics, the same again, in time, or why not."""
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -154,6 +156,28 @@ class Counted:
     def prove(self, *question):
         self.proofs += 1
         return self.prover.prove(*question)
+
+
+@pytest.mark.parametrize("gap", [0.0005, 0.003])
+def test_a_home_with_hardly_any_room_is_answered(designer, gap):
+    """A wall so close to home that any motion is in the reserve that is kept elsewhere."""
+    wall = near_wall(designer, gap)
+    for evaluations in (6, 12):
+        design = designer.ask(Situation(HOME, [wall]), evaluations=evaluations)
+        assert design.coefficients is not None, design.blocked
+        c = design.coefficients[None]
+        assert c.abs().max() > 0 and check(design.constraints, design.trajectory, c).valid.all()
+
+
+def near_wall(designer, gap):
+    """A wall that is so far from the arm at home [m]."""
+    wall = Plane((1.0, 0.0, 0.0), -0.8)
+    scene = designer.numbers.scene(Situation(HOME, [wall]))
+    resting = torch.tensor(HOME, dtype=torch.float64)[None]
+    constraints = designer.numbers.among(scene)
+    beside = constraints.guarded[:, 0] == len(designer.numbers.constraints.regions)
+    apart = constraints.at_rest(resting)["keep_out"][0, beside].min()
+    return replace(wall, offset=wall.offset + float(apart) - gap)
 
 
 def test_evaluations_and_proofs_are_counted(designer, situation, monkeypatch):

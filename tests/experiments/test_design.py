@@ -1,9 +1,16 @@
 """The experiment of designs: from a library or from a generator, each made by a stage of its own."""
 
+import numpy as np
 import pytest
+import torch
 
+from experiments.design import _meant
 from sidegan.errors import ArtifactError, ConfigError
+from sidegan.identification import TorqueModel
+from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.known import Known
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.schema import Asked
 from tests.tiny import tiny
 
 
@@ -20,3 +27,37 @@ def test_a_generator_that_is_not_there_is_asked_for(tmp_path):
         run_stages(tiny(*options, experiment="design"), tmp_path / "run", "design")
     with pytest.raises(ConfigError, match="starts"):
         tiny("design.starts=chance", experiment="design")
+
+
+@pytest.fixture(scope="module")
+def known(planar):
+    """A model with correlated errors, at 400 Hz."""
+    model = TorqueModel(RigidBody(planar))
+    rows = torch.randn(200, model.count, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    covariance = torch.linalg.inv(rows.T @ rows)
+    nothing, certainty = torch.zeros(model.count).double(), torch.tensor([2.0, 0.5]).double()
+    return Known(model, nothing, torch.ones(2).double(), nothing, covariance, certainty, 400.0)
+
+
+def test_a_design_is_asked_for_beside_what_an_identification_left_uncertain(known):
+    """The prior is that on rigid bodies whatever friction is, and noise is for the designer's rate."""
+    _, aim = _meant(Asked(aim="determinant"), known, 100.0)
+    q, subspace = known.model.rigid, known.model.body.base.subspace
+    information = torch.linalg.inv(known.covariance)
+    a, b, d = information[:q, :q], information[:q, q:], information[q:, q:]
+    expected = subspace.T @ (a - b @ torch.linalg.solve(d, b.T)) @ subspace
+    np.testing.assert_allclose(aim.prior, expected.numpy(), rtol=1e-6, atol=1e-8)
+    assert aim.noise == pytest.approx([0.25, 1.0])
+    assert _meant(Asked(aim="variance", noise=[3.0, 3.0]), known, 100.0)[1].noise == [3.0, 3.0]
+    assert _meant(Asked(), None, 100.0)[1].prior is None
+
+
+def test_what_is_known_has_no_part_in_a_condition_number(known):
+    with pytest.raises(ConfigError, match="ask for determinant or variance"):
+        _meant(Asked(aim="condition"), known, 100.0)
+
+
+def test_a_folder_without_a_model_is_told(outputs, tmp_path):
+    config = tiny(f"outputs={outputs}", f"known={tmp_path}", "stages=[table]", experiment="design")
+    with pytest.raises(ConfigError, match="expected the folder of a run"):
+        run_stages(config, tmp_path / "run", "design")

@@ -9,10 +9,11 @@ import yaml
 
 from sidegan.base.typed import build
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.compiled import compiled
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.run import CONF
 from sidegan.plant.friction import FrictionSettings, Law
-from sidegan.plant.varied import VariedPlant, VariedSettings, torque_scale
+from sidegan.plant.varied import VariedPlant, VariedSettings, _later, torque_scale
 from sidegan.robot import load_robot
 
 OFF = {"stribeck": 0.0, "load": 0.0, "asymmetry": 0.0, "position": 0.0, "ripple": 0.0}
@@ -110,6 +111,23 @@ def test_misfits_are_no_combination_of_what_a_model_has(form):
     left = friction - basis @ np.linalg.lstsq(basis, friction, rcond=None)[0]
     assert left.std() > 0.05 * friction.std()
     assert np.abs(law.linear(dq) - basis[:, :1] * law.coulomb - dq * law.viscous).max() < 1e-12
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is compiled")
+@pytest.mark.parametrize("form", ["linear", "eyring", "tustin"])
+def test_the_compiled_plant_moves_as_the_readable_one(planar, settings, motion, form):
+    made = plant(planar, settings, form)
+    references = motion.position.numpy(), motion.velocity.numpy(), made.feed_forward(motion)
+    for one, other in zip(made._compiled(*references), made._plain(*references)):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("steps", [1.0, 0.25, 2.75])
+def test_what_comes_later_lies_on_the_line_between_two_samples(steps):
+    """A ramp of one a step, from where it begins on."""
+    ramp = np.arange(10.0)[None, :, None]
+    expected = np.clip(ramp - steps, 0, None)
+    np.testing.assert_allclose(_later(ramp, steps), expected, atol=1e-12)
 
 
 def test_torque_scales_have_a_floor(arm):

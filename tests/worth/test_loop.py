@@ -177,9 +177,15 @@ def test_a_list_begins_anew(pool, session):
 def test_what_cannot_be_judged_is_refused(judge, plant, task, place):
     with pytest.raises(ConfigError, match="without drift"):
         Session(judge, plant, judge.settings.regimes["drift"], 0)
+
+
+def test_friction_of_another_form_has_no_true_parameters(judge, plant, task, place):
     other = VariedPlant(place.arm, task.cfg.worth.plant, "eyring", np.random.SeedSequence(1))
-    with pytest.raises(ConfigError, match="no parameters in the model"):
-        true_parameters(other, judge.model)
+    linear, lacking = (true_parameters(one, judge.model) for one in (plant, other))
+    assert linear.isfinite().all()
+    known = lacking.isfinite()
+    assert known[: judge.model.rigid].all() and not known[judge.model.rigid :].all()
+    torch.testing.assert_close(lacking[known], linear[known])
 
 
 def test_intervals_count_what_they_hold():

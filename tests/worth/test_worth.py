@@ -12,7 +12,7 @@ from sidegan.errors import ConfigError
 from sidegan.identification import TorqueModel
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
-from sidegan.pipeline.stages.worth import arms, expected, groups, load, sets, worth
+from sidegan.pipeline.stages.worth import arms, contenders, expected, groups, load, plants, sets, worth
 from sidegan.pipeline.store import Store
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
@@ -37,7 +37,10 @@ def maker_of(name, task):
     return next(key for key, one in task.cfg.worth.contenders.items() if one.maker == name)
 
 
-@pytest.mark.parametrize("maker", MAKERS)
+FROM_FILES = {"library", "waypoints"}
+
+
+@pytest.mark.parametrize("maker", sorted(set(MAKERS) - FROM_FILES))
 def test_every_contender_is_valid_under_the_same_limits_and_repeatable(task, place, order, maker):
     one, again, other = (make_set(order(maker_of(maker, task), seed=s)) for s in (1, 1, 2))
     assert check(place, one.family, one.coefficients).valid.all()
@@ -248,7 +251,7 @@ def test_the_page_tells_the_goal_first_and_has_a_metric_for_every_contender(smal
     missed = [one for one in measures.goals(found) if not one.sure and one.against == measures.PRACTICE]
     assert ("misses its goal" in first) == bool(missed)
     numbers = measures.metrics(found)[small.arm.name]
-    assert set(numbers) == set(small.cfg.worth.contenders)
+    assert set(numbers) == set(contenders(small))
     assert set(numbers["tiny"]) == set(small.cfg.worth.regimes)
 
 
@@ -270,9 +273,10 @@ def test_a_goal_is_met_where_its_whole_interval_is(seconds, share, met, sure):
 
 def test_what_was_made_is_not_made_again(small, run):
     name = next(iter(small.cfg.worth.contenders))
-    before = [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)]
+    made = sets(small, name), worth(small, 0)
+    before = [small.store.require(one).stat().st_ino for one in made]
     run_stages(replace(small.cfg, stages=["worth"]), run, "again")
-    assert [small.store.require(f(small, name)).stat().st_ino for f in (sets, worth)] == before
+    assert [small.store.require(one).stat().st_ino for one in made] == before
     assert len(load(small, name)) == small.cfg.worth.sets
 
 
@@ -282,8 +286,14 @@ def test_regimes_that_are_not_judged_are_artifacts_of_their_own(task):
     judged = {name: study.regimes[name] for name in study.judged}
     alone = task.with_settings(worth=replace(study, regimes=judged))
     assert list(groups(alone)) == [""]
-    assert worth(alone, "chirp").digest == worth(task, "chirp").digest
-    assert worth(task, "chirp", "others").digest != worth(task, "chirp").digest
+    assert worth(alone, 0).digest == worth(task, 0).digest
+    assert worth(task, 0, "others").digest != worth(task, 0).digest
+
+
+def test_a_larger_study_goes_on_from_a_smaller_one(task):
+    larger = task.with_settings(worth=replace(task.cfg.worth, plants=3, compared=2))
+    assert plants(larger) == [(0, ""), (0, "others"), (1, ""), (1, "others"), (2, "")]
+    assert worth(larger, 0).digest == worth(task, 0).digest
 
 
 def test_an_arm_whose_description_is_missing_is_left_out(task):

@@ -5,18 +5,20 @@ import time
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import torch
 
-from sidegan.base.parallel import Job, Report, cores, run_jobs
+from sidegan.base.parallel import cores
 from sidegan.base.progress import duration
 from sidegan.base.storage import read_torch, readable, write_json, write_parquet, write_task, write_torch
 from sidegan.identification import TorqueModel
-from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.store import file_digest
 from sidegan.pipeline.task import REPORT, RESULTS, Task
 from sidegan.pipeline.workspace import Workspace
 from sidegan.plant.friction import Form
@@ -24,17 +26,19 @@ from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
 from sidegan.validity import Constraints
-from sidegan.worth import Judge, Regime, SetOf, Truth, legs, make_set
-from sidegan.worth.contenders import Order
+from sidegan.worth import Contender, Judge, Regime, SetOf, Truth, legs
+from sidegan.worth.contenders import Order, file_of, make_sets
 from sidegan.worth.cost import Cost, cost, pace
 from sidegan.worth.curves import Curves, mean_error
+from sidegan.worth.estimators import compared
+from sidegan.worth.waypoints import Rests
 
 log = logging.getLogger(__name__)
 
-SETS = "sets.pt"
+SETS, TRUTH = "sets.pt", "truth.pt"
+OUTLIERS = "outliers"
 JUDGED, OTHERS = "", "others"  # groups of regimes
-_STUDY = ("plants", "sets", "horizon", "plant", "sensors", "model", "believed", "tasks")
-_TRUTH = ("plants", "plant", "sensors", "model", "tasks", "acceleration")
+_STUDY = ("sets", "horizon", "plant", "sensors", "model", "believed", "tasks", "acceleration")
 _DESIGN = ("sets", "plant", "model", "believed", "design_tasks", "misfits", "search")
 
 
@@ -60,32 +64,58 @@ def constraints(task: Task) -> Constraints:
     return Constraints(arm, workspace.shapes(arm), workspace.torque, workspace.clearance)
 
 
+def contenders(task: Task) -> dict[str, Contender]:
+    """Who contends on an arm: those that take their motions from a file only where there is one."""
+    every, arm = task.cfg.worth.contenders, task.arm.name
+    found = {name: one for name, one in every.items() if not one.files or file_of(one, arm)}
+    if missing := [name for name in every if name not in found and arm in (every[name].files or {})]:
+        log.warning("the study of %s goes without %s, whose files are missing", arm, ", ".join(missing))
+    return found
+
+
 def sets(task: Task, name: str) -> Artifact:
     """The excitation sets of one contender."""
     settings = task.cfg.worth
     one = settings.contenders[name]
     own = {key: asdict(settings)[key] for key in _DESIGN}
     own |= {"count": settings.count(one), "contender": asdict(one), "acceleration": settings.acceleration}
-    for shown in ("title", "practice"):
-        own["contender"].pop(shown)
+    for other in ("title", "practice", "files"):
+        own["contender"].pop(other)
+    path = file_of(one, task.arm.name)
+    inputs = {} if path is None else {"file": file_digest(path)}
     make = partial(_make_sets, name=name)
-    return task.artifact("worth_set", name, make, own, title=f"worth_set/{name}")
+    return task.artifact("worth_set", name, make, own, inputs, title=f"worth_set/{name}")
 
 
-def worth(task: Task, name: str, group: str = JUDGED) -> Artifact:
-    """Errors of the plants that are identified from them, as robots move on, in the regimes of a group."""
-    own = {key: asdict(task.cfg.worth)[key] for key in _STUDY} | _stamped(task, group)
-    inputs = {"worth_set": sets(task, name), "worth_truth": truths(task, group)}
-    make, title = partial(_make, name=name, group=group), "/".join(filter(None, ("worth", name, group)))
-    label = "-".join(filter(None, (name, group)))
-    return task.artifact("worth", label, make, own, inputs, title=title, alone=True)
+def worth(task: Task, number: int, group: str = JUDGED) -> Artifact:
+    """One plant on the tasks, and every contender's errors there as robots move on, in a group's regimes."""
+    own = {key: asdict(task.cfg.worth)[key] for key in _STUDY}
+    own |= {"plant": number, "regimes": {name: asdict(one) for name, one in groups(task)[group].items()}}
+    inputs = {name: sets(task, name) for name in contenders(task)}
+    label = "-".join(filter(None, (f"plant{number}", group)))
+    make = partial(_make, number=number, group=group)
+    return task.artifact("worth", label, make, own, inputs, title=f"worth/{label}")
 
 
-def truths(task: Task, group: str = JUDGED) -> Artifact:
-    """The plants on the tasks, without noise: what models of them are judged by."""
-    own = {key: asdict(task.cfg.worth)[key] for key in _TRUTH} | _stamped(task, group)
-    label = "-".join(filter(None, ("truth", group)))
-    return task.artifact("worth_truth", label, partial(_make_truths, group=group), own, alone=True)
+def estimators(task: Task, number: int) -> Artifact:
+    """Estimators on one plant, in every judged regime and with outliers."""
+    settings = task.cfg.worth
+    own = {"outliers": settings.outliers, "estimators": settings.estimators, "estimated": settings.estimated}
+    make, title = partial(_make_estimators, number=number), f"worth_estimators/{number}"
+    return task.artifact(
+        "worth_estimators", f"plant{number}", make, own, {"worth": worth(task, number)}, title=title
+    )
+
+
+def plants(task: Task) -> list[tuple[int, str]]:
+    """Plants and groups of regimes that are made of an arm, in the order of their work."""
+    settings, made = task.cfg.worth, groups(task)
+    return [
+        (number, group)
+        for number in range(settings.plants)
+        for group in made
+        if group == JUDGED or number < settings.compared
+    ]
 
 
 def groups(task: Task) -> dict[str, dict[str, Regime]]:
@@ -99,15 +129,10 @@ def groups(task: Task) -> dict[str, dict[str, Regime]]:
     return {group: regimes for group, regimes in found.items() if regimes}
 
 
-def _stamped(task: Task, group: str) -> dict[str, object]:
-    return {"regimes": {name: asdict(one) for name, one in groups(task)[group].items()}}
-
-
 def load(task: Task, name: str) -> list[SetOf]:
     """A contender's sets, which must be there."""
     content = read_torch(task.store.require(sets(task, name)) / SETS)
-    families = [Trajectory(**one) for one in content["families"]]
-    return [SetOf(family, c) for family, c in zip(families, content["coefficients"])]
+    return [SetOf.of(*one) for one in zip(content["families"], content["coefficients"])]
 
 
 def _make_sets(task: Task, build: Build, name: str) -> None:
@@ -115,70 +140,87 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
     one = settings.contenders[name]
     home = tuple(task.trajectory.home or ())
     seeds = task.random(f"worth {name}").spawn(settings.sets)
-    made = []
-    for number, seed in enumerate(seeds):
-        path = build.work / f"{number}.pt"
-        if not readable(path):
-            began_one = time.process_time()
-            found = make_set(Order(place, home, settings, one, settings.count(one), seed))
-            took = time.process_time() - began_one
-            content = {"family": found.family.describe(), "coefficients": found.coefficients, "seconds": took}
-            write_task(path, content)
-        made.append(read_torch(path))
-        build.report(number + 1, settings.sets)
-    costs = [x["seconds"] for x in made]  # those of sets that a stopped run left too
-    build.costs.update(cpu_seconds=float(np.sum(costs)), cpu_seconds_per_set=float(np.mean(costs)))
+    path = build.work / SETS
+    if not readable(path):
+        began, count = time.process_time(), settings.count(one)
+        orders = (Order(place, home, settings, one, count, seed, k) for k, seed in enumerate(seeds))
+        found = make_sets(list(orders))
+        content = [{"family": x.family.describe(), "coefficients": x.coefficients} for x in found]
+        write_task(path, {"sets": content, "seconds": time.process_time() - began})
+    content = read_torch(path)
+    made, seconds = content["sets"], float(content["seconds"])
+    build.costs.update(cpu_seconds=seconds, cpu_seconds_per_set=seconds / len(made))
     families, coefficients = ([x[key] for x in made] for key in ("family", "coefficients"))
     write_torch(build.folder / SETS, {"families": families, "coefficients": coefficients})
-    seconds = [len(c) * f["period"] for f, c in zip(families, coefficients)]
-    write_json(build.folder / REPORT, {"sets": len(made), "seconds": float(np.mean(seconds))})
+    lasting = [len(c) * f["period"] for f, c in zip(families, coefficients)]
+    report = {"sets": len(made), "seconds": float(np.mean(lasting))}
+    write_json(build.folder / REPORT, report | _violated(place, made))
 
 
-def _make_truths(task: Task, build: Build, group: str) -> None:
-    count = task.cfg.worth.plants
-    jobs: list[Job] = [partial(_truth, task, group, k, build.work / f"{k}.pt") for k in range(count)]
-    run_jobs("worth: plants (%)", jobs, task.cfg.parallel.workers)
-    for k in range(count):
-        write_torch(build.folder / f"{k}.pt", read_torch(build.work / f"{k}.pt"))
+def _violated(place: Constraints, made: list[dict[str, Any]]) -> dict[str, float]:
+    """Share of the time in which a limit is violated by sets that nobody here made; others never do."""
+    every = [SetOf.of(x["family"], x["coefficients"]) for x in made]
+    others = [(one.family, one.coefficients) for one in every if isinstance(one.family, Rests)]
+    shares = [family.violations(place, points) for family, points in others]
+    return {"violated": float(np.mean([max(x.values()) for x in shares]))} if shares else {}
 
 
-def _make(task: Task, build: Build, name: str, group: str) -> None:
-    count = task.cfg.worth.plants
-    jobs: list[Job] = [partial(_judge, task, name, group, k, build.work / f"{k}.pt") for k in range(count)]
-    frames = run_jobs(f"worth: {name} (%)", jobs, task.cfg.parallel.workers)
+def _make(task: Task, build: Build, number: int, group: str) -> None:
+    settings, place, names = task.cfg.worth, constraints(task), list(contenders(task))
+    judge, forms = Judge(settings, TorqueModel(place.body, settings.model)), _by_form(task, group)
+    path = build.work / "truth.pt"
+    if not readable(path):
+        moves = _tasks(task, place)
+        known = {form: tuple(judge.truth(_plant(task, place, form, number), moves)) for form in forms}
+        write_task(path, known)
+    write_torch(build.folder / TRUTH, read_torch(path))
+    truths = {form: Truth(*x) for form, x in read_torch(path).items()}
+    frames = []
+    for done, name in enumerate(names):
+        path = build.work / f"{name}.pt"
+        if not readable(path):
+            write_task(path, _rows(task, judge, name, number, group, truths))
+        frames.append(pd.DataFrame(read_torch(path)).assign(contender=name))
+        build.report(done + 1, len(names))
     frame = pd.concat(frames, ignore_index=True)
     write_parquet(build.folder / RESULTS, arrow(frame))
-    last = frame[frame.time == frame.time.max()].groupby("regime").error.median()
-    write_json(build.folder / REPORT, {f"error_{regime}": float(x) for regime, x in last.items()})
+    last = frame[frame.time == frame.time.max()].groupby(["contender", "regime"]).error.median()
+    write_json(build.folder / REPORT, {f"{name}_{regime}": float(x) for (name, regime), x in last.items()})
 
 
-def _judge(task: Task, name: str, group: str, number: int, path: Path, report: Report) -> pd.DataFrame:
-    """Curves of one plant in all regimes: a row per set, regime and time."""
-    if not readable(path):
-        settings, place = task.cfg.worth, constraints(task)
-        judge = Judge(settings, TorqueModel(place.body, settings.model))
-        known = read_torch(task.store.require(truths(task, group)) / f"{number}.pt")
-        made, seed, rows = load(task, name), task.number(f"worth {name} {number}"), []
-        for done, (form, regimes) in enumerate(_by_form(task, group).items()):
-            truth = Truth(*known[form])
-            curves = judge.curves(_plant(task, place, form, number), made, truth, regimes, seed)
-            key = {"plant": number, "floor": float(truth.floor())}
-            for regime, found in curves.items():
-                rows += _rows(judge, found, {**key, "regime": regime})
-            report(done + 1, len(known))
-        write_task(path, pd.DataFrame(rows).to_dict("list"))
-    return pd.DataFrame(read_torch(path))
+def _make_estimators(task: Task, build: Build, number: int) -> None:
+    settings, place = task.cfg.worth, constraints(task)
+    judge = Judge(settings, TorqueModel(place.body, settings.model))
+    known = read_torch(task.store.require(worth(task, number)) / TRUTH)
+    made = load(task, settings.estimated)[number % settings.sets]
+    kinds = {name: (settings.regimes[name], False) for name in settings.judged}
+    kinds[OUTLIERS] = next(iter(kinds.values()))[0], True
+    rows = []
+    for done, (kind, (regime, outliers)) in enumerate(kinds.items()):
+        plant, truth = _plant(task, place, regime.form, number), Truth(*known[regime.form])
+        seed = task.number(f"worth estimators {number} {kind}")
+        found = compared(judge, plant, made, truth, regime, outliers, seed)
+        key = {"plant": number, "kind": kind, "floor": float(truth.floor())}
+        rows += [{**key, "method": method, **one._asdict()} for method, one in found.items()]
+        build.report(done + 1, len(kinds))
+    frame = pd.DataFrame(rows)
+    write_parquet(build.folder / RESULTS, arrow(frame))
+    errors = frame.groupby(["method", "kind"]).error.median()
+    write_json(build.folder / REPORT, {f"{m}_{kind}": float(x) for (m, kind), x in errors.items()})
 
 
-def _truth(task: Task, group: str, number: int, path: Path, report: Report) -> None:
-    """One plant on the tasks, with each form of friction."""
-    if not readable(path):
-        settings, place = task.cfg.worth, constraints(task)
-        judge, moves = Judge(settings, TorqueModel(place.body, settings.model)), _tasks(task, place)
-        forms = _by_form(task, group)
-        found = {form: tuple(judge.truth(_plant(task, place, form, number), moves)) for form in forms}
-        write_task(path, found)
-    report(1, 1)
+def _rows(
+    task: Task, judge: Judge, name: str, number: int, group: str, truths: dict[Form, Truth]
+) -> dict[str, list[Any]]:
+    """Curves of a contender's sets on one plant, by column: a row per regime, set and time."""
+    made, seed, rows = load(task, name), task.number(f"worth {name} {number}"), []
+    for form, regimes in _by_form(task, group).items():
+        truth = truths[form]
+        curves = judge.curves(_plant(task, constraints(task), form, number), made, truth, regimes, seed)
+        for regime, found in curves.items():
+            key = {"plant": number, "floor": float(truth.floor()), "regime": regime}
+            rows += _rows_of(judge, found, key)
+    return pd.DataFrame(rows).to_dict("list")
 
 
 def _plant(task: Task, place: Constraints, form: Form, number: int) -> VariedPlant:
@@ -196,11 +238,18 @@ def _by_form(task: Task, group: str) -> dict[Form, dict[str, Regime]]:
     return forms
 
 
-def _rows(judge: Judge, found: Curves, key: dict[str, object]) -> list[dict[str, object]]:
+def _rows_of(judge: Judge, found: Curves, key: dict[str, object]) -> list[dict[str, object]]:
     """A row per set and time."""
     mean = mean_error(found.errors)
     return [
-        {**key, "set": k, "time": float(t), "error": float(mean[k, i]), "covered": float(found.covered[k])}
+        {
+            **key,
+            "set": k,
+            "time": float(t),
+            "error": float(mean[k, i]),
+            "covered": float(found.covered[k]),
+            "widened": float(found.widened[k]),
+        }
         for k in range(len(mean))
         for i, t in enumerate(judge.times)
     ]
@@ -214,17 +263,12 @@ def _tasks(task: Task, place: Constraints) -> list[Motion]:
 
 
 def _artifacts(task: Task) -> list[Artifact]:
-    """Of each arm: its plants, then every contender's sets and what came of them."""
-    names = list(task.cfg.worth.contenders)
-    return [
-        x
-        for one in arms(task).values()
-        for x in (
-            *(truths(one, group) for group in groups(one)),
-            *(sets(one, name) for name in names),
-            *(worth(one, name, group) for name in names for group in groups(one)),
-        )
-    ]
+    """Every contender's sets, then plant by plant of each arm: some are complete while others are not."""
+    every = list(arms(task).values())
+    made = [sets(one, name) for one in every for name in contenders(one)]
+    order = sorted((where, k) for k, one in enumerate(every) for where in plants(one))
+    judged = [worth(every[k], *where) for where, k in order]
+    return [*made, *judged, *(estimators(every[k], where[0]) for where, k in order if where[1] == JUDGED)]
 
 
 def _check(task: Task) -> None:
@@ -244,11 +288,11 @@ def _check(task: Task) -> None:
 def expected(task: Task) -> Cost:
     """What the study of a task's arm takes, from the pace of a few of its parts."""
     settings, place = task.cfg.worth, constraints(task)
-    name = next(x for x, one in settings.contenders.items() if not one.bad)
-    one, seed = settings.contenders[name], np.random.SeedSequence(0)
+    one = next(one for one in settings.contenders.values() if not one.bad)
+    seed = np.random.SeedSequence(0)
     order = Order(place, tuple(task.trajectory.home or ()), settings, one, 1, seed)
     judge = Judge(settings, TorqueModel(place.body, settings.model))
-    return cost(settings, pace(judge, _plant(task, place, "eyring", 0), order))
+    return cost(settings, contenders(task), pace(judge, _plant(task, place, "eyring", 0), order))
 
 
 STAGE = Stage(_artifacts, check=_check)

@@ -1,0 +1,80 @@
+"""Estimators on the same recordings: what their models are worth on the tasks, what their intervals hold."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.identification import Measurements, estimate
+from sidegan.plant.varied import VariedPlant
+from sidegan.worth.contenders import SetOf
+from sidegan.worth.curves import PARTS, Judge, Truth, disturbed, held, mean_error, true_parameters, widened
+from sidegan.worth.settings import PIECE, Regime, WorthSettings
+
+# Of methods that need more than numbers.
+_OPTIONS: dict[str, dict[str, Any]] = {"consistent": {"pull": "logdet", "total_mass": None}}
+_LEAST = 1e-9  # of a parameter's information: what was not excited at all stays finite
+
+
+class Judged(NamedTuple):
+    """What an estimator made of a recording."""
+
+    error: float  # on the tasks, relative
+    covered: float  # share of the true parameters that its 95 % intervals hold
+    widened: float  # the same of intervals that allow for what the model lacks
+
+
+def compared(
+    judge: Judge, plant: VariedPlant, made: SetOf, truth: Truth, regime: Regime, outliers: bool, seed: int
+) -> dict[str, Judged]:
+    """Estimators on one execution of a set; with outliers, some samples of the torques are far off."""
+    settings, random = judge.settings, np.random.default_rng(seed)
+    recordings = recorded(judge, plant, made, regime, outliers, random)
+    true, found = true_parameters(plant, judge.model), {}
+    for method, options in settings.estimators.items():
+        one = estimate(method, judge.model, recordings, **_OPTIONS.get(method, {}), **(options or {}))
+        wide = torch.maximum(one.deviation, _widened(judge, recordings, one.parameters, one.weights))
+        shares = (float(held(one.parameters, deviation, true)) for deviation in (one.deviation, wide))
+        found[method] = Judged(float(mean_error(truth.errors(one.parameters))), *shares)
+    return found
+
+
+def recorded(
+    judge: Judge,
+    plant: VariedPlant,
+    made: SetOf,
+    regime: Regime,
+    outliers: bool,
+    random: np.random.Generator,
+) -> list[Measurements]:
+    """A recording of each trajectory of a set."""
+    states, torque, friction = judge.executed(plant, made)
+    each = round(made.family.period / PIECE)
+    parts = friction.unflatten(1, (each, -1)).flatten(0, 1)
+    noise = disturbed(parts, plant.scale, judge.settings.sensors, regime.drift, each, random)
+    torque = torque + noise.view_as(torque)
+    if outliers:
+        torque = torque + torch.from_numpy(_outliers(judge.settings, plant, tuple(torque.shape), random))
+    return [Measurements(*one) for one in zip(*states, torque)]
+
+
+def _outliers(
+    settings: WorthSettings, plant: VariedPlant, shape: tuple[int, ...], random: np.random.Generator
+) -> np.ndarray:
+    """Single samples that are off by a joint's whole torque or so."""
+    hit = random.random(shape) < settings.outliers
+    return hit * random.standard_normal(shape) * plant.scale
+
+
+def _widened(judge: Judge, recordings: list[Measurements], parameters: Tensor, weights: Tensor) -> Tensor:
+    """Standard deviations (P,) of weighted least squares that allow for what the model lacks."""
+    size = round(PARTS * judge.settings.sensors.rate)
+    scores, matrix = [], torch.zeros(len(parameters), len(parameters), dtype=torch.float64)
+    for one in recordings:
+        y = judge.model.regressor(*one.inputs) * weights[:, None]
+        residual = one.torque * weights - y @ parameters
+        matrix += torch.tensordot(y, y, ([0, 1], [0, 1]))
+        each = torch.einsum("sjp,sj->sp", y, residual)
+        scores += [part.sum(0) for part in each.split(size)]
+    return widened(torch.stack(scores), matrix + _LEAST * matrix.diagonal().diag(), torch.zeros_like(matrix))
