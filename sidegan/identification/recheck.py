@@ -13,7 +13,7 @@ from sidegan.identification.linear import restricted
 from sidegan.identification.loaded import LOAD
 from sidegan.identification.measurements import Measurements, pieces
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.score import Score, score
+from sidegan.identification.score import Score, score, shown
 from sidegan.identification.sums import Sums, sums_of
 
 RIGHT, CHANGED, WRONG = "still right", "changed", "no longer right"
@@ -91,8 +91,8 @@ class Recheck:
         if self.verdict == WRONG:
             told.append("neither friction, offsets nor a load at the tip explain it: identify the arm anew")
         return [*worse, *told] or [
-            f"mean nMSE {self.errors.nmse_mean:.4f}; no joint has more than {_MORE:g} times its error at the "
-            "identification, and no change of friction, offsets or load is seen"
+            f"mean nMSE {shown(self.errors.nmse_mean)}; no joint has more than {_MORE:g} times its error at "
+            "the identification, and no change of friction, offsets or load is seen"
         ]
 
 

@@ -14,6 +14,12 @@ from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums
 
 _CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
+_LEAST_SHOWN = 1e-3  # of an error with four digits after the point
+
+
+def shown(nmse: float) -> str:
+    """A mean nMSE for people: four digits after the point, or two that count where these would be zeros."""
+    return f"{nmse:.4f}" if nmse >= _LEAST_SHOWN else f"{nmse:.2g}"
 
 
 class Score(NamedTuple):

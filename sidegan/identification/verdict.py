@@ -11,7 +11,7 @@ from torch import Tensor
 
 from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.score import Score
+from sidegan.identification.score import Score, shown
 from sidegan.robot import Arm
 
 
@@ -75,7 +75,7 @@ class Trust:
     def reasons(self) -> list[str]:
         """Why, with the joints and parameters by name; all of one joint together, the gravest first."""
         if not self.findings:
-            error = f"mean nMSE {self.judged.nmse_mean:.4f} on {self.where}"
+            error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
             return [f"{error}, and every parameter that matters is certain"]
         groups: dict[object, list[Finding]] = {}
         for one in self.findings:
@@ -128,7 +128,7 @@ def _held_out(trust: Trust) -> Iterator[Finding]:
     if trust.judged.nmse_mean >= trust.nominal_score.nmse_mean:
         error = trust.nominal_score.nmse_mean
         yield Finding(
-            USABLE, f"the description's own link parameters predict as well (mean nMSE {error:.4f})"
+            USABLE, f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
         )
     if folds is not None and float(folds.nmse.mean()) > _GOOD_NMSE:
         worst = int(folds.nmse.mean(1).argmax())

@@ -132,6 +132,10 @@ def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):
     head = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])
     assert head["titles"] == titles and head["joints"] == ["shoulder", "elbow"]
     assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
+    table = pd.read_csv(folder / "set.csv", dtype=str)
+    rows = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>(.*?)</tr>", text)]
+    assert [row for row in rows if row] == table.to_numpy().tolist()
+    assert f"recording=excite recording.sent={folder.resolve()}" in text and "1.yaml)" in text
 
 
 def test_a_generator_may_be_the_pool(outputs, tmp_path):

@@ -68,6 +68,8 @@ def report():
         reasons=["It predicts what was held out."],
         facts={"validation nMSE": "0.0042"},
         joint_names=JOINTS,
+        torque_units=["N·m"] * len(JOINTS),
+        methods={"weighted": "by their noise"},
         findings=[Finding("ok", "a.csv", "300 samples"), Finding("warning", "b.csv", "a gap of 1 s")],
         errors=pd.DataFrame(np.arange(1, 9).reshape(2, 4) / 1000, columns=columns),
         signals=[signals("a.csv", "training"), signals("b.csv", "validation", 4000)],

@@ -26,10 +26,12 @@ from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
-from sidegan.robot import HIGHER
+from sidegan.robot import HIGHER, words
 from sidegan.validity import check
 
 FOLDER, VIEW, SHAPES, GOAL = "trajectories", "view.html", "shapes.npz", "goal"
+_EXECUTE = "Execute them, at a quarter of the speed first (controllers.speed=0.25 writes that):"
+_LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 log = logging.getLogger(__name__)
 
@@ -56,8 +58,9 @@ def _show(task: Task, tracker: Tracker) -> None:
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
     caption += f"{_goal(task, aim, tracker)}; checked: {task.constraints.described()}"
-    caption += _view(task, chosen, tracker)
-    publish(_table(task, chosen, motion), folder / "set", caption, tracker)
+    table = _table(task, chosen, motion)
+    caption += _view(task, chosen, table, tracker)
+    publish(table, folder / "set", caption, tracker)
     if cfg.controllers.rehearse:
         friction = "servos, friction and rotors of plant"
         shown = rehearsed(task, chosen.coefficients)
@@ -139,19 +142,38 @@ def _slow(speed: float) -> str:
     return "" if speed == 1 else f", at {speed:.0%} of the speed"
 
 
-def _view(task: Task, chosen: Library, tracker: Tracker) -> str:
+def _view(task: Task, chosen: Library, table: pd.DataFrame, tracker: Tracker) -> str:
     """Write the page on which the arm moves along the set; where it is, for the caption."""
     from sidegan.report.viewer import view_of, write_view
 
     path = task.store.run_folder / VIEW
     titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(chosen.fitness.tolist(), 1)]
     try:
-        write_view(view_of(task.constraints, task.trajectory, chosen.coefficients, titles), path)
+        view = view_of(task.constraints, task.trajectory, chosen.coefficients, titles)
+        write_view(view, path, table, _steps(task))
     except ArtifactError as error:  # the trajectories are there, which is what counts
         log.warning("there is no %s: %s", VIEW, error)
         return ""
     tracker.log_artifact(path, "view")
     return f"; to look at: {path.resolve().as_uri()}"
+
+
+def _steps(task: Task) -> list[tuple[str, str]]:
+    """What to do with the set, a sentence and a command each."""
+    cfg, folder = task.cfg, task.store.run_folder.resolve()
+    arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
+    identify = (
+        f"sidegan +experiment=identify {arm} 'recordings=[log.csv]' validation=0.25 \\\n"
+        f"    recording=excite recording.sent={folder}"
+    )
+    if "ros2" not in cfg.controllers.formats:
+        return [(_LOG, identify)]
+    goal = min((folder / FOLDER).glob("*1.yaml"))
+    send = "ros2 action send_goal /joint_trajectory_controller/follow_joint_trajectory \\\n"
+    return [
+        (_EXECUTE, f'{send}    control_msgs/action/FollowJointTrajectory "$(cat {goal})"'),
+        (_LOG, identify),
+    ]
 
 
 def _keep_shapes(task: Task, folder: Path) -> None:

@@ -11,6 +11,7 @@ import yaml
 
 from sidegan.identification.forward import Forward
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
+from sidegan.identification.score import shown
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 
@@ -18,6 +19,16 @@ Numbers = np.ndarray[Any, np.dtype[np.floating[Any]]]
 Level = Literal["good", "fair", "poor"]
 
 _LEVELS: dict[str, Level] = {"good": "good", "usable": "fair"}
+_NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
+_METHODS = {
+    "weighted": "least squares in which each joint's torques count by their noise",
+    EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
+    "huber": "weighted, with outliers counting less",
+    "rls": "least squares one sample after another, as while an arm runs",
+    "essential": "weighted, with the parameters alone that the data tells",
+    CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
+    "description": "the description's own links, with friction and rotors fitted to the data",
+}
 _CURVE = 101  # points of a friction curve
 _CLOUD = 4000  # samples beside it
 
@@ -65,6 +76,8 @@ class Report:
     reasons: Sequence[str]  # for the verdict, a sentence each
     facts: Mapping[str, str]  # what → how much, shown large
     joint_names: Sequence[str]  # of the J joints
+    torque_units: Sequence[str]  # of each joint's torque or force
+    methods: Mapping[str, str]  # what each of the compared models is, a sentence each
     findings: Sequence[Finding]  # of the check of the data
     errors: pd.DataFrame  # a row per joint, in order, with columns nmse_ and rmse_ of training and validation
     signals: Sequence[Signals]  # one per recording
@@ -110,12 +123,14 @@ def content(
     error = identified.tests[identified.use].nmse_mean
     return Report(
         title=arm.name,
-        verdict=f"{trust.verdict}: mean nMSE {error:.4f} ({identified.kind})",
+        verdict=f"{trust.verdict}: mean nMSE {shown(error)} ({identified.kind})",
         level=_LEVELS.get(trust.verdict, "poor"),
         advice=advice(identified),
         reasons=trust.reasons,
         facts=_facts(identified),
         joint_names=arm.joint_names,
+        torque_units=["N" if slides else "N·m" for slides in arm.prismatic.tolist()],
+        methods=_methods(chosen.method),
         findings=[finding for recording in recordings for finding in _findings(recording)],
         errors=_errors(identified),
         signals=[_signals(identified, recording) for recording in recordings],
@@ -144,7 +159,9 @@ def advice(identified: IdentifiedArm) -> str:
             "recordings tell too little to predict each other. URDF, MJCF and Python class hold it."
         )
     where = "on halves by each other" if identified.halves else identified.kind
-    compared = f"mean nMSE {errors[CONSISTENT]:.4f} against {errors[method]:.4f} of the {method} one, {where}"
+    compared = (
+        f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one, {where}"
+    )
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
@@ -159,15 +176,21 @@ def advice(identified: IdentifiedArm) -> str:
 def _facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
     trust, chosen, use = identified.trust, identified.chosen, identified.use
-    errors = {name: f"{one.nmse_mean:.4f}" for name, one in identified.tests.items()}
-    names = {chosen.method: chosen.method, EQUAL_WEIGHTS: "equal weights", CONSISTENT: CONSISTENT}
+    errors = {name: shown(one.nmse_mean) for name, one in identified.tests.items()}
+    names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
-        "nMSE, description": f"{trust.nominal_score.nmse_mean:.4f}",
+        "nMSE, description": shown(trust.nominal_score.nmse_mean),
         "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(trust.weak)} weak",
         "samples": f"{chosen.samples}",
     }
+
+
+def _methods(chosen: str) -> dict[str, str]:
+    """What each of the compared models is, the chosen one first."""
+    names = (chosen, EQUAL_WEIGHTS, CONSISTENT, "description")
+    return {_NAMES.get(name, name): _METHODS[name] for name in dict.fromkeys(names)}
 
 
 def _findings(recording: CheckedRecording) -> list[Finding]:

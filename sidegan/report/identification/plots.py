@@ -41,7 +41,9 @@ def torques(report: Report) -> go.Figure:
     ]
     corner = {"x": 0, "xref": "x domain", "xanchor": "left", "y": 1, "yref": "y domain", "yanchor": "bottom"}
     for j, name in enumerate(names):
-        figure.add_annotation(text=name, showarrow=False, **corner, row=j + 1, col=1)
+        figure.add_annotation(
+            text=f"{name} [{report.torque_units[j]}]", showarrow=False, **corner, row=j + 1, col=1
+        )
     figure.update_xaxes(title_text="time [s]", row=len(names), col=1)
     menus = [{"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "pad": {"b": 22}}]
     _style(figure, 104 * len(names) + 160, top=90)
@@ -56,11 +58,14 @@ def shown_recordings(signals: Sequence[Signals]) -> list[Signals]:
 def errors(report: Report) -> go.Figure:
     """Normalised error of each joint, on what was trained on and on what was held out."""
     figure = go.Figure()
-    for role, colour in ROLES.items():
-        if (column := f"nmse_{role}") in report.errors:
-            values = report.errors[column]
-            figure.add_bar(x=list(report.joint_names), y=values, name=role, marker_color=colour)
-    figure.update_yaxes(type="log", title_text="nMSE", exponentformat="power")
+    columns = {role: column for role in ROLES if (column := f"nmse_{role}") in report.errors}
+    for role, column in columns.items():
+        values = report.errors[column]
+        figure.add_bar(x=list(report.joint_names), y=values, name=role, marker_color=ROLES[role])
+    powers = np.log10(report.errors[[*columns.values()]].clip(lower=1e-12).to_numpy())
+    known = powers[np.isfinite(powers)]
+    whole = [np.floor(known.min()), np.ceil(known.max())] if len(known) else None  # like bars look alike
+    figure.update_yaxes(type="log", title_text="nMSE", exponentformat="power", range=whole)
     figure.update_layout(showlegend=True)
     return _style(figure, 330)
 
@@ -87,12 +92,13 @@ def friction(report: Report) -> go.Figure:
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
     spacing = {"vertical_spacing": 0.35 / rows, "horizontal_spacing": 0.06}
-    figure = make_subplots(rows=rows, cols=columns, subplot_titles=list(names), **spacing)
+    titles = [f"{name} [{unit}]" for name, unit in zip(names, report.torque_units)]
+    figure = make_subplots(rows=rows, cols=columns, subplot_titles=titles, **spacing)
     for j in range(len(names)):
         place = {"row": j // columns + 1, "col": j % columns + 1}
         for trace in _friction_traces(report.friction, j) if report.friction else ():
             figure.add_scatter(**trace, showlegend=j == 0, **place)
-        figure.update_xaxes(title_text="rad/s" if j + columns >= len(names) else "", **place)
+        figure.update_xaxes(title_text="velocity [rad/s]" if j + columns >= len(names) else "", **place)
     figure.update_annotations(font_size=13)
     return _style(figure, 230 * rows + 70, top=64)
 

@@ -2,11 +2,13 @@
 
 import json
 import zipfile
+from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 
+import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
@@ -15,18 +17,26 @@ from sidegan.errors import ArtifactError
 from sidegan.report.viewer.content import View
 from sidegan.report.web import page
 
+Steps = Sequence[tuple[str, str]]
 _HERE = Path(__file__).parent
 _SCRIPTS = ("data.js", "orbit.js", "scene.js", "charts.js", "viewer.js")
 _ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # of trimesh, with three.js in it
 
 
-def write_view(view: View, path: Path) -> None:
-    """Write a view as one HTML file that needs no network."""
-    write_bytes(path, view_html(view).encode())
+def write_view(view: View, path: Path, table: pd.DataFrame | None = None, steps: Steps = ()) -> None:
+    """Write a view as one HTML file that needs no network.
+
+    Args:
+        view: of the arm and its trajectories.
+        path: of the file.
+        table: a row per trajectory, what it asks of the arm.
+        steps: what to do with them, a sentence and a command each.
+    """
+    write_bytes(path, view_html(view, table, steps).encode())
 
 
-def view_html(view: View) -> str:
-    """A view as an HTML document."""
+def view_html(view: View, table: pd.DataFrame | None = None, steps: Steps = ()) -> str:
+    """A view as an HTML document; see ``write_view``."""
     head, arrays = view.packed()
     environment = Environment(
         loader=FileSystemLoader(_HERE),
@@ -38,6 +48,8 @@ def view_html(view: View) -> str:
     scripts = "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS)
     body = environment.get_template("viewer.html.jinja").render(
         view=view.head,
+        table=None if table is None else table.reset_index(),
+        steps=steps,
         style=Markup((_HERE / "viewer.css").read_text(encoding="utf-8")),
         data=Markup(script_json(head)),
         arrays=Markup(arrays),

@@ -3,7 +3,7 @@ const SIGNALS = { position: "Position", velocity: "Velocity", acceleration: "Acc
 const UNITS = { position: ["rad", "m"], velocity: ["rad/s", "m/s"], acceleration: ["rad/s²", "m/s²"], torque: ["N·m", "N"] };
 const PERCENT = [{ value: 1, text: "100 %", limit: true }, { value: 0, text: "0" }, { value: -1, text: "−100 %", limit: true }];
 const by = (name) => document.getElementById(name);
-const said = (x, digits) => x.toFixed(digits).replace("-", "−");
+const said = (x, digits) => x.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−");
 
 class Viewer {
   constructor(data) {
