@@ -210,8 +210,8 @@ def _excite(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) -
         raise SideganError(" ".join(said))
     caption = (run / "set.md").read_text("utf-8").splitlines()[0]
     condition = float(caption.split("condition of the set ")[1].split(",")[0])
-    said = " ".join(map(quote, command[1:]))
-    return {"seconds": seconds, "cpu": cpu, "condition": condition, "command": said}
+    shown = " ".join(map(quote, command[1:]))
+    return {"seconds": seconds, "cpu": cpu, "condition": condition, "command": shown}
 
 
 def _used() -> float:
