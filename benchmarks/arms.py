@@ -7,6 +7,7 @@ coal on the original meshes; a set is made by ``+experiment=excite``; and every 
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import time
@@ -52,28 +53,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--work", type=Path, default=Path("outputs/arms"), help="where all of it goes")
     parser.add_argument("--page", type=Path, default=PAGE, help=f"the page (default {PAGE})")
     parser.add_argument("--fresh", action="store_true", help="begin again")
+    parser.add_argument(
+        "--descriptions", type=Path, help="folder of those that are not in example-robot-data"
+    )
     parser.add_argument("--set", nargs="*", default=[], metavar="WORD", help="more settings of the runs")
     options = parser.parse_args(arguments)
     for number, name in enumerate(options.arms, 1):
+        if "wheel" in ARMS[name] and options.descriptions is None:
+            continue
         file = options.work / f"{name}.json"
         if options.fresh:
             file.unlink(missing_ok=True)
         sys.stderr.write(f"{name}, {number} of {len(options.arms)}\n")
-        _measure(name, options.work / name, file, options.set)
+        _measure(name, options.work / name, file, options.set, options.descriptions)
         write_bytes(options.page, page(options.work).encode())
-    results = [json.loads((options.work / f"{name}.json").read_text("utf-8")) for name in options.arms]
+    files = [options.work / f"{name}.json" for name in options.arms]
+    results = [json.loads(file.read_text("utf-8")) for file in files if file.exists()]
     return 0 if all(_is_well(one) for one in results) else 1
 
 
-def _measure(name: str, work: Path, file: Path, more: Sequence[str]) -> None:
+def _measure(name: str, work: Path, file: Path, more: Sequence[str], folder: Path | None) -> None:
     """Do what is not done yet for an arm, and keep each part as soon as it is."""
     result: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {"name": name}
+    urdf = robot_file(name, folder)
     parts: dict[str, Callable[[], dict[str, Any]]] = {
-        "loaded": lambda: _load(robot_file(name)),
-        "shapes": lambda: _compare(robot_file(name), result["loaded"]["words"]),
-        "set": lambda: _excite(robot_file(name), result["loaded"]["words"], work, more),
-        "rate": lambda: _rate(robot_file(name), result["loaded"]["words"], work, more),
-        "independent": lambda: _check(robot_file(name), result["loaded"]["words"], work, more),
+        "loaded": lambda: _load(urdf, ARMS[name].get("words", [])),
+        "shapes": lambda: _compare(urdf, result["loaded"]["words"]),
+        "set": lambda: _excite(urdf, result["loaded"]["words"], work, more),
+        "rate": lambda: _rate(urdf, result["loaded"]["words"], work, more),
+        "independent": lambda: _check(urdf, result["loaded"]["words"], work, more),
     }
     for part, do in parts.items():
         if part in result:
@@ -89,12 +97,18 @@ def _measure(name: str, work: Path, file: Path, more: Sequence[str]) -> None:
         write_bytes(file, json.dumps(result, indent=1).encode())
 
 
-def robot_file(name: str) -> Path:
-    """The description of an arm.
+def robot_file(name: str, folder: Path | None = None) -> Path:
+    """The description of an arm, in example-robot-data or, where it is of another wheel, in a folder.
 
     Raises:
-        SideganError: when example-robot-data is not installed.
+        SideganError: when it is not there.
     """
+    if "wheel" in ARMS[name]:
+        if folder is None or not (folder / ARMS[name]["file"]).is_file():
+            raise SideganError(
+                f"{name} is in {ARMS[name]['wheel']}: unpack it, and name the folder: --descriptions"
+            )
+        return folder / ARMS[name]["file"]
     folders = (Path(entry, _ROBOTS) for entry in sys.path)
     found = next((folder for folder in folders if folder.is_dir()), None)
     if found is None:
@@ -108,15 +122,15 @@ def task_of(file: Path, words: Sequence[str], work: Path, more: Sequence[str] = 
     return Task(composed(*given), Store(work))
 
 
-def _load(file: Path) -> dict[str, Any]:
-    """What it took to load an arm with its pairs and its home, and what is said of it."""
+def _load(file: Path, given: Sequence[str]) -> dict[str, Any]:
+    """What it took to load an arm with its pairs and its home beside some settings, and what is said."""
 
     def load(words: list[str]) -> Task:
         task = task_of(file, words, Path("outputs"))
         _ = task.constraints
         return task
 
-    task, words = remedied(load)
+    task, words = remedied(load, given)
     return {
         "words": words,
         "joints": task.arm.joints,
@@ -129,7 +143,7 @@ def _load(file: Path) -> dict[str, Any]:
 def facts_of(task: Task) -> Facts:
     """What an independent check has to know beside the description."""
     arm, constraints = task.arm, task.constraints
-    exempt = [list(one.links) for one in constraints.exempt if one.why != "never touch"] or None
+    exempt = [list(one.links) for one in constraints.exempt if one.why != "never touch"]
     floors = [region for region in constraints.regions if isinstance(region, Plane)]
     limits = task.cfg.robot.limits
     stated = {
@@ -184,19 +198,26 @@ def _compare(file: Path, words: Sequence[str]) -> dict[str, Any]:
 
 
 def _excite(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) -> dict[str, Any]:
-    """Seconds from the file to a set, and what the set is worth."""
+    """Seconds from the file to a set, by the clock and of all processors, and what the set is worth."""
     run = work / "run"
     command = [sys.executable, "-m", "sidegan.run", "+experiment=excite", f"robot.name={file}"]
     command += [*words, f"outputs={work}", "tracking=off", f"hydra.run.dir={run}", *more]
-    began = time.monotonic()
+    began, used = time.monotonic(), _used()
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    seconds = time.monotonic() - began
+    seconds, cpu = time.monotonic() - began, _used() - used
     if done.returncode:
         said = done.stderr.strip().splitlines()[-_LINES:]
         raise SideganError(" ".join(said))
     caption = (run / "set.md").read_text("utf-8").splitlines()[0]
     condition = float(caption.split("condition of the set ")[1].split(",")[0])
-    return {"seconds": seconds, "condition": condition, "command": " ".join(map(quote, command[1:]))}
+    shown = " ".join(map(quote, command[1:]))
+    return {"seconds": seconds, "cpu": cpu, "condition": condition, "command": shown}
+
+
+def _used() -> float:
+    """Time that processors have spent on processes which this one started and which have ended [s]."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
 
 
 def _rate(file: Path, words: Sequence[str], work: Path, more: Sequence[str]) -> dict[str, float]:
@@ -243,8 +264,9 @@ def page(work: Path) -> str:
     table = pd.DataFrame([row_of(one) for one in results])
     refused = {one["name"]: one["refused"] for one in results if "refused" in one}
     how = {one["name"]: one["loaded"] for one in results if "loaded" in one}
+    last = {name: ARMS[name]["wheel"] for name in how if "wheel" in ARMS[name]}
     return template(Path(__file__).with_name("arms.md.j2")).render(
-        table=markdown(table) if len(table) else "", refused=refused, how=how, machine=machine()
+        table=markdown(table) if len(table) else "", refused=refused, how=how, last=last, machine=machine()
     )
 
 
@@ -259,7 +281,7 @@ def row_of(result: dict[str, Any]) -> dict[str, str]:
         "loaded": _how(loaded["words"]) if loaded else open_,
         "falsely refused": f"{shapes['refused']:.2%}" if shapes else open_,
         "missed": f"{shapes['missed']:.2%}" if shapes else open_,
-        "seconds": f"{made['seconds']:.0f}" if made else open_,
+        "CPU s": f"{made['cpu']:.0f}" if made else open_,
         "cond of the set": f"{made['condition']:.3g}" if made else open_,
         "checks/s": f"{rate['random']:,.0f}, {rate['set']:,.0f}" if rate else open_,
         "valid at 1 kHz": f"{check['valid']} of {check['trajectories']}" if check else open_,
@@ -272,7 +294,9 @@ def row_of(result: dict[str, Any]) -> dict[str, str]:
 
 def _how(words: Sequence[str]) -> str:
     """How an arm was loaded, in few words."""
-    names = dict.fromkeys(word.partition("=")[0].removeprefix("robot.") for word in words)
+    names = dict.fromkeys(
+        word.partition("=")[0].removeprefix("robot.").removeprefix("limits.") for word in words
+    )
     return f"with {', '.join(names)}" if names else "as it is"
 
 

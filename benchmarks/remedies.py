@@ -1,7 +1,7 @@
 """Following what refusals say, as a user would: the words on the command line that they print."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from sidegan.errors import SideganError
@@ -26,17 +26,17 @@ def followed(message: str, words: dict[str, str]) -> dict[str, str]:
     return more
 
 
-def remedied(work: Callable[[list[str]], T]) -> tuple[T, list[str]]:
-    """The outcome of some work on words of the command line, and the words that it took.
+def remedied(work: Callable[[list[str]], T], given: Iterable[str] = ()) -> tuple[T, list[str]]:
+    """The outcome of some work on words of the command line, and the words that it took beside those given.
 
     Raises:
         SideganError: what is refused though its remedies, if any, were followed.
     """
-    words: dict[str, str] = {}
+    words = {name: value for name, _, value in (word.partition("=") for word in given)}
     for _ in range(ROUNDS):
-        given = [f"{name}={value}" for name, value in words.items()]
+        said = [f"{name}={value}" for name, value in words.items()]
         try:
-            return work(given), given
+            return work(said), said
         except SideganError as error:
             more = followed(str(error), words)
             if more == words:

@@ -3,6 +3,7 @@
 import ast
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,10 +13,11 @@ import torch
 from benchmarks import arms, independent
 from benchmarks.independent import Facts, Robot, check_file, check_folder
 from benchmarks.remedies import followed, remedied
-from sidegan.errors import InfeasibleError, RobotError
+from sidegan.errors import InfeasibleError, RobotError, SideganError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.load import _MODELS
+from sidegan.robot.setup import Limits
 
 FILE = _MODELS / "planar2.urdf"
 FAMILY = Trajectory(2, 3, 8.0)
@@ -134,6 +136,9 @@ def test_remedies_are_followed_until_there_are_none():
         return "done"
 
     assert remedied(work) == ("done", ["robot.limits.velocity={a: 2}", "robot.may_touch=[[a, b]]"])
+    del asked[:]
+    given, velocity = ["robot.base=torso"], "robot.limits.velocity={a: 2}"
+    assert remedied(work, given) == ("done", [*given, velocity, "robot.may_touch=[[a, b]]"])
     with pytest.raises(RobotError, match="hopeless"):
         remedied(lambda words: (_ for _ in ()).throw(RobotError("hopeless")))
 
@@ -147,10 +152,10 @@ def test_what_is_done_is_kept_and_the_page_says_what_is_refused(tmp_path, monkey
     calls = []
     check = {"valid": 35, "trajectories": 35, "velocity": 0.98, "effort": 0.5, "acceleration": 0, "jerk": 0.4}
     loaded = {"words": ["robot.tip=hand"], "joints": 6, "told": ["one"], "checked": "much", "floor": ""}
-    made = {"seconds": 12.3, "condition": 45.6, "command": ""}
+    made = {"seconds": 60.0, "cpu": 12.3, "condition": 45.6, "command": ""}
     shapes = {"refused": 0.001, "missed": 0.0}
-    monkeypatch.setattr(arms, "robot_file", lambda name: Path(name))
-    monkeypatch.setattr(arms, "_load", lambda file: calls.append("load") or loaded)
+    monkeypatch.setattr(arms, "robot_file", lambda name, folder: Path(name))
+    monkeypatch.setattr(arms, "_load", lambda file, given: calls.append("load") or loaded)
     monkeypatch.setattr(arms, "_compare", lambda *a: calls.append("compare") or shapes)
     monkeypatch.setattr(arms, "_rate", lambda *a: {"random": 2345.6, "set": 345.6})
     monkeypatch.setattr(arms, "_check", lambda *a: calls.append("check") or check)
@@ -178,3 +183,25 @@ def test_what_is_done_is_kept_and_the_page_says_what_is_refused(tmp_path, monkey
 
 def test_every_arm_of_the_table_has_a_file():
     assert len(arms.ARMS) >= 15 and all(one["file"].endswith(".urdf") for one in arms.ARMS.values())
+
+
+def test_arms_that_were_tried_last_are_looked_for_where_one_says(tmp_path, monkeypatch):
+    name = next(name for name, one in arms.ARMS.items() if "wheel" in one)
+    for folder in (None, tmp_path):
+        with pytest.raises(SideganError, match="--descriptions"):
+            arms.robot_file(name, folder)
+    file = tmp_path / arms.ARMS[name]["file"]
+    file.parent.mkdir(parents=True)
+    file.touch()
+    assert arms.robot_file(name, tmp_path) == file
+    monkeypatch.setattr(arms, "_measure", None)  # without a folder they are left out
+    words = ["--arms", name, "--work", str(tmp_path / "work"), "--page", str(tmp_path / "arms.md")]
+    assert arms.main(words) == 0
+
+
+def test_neighbours_count_as_the_others_where_none_is_exempt(planar):
+    """No exemption is not the same as nothing said, by which neighbours may touch."""
+    constraints = SimpleNamespace(exempt=(), regions=(), excepted={})
+    cfg = SimpleNamespace(robot=SimpleNamespace(limits=Limits()))
+    task = SimpleNamespace(arm=planar, constraints=constraints, cfg=cfg)
+    assert arms.facts_of(task).exempt == []
