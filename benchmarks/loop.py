@@ -36,9 +36,10 @@ from sidegan.report.document import template
 from sidegan.report.export import markdown
 from sidegan.seeds import Gradient
 from sidegan.worth import Judge, Truth, WorthSettings, legs
-from sidegan.worth.contenders import Order, aim_of, exact, make_set
-from sidegan.worth.curves import true_parameters
+from sidegan.worth.contenders import aim_of, exact, make_set
+from sidegan.worth.intervals import true_parameters
 from sidegan.worth.loop import Designed, Listed, Picked, Predicted, Way, closed
+from sidegan.worth.orders import Order
 from sidegan.worth.session import Session
 
 FIXED, RANDOM, POOL = "a fixed set, D-optimal (excite's)", "random", "D-optimal from a pool"

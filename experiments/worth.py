@@ -16,8 +16,8 @@ from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
 from sidegan.report.style import colours
-from sidegan.worth.contenders import file_of, seconds_of
-from sidegan.worth.curves import PARTS
+from sidegan.worth.intervals import PARTS
+from sidegan.worth.orders import file_of, seconds_of
 
 if TYPE_CHECKING:  # slow to import
     import plotly.graph_objects as go
@@ -34,7 +34,7 @@ def collect(task: Task) -> Worth:
     for arm, one in arms(task).items():
         for number, group in plants(one):
             parts.append(one.frame(worth(one, number, group)).assign(arm=arm))
-            if group == JUDGED:
+            if group == JUDGED and number < one.cfg.worth.compared:
                 estimated.append(one.frame(estimators(one, number)).assign(arm=arm))
         for name in contenders(one):
             made = sets(one, name)

@@ -1,11 +1,7 @@
 """Ways to make excitation sets, all under the same limits."""
 
-import math
-import statistics
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -16,7 +12,6 @@ from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import LACKING, Prediction, Volume
-from sidegan.design.problem import Problem
 from sidegan.design.sequence import designed, together
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import RIGID, TorqueModel
@@ -26,8 +21,8 @@ from sidegan.library.draw import draw_valid
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
 from sidegan.seeds.gradient import Gradient
-from sidegan.validity import Constraints, check
-from sidegan.worth.settings import Contender, WorthSettings
+from sidegan.validity import check
+from sidegan.worth.orders import Order, SetOf
 from sidegan.worth.tasks import legs, states
 from sidegan.worth.waypoints import Rests
 
@@ -39,76 +34,6 @@ _SHRINK, _SHRINKS = 0.9, 5  # of an attempt that was invalid, and how often
 _FLAT = 1e-4  # of the samples: how strongly the fit of a sweep avoids large coefficients that cancel
 _STEPS = 60  # evaluations per optimised trajectory
 _RESERVE = 0.05  # of each limit, as ``excite`` keeps it
-
-
-class SetOf(NamedTuple):
-    """A set of trajectories, (n, J, H, 2), of one family."""
-
-    family: Trajectory | Rests
-    coefficients: Tensor
-
-    @classmethod
-    def of(cls, family: Mapping[str, Any], coefficients: Tensor) -> "SetOf":
-        """A set of what its family's ``describe`` has told."""
-        return cls((Trajectory if "harmonics" in family else Rests)(**family), coefficients)
-
-
-@dataclass(frozen=True)
-class Order:
-    """What a set is made for."""
-
-    constraints: Constraints
-    home: tuple[float, ...] | None
-    settings: WorthSettings
-    contender: Contender
-    count: int
-    seed: np.random.SeedSequence
-    number: int = 0  # of the set among those of its contender
-
-    def family(self, period: float | None = None) -> Trajectory:
-        """The trajectories' family."""
-        one = self.contender
-        joints = self.constraints.arm.joints
-        return Trajectory(joints, one.harmonics, period or one.period, self.home)
-
-    def problem(self, period: float | None = None) -> Problem:
-        """The optimisation of one of them."""
-        return Problem(self.constraints, self.family(period), max(60, 3 * self.contender.harmonics))
-
-    @property
-    def generator(self) -> torch.Generator:
-        """Random numbers of the set."""
-        return torch.Generator().manual_seed(int(self.seed.generate_state(1, np.uint64)[0] >> 1))
-
-    @property
-    def file(self) -> Path:
-        """The file that motions are taken from.
-
-        Raises:
-            ConfigError: when there is none for this arm.
-        """
-        name = self.constraints.arm.name
-        found = file_of(self.contender, name)
-        if found is None:
-            raise ConfigError(f"{self.contender.title}: there is no file of motions for {name}")
-        return found
-
-    def option(self, name: str, default: float) -> float:
-        """An option of the maker, one of ``settings.OPTIONS``."""
-        return (self.contender.options or {}).get(name, default)
-
-
-def file_of(one: Contender, arm: str) -> Path | None:
-    """The file that a contender takes its motions for an arm from, if it is there."""
-    path = Path((one.files or {}).get(arm, "")).expanduser()
-    return path if path.is_file() else None
-
-
-def seconds_of(path: Path) -> float:
-    """CPU time [s] that a motion of a file took to be made; not a number where the file does not say so."""
-    if path.suffix != ".json":
-        return math.nan
-    return statistics.fmean(float(one["seconds"]) for one in read_json(path)["trajectories"])
 
 
 def make_set(order: Order) -> SetOf:

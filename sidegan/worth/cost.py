@@ -11,11 +11,12 @@ from sidegan.design.prediction import Prediction
 from sidegan.design.sequence import value_and_gradient
 from sidegan.identification.model import states_within
 from sidegan.plant.varied import VariedPlant
-from sidegan.worth.contenders import DESIGNED, Order, aim_of
+from sidegan.worth.contenders import DESIGNED, aim_of
 from sidegan.worth.curves import Judge
+from sidegan.worth.orders import Order
 from sidegan.worth.settings import Contender, WorthSettings
 
-_STEPS, _MOTIONS, _STATES, _STARTS = 60, 20, 2_000, 4  # of what is timed
+_STEPS, _MOTIONS, _STATES = 60, 20, 2_000  # of what is timed
 
 
 class Pace(NamedTuple):
@@ -47,7 +48,9 @@ def pace(judge: Judge, plant: VariedPlant, order: Order) -> Pace:
     def follow(count: int) -> None:
         plant.follow(family.roll_out(torch.zeros(count, *family.shape, dtype=torch.float64), times))
 
-    states, c = states_within(plant.arm, _STATES), problem.start(_STARTS, order.generator)
+    settings = order.settings
+    count = settings.search.starts * settings.sets  # all sets are designed at once
+    states, c = states_within(plant.arm, _STATES), problem.start(count, order.generator)
     samples = 2 * family.harmonics + 1
 
     def identify() -> object:
@@ -57,7 +60,7 @@ def pace(judge: Judge, plant: VariedPlant, order: Order) -> Pace:
     follow(1)
     one, many = (_seconds(partial(follow, n)) / _STEPS for n in (1, 1 + _MOTIONS))
     motion = max(0.0, many - one) / _MOTIONS
-    gradient = _seconds(lambda: value_and_gradient(problem, aim, c, samples)) / (_STARTS * samples)
+    gradient = _seconds(lambda: value_and_gradient(problem, aim, c, samples)) / (count * samples)
     return Pace(max(one - motion, 0.0), motion, _seconds(identify) / _STATES, gradient)
 
 

@@ -8,8 +8,9 @@ from torch import Tensor
 
 from sidegan.identification import Measurements, estimate
 from sidegan.plant.varied import VariedPlant
-from sidegan.worth.contenders import SetOf
-from sidegan.worth.curves import PARTS, Judge, Truth, disturbed, held, mean_error, true_parameters, widened
+from sidegan.worth.curves import Judge, Truth, disturbed, mean_error
+from sidegan.worth.intervals import PARTS, held, true_parameters, widened
+from sidegan.worth.orders import SetOf
 from sidegan.worth.settings import PIECE, Regime, WorthSettings
 
 # Of methods that need more than numbers.

@@ -17,8 +17,8 @@ from sidegan.designer import Aim, Designer
 from sidegan.errors import InfeasibleError
 from sidegan.identification import TorqueModel
 from sidegan.motion.trajectory import Trajectory
-from sidegan.worth.contenders import SetOf
 from sidegan.worth.curves import Truth, mean_error
+from sidegan.worth.orders import SetOf
 from sidegan.worth.session import Known, Session
 
 

@@ -12,8 +12,9 @@ from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.prior import belief
 from sidegan.identification.uncertain import rigid_information
 from sidegan.plant.varied import VariedPlant
-from sidegan.worth.contenders import SetOf
-from sidegan.worth.curves import FIRST, Judge, disturbed, held
+from sidegan.worth.curves import FIRST, Judge, disturbed
+from sidegan.worth.intervals import held
+from sidegan.worth.orders import SetOf
 from sidegan.worth.settings import Regime
 
 _ROUNDS = 4  # of weights from residuals

@@ -69,7 +69,7 @@ class WorthSettings:
 
     others: dict[str, str]  # further arms: descriptions by name, studied in free space where they are there
     plants: Count
-    compared: Count  # of them in the regimes too that are not judged
+    compared: Count  # of them in the regimes too that are not judged, and identified by every estimator
     sets: Count  # of each contender
     distinct: Seconds  # of motion of its own in a set that nobody designs
     designed: Seconds  # of one that is designed

@@ -159,25 +159,20 @@ class Counted:
 
 
 @pytest.mark.parametrize("gap", [0.0005, 0.003])
-def test_a_home_with_hardly_any_room_is_answered(designer, gap):
+@pytest.mark.parametrize("evaluations", [6, 12])
+def test_a_home_with_hardly_any_room_is_answered(planar, settings, monkeypatch, gap, evaluations):
     """A wall so close to home that any motion is in the reserve that is kept elsewhere."""
-    wall = near_wall(designer, gap)
-    for evaluations in (6, 12):
-        design = designer.ask(Situation(HOME, [wall]), evaluations=evaluations)
-        assert design.coefficients is not None, design.blocked
-        c = design.coefficients[None]
-        assert c.abs().max() > 0 and check(design.constraints, design.trajectory, c).valid.all()
-
-
-def near_wall(designer, gap):
-    """A wall that is so far from the arm at home [m]."""
-    wall = Plane((1.0, 0.0, 0.0), -0.8)
-    scene = designer.numbers.scene(Situation(HOME, [wall]))
-    resting = torch.tensor(HOME, dtype=torch.float64)[None]
-    constraints = designer.numbers.among(scene)
-    beside = constraints.guarded[:, 0] == len(designer.numbers.constraints.regions)
-    apart = constraints.at_rest(resting)["keep_out"][0, beside].min()
-    return replace(wall, offset=wall.offset + float(apart) - gap)
+    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
+    home = (0.3, 0.4)
+    designer = Designer(Constraints(planar, []), Trajectory(2, 3, 8.0), settings)
+    wall = Plane((1.0, 0.0, 0.0), -5.0)
+    far = designer.numbers.among(designer.numbers.scene(Situation(home, [wall])))
+    apart = float(far.at_rest(torch.tensor([home], dtype=torch.float64))["keep_out"].min())
+    near = replace(wall, offset=wall.offset + apart - gap)
+    design = designer.ask(Situation(home, [near]), evaluations=evaluations)
+    assert design.coefficients is not None, design.blocked
+    c = design.coefficients[None]
+    assert c.abs().max() > 0.1 and check(design.constraints, design.trajectory, c).valid.all()
 
 
 def test_evaluations_and_proofs_are_counted(designer, situation, monkeypatch):

@@ -9,9 +9,9 @@ import torch
 from sidegan.identification import TorqueModel
 from sidegan.plant.varied import VariedPlant
 from sidegan.worth import Judge, legs, make_set
-from sidegan.worth.contenders import Order
-from sidegan.worth.curves import widened
 from sidegan.worth.estimators import compared, recorded
+from sidegan.worth.intervals import widened
+from sidegan.worth.orders import Order
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.library.measure import measured
 from sidegan.validity import check
 from sidegan.worth import Contender, make_set
-from sidegan.worth.contenders import Order, file_of, seconds_of
+from sidegan.worth.orders import Order, file_of, seconds_of
 from sidegan.worth.waypoints import Rests
 
 PERIOD = 8.0  # [s]
@@ -86,7 +86,7 @@ def test_an_arm_without_a_file_has_no_such_contender(ordered, waypoints):
 def test_a_library_contends_with_what_is_valid_here(ordered, place, tmp_path):
     path, one = tmp_path / "library.parquet", ordered("library", tmp_path)
     family, random = one.family(), torch.Generator().manual_seed(0)
-    drawn = one.problem().start(60, random, 1.5)
+    drawn = torch.cat([one.problem().start(30, random, reach) for reach in (0.4, 1.5)])
     library = measured(place, family, drawn, "somebody")
     assert 4 < int(library.valid.sum()) < 60
     library.save(path)

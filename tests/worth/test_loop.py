@@ -18,9 +18,10 @@ from sidegan.pipeline.run import CONF
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import check
 from sidegan.worth import Judge, SetOf, legs
-from sidegan.worth.contenders import Order, aim_of, exact
-from sidegan.worth.curves import true_parameters
+from sidegan.worth.contenders import aim_of, exact
+from sidegan.worth.intervals import true_parameters
 from sidegan.worth.loop import Designed, Listed, Picked, Predicted, Step, closed, seconds_to
+from sidegan.worth.orders import Order
 from sidegan.worth.session import Known, Session
 
 PERIOD = 4.0  # [s]

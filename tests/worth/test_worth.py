@@ -17,9 +17,10 @@ from sidegan.pipeline.store import Store
 from sidegan.plant.varied import VariedPlant
 from sidegan.validity import Constraints, Plane, check
 from sidegan.worth import MAKERS, Estimate, Judge, estimate, legs, make_set
-from sidegan.worth.contenders import Order
 from sidegan.worth.cost import Pace, cost
-from sidegan.worth.curves import deviations, disturbed, held, mean_error
+from sidegan.worth.curves import disturbed, mean_error
+from sidegan.worth.intervals import deviations, held
+from sidegan.worth.orders import Order
 from sidegan.worth.tasks import states
 
 

@@ -27,10 +27,11 @@ from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
 from sidegan.validity import Constraints
 from sidegan.worth import Contender, Judge, Regime, SetOf, Truth, legs
-from sidegan.worth.contenders import Order, file_of, make_sets
+from sidegan.worth.contenders import make_sets
 from sidegan.worth.cost import Cost, cost, pace
 from sidegan.worth.curves import Curves, mean_error
 from sidegan.worth.estimators import compared
+from sidegan.worth.orders import Order, file_of
 from sidegan.worth.waypoints import Rests
 
 log = logging.getLogger(__name__)
@@ -268,7 +269,8 @@ def _artifacts(task: Task) -> list[Artifact]:
     made = [sets(one, name) for one in every for name in contenders(one)]
     order = sorted((where, k) for k, one in enumerate(every) for where in plants(one))
     judged = [worth(every[k], *where) for where, k in order]
-    return [*made, *judged, *(estimators(every[k], where[0]) for where, k in order if where[1] == JUDGED)]
+    few = [(every[k], where[0]) for where, k in order if where[1] == JUDGED]
+    return [*made, *judged, *(estimators(*one) for one in few if one[1] < one[0].cfg.worth.compared)]
 
 
 def _check(task: Task) -> None:
