@@ -42,8 +42,8 @@ def collect(task: Task) -> Worth:
             file = file_of(one.cfg.worth.contenders[name], one.arm.name)
             design[arm, name] = float(seconds) if file is None else seconds_of(file)
             violated[arm, name] = float(one.report(made).get("violated", 0.0))
-    frames = (pd.concat(x, ignore_index=True) for x in (parts, estimated))
-    return Worth(task.cfg, *frames, design, violated)
+    frame, errors = (pd.concat(x, ignore_index=True) for x in (parts, estimated))
+    return Worth(task.cfg, frame, errors, design, violated)
 
 
 def present(found: Worth, folder: Path, tracker: Tracker) -> None:

@@ -8,7 +8,7 @@ import ctypes
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
@@ -153,9 +153,10 @@ class VariedPlant:
             step, self.model._address, data._address, data.qpos, data.qvel, data.qfrc_applied
         )
         law, size, form = self.law, self.law.settings, ("linear", "eyring", "tustin").index(self.law.form)
-        sizes = size.width, size.stribeck, size.load, size.asymmetry, size.position, size.ripple
+        sizes = [size.width, size.stribeck, size.load, size.asymmetry, size.position, size.ripple]
         own = law.scale, law.coulomb, law.viscous, law.speed, law.phase, law.skew
-        friction = kernels.Friction(form, *map(float, sizes), *map(np.ascontiguousarray, own))
+        values: list[Any] = [*map(float, sizes), *map(np.ascontiguousarray, own)]
+        friction = kernels.Friction(form, *values)
         servos = kernels.Servos(
             *self._gains, self.arm.torque_limit.numpy(), self.rotor, float(self.settings.rate)
         )

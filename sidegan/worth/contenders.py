@@ -166,16 +166,20 @@ def _tiny(order: Order) -> SetOf:
     return _random(small)
 
 
-def _conditioned(order: Order, count: int | None = None) -> SetOf:
+def _conditioned(order: Order) -> SetOf:
     """Each of the smallest condition number."""
+    return SetOf(*_of_small_condition(order, order.count))
+
+
+def _of_small_condition(order: Order, count: int) -> tuple[Trajectory, Tensor]:
     problem = order.problem()
-    best = Gradient(_STEPS, 5, _RESERVE).optimise(problem, count or order.count, order.seed)
-    return SetOf(problem.trajectory, best.coefficients)
+    best = Gradient(_STEPS, 5, _RESERVE).optimise(problem, count, order.seed)
+    return problem.trajectory, best.coefficients
 
 
 def _excite(order: Order) -> SetOf:
     """What ``+experiment=excite`` gives: a D-optimal pick from a pool of optimised trajectories."""
-    family, pool = _conditioned(order, round(order.option("pool", 4) * order.count))
+    family, pool = _of_small_condition(order, round(order.option("pool", 4) * order.count))
     information = information_of(order.constraints.body, family, pool)
     return SetOf(family, pool[d_optimal(information, min(order.count, len(pool)))])
 

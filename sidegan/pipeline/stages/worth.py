@@ -206,8 +206,9 @@ def _make_estimators(task: Task, build: Build, number: int) -> None:
         build.report(done + 1, len(kinds))
     frame = pd.DataFrame(rows)
     write_parquet(build.folder / RESULTS, arrow(frame))
-    errors = frame.groupby(["method", "kind"]).error.median()
-    write_json(build.folder / REPORT, {f"{m}_{kind}": float(x) for (m, kind), x in errors.items()})
+    errors = frame.groupby(["method", "kind"], as_index=False).error.median()
+    report = {f"{method}_{kind}": x for method, kind, x in errors.itertuples(index=False)}
+    write_json(build.folder / REPORT, report)
 
 
 def _rows(
@@ -221,7 +222,7 @@ def _rows(
         for regime, found in curves.items():
             key = {"plant": number, "floor": float(truth.floor()), "regime": regime}
             rows += _rows_of(judge, found, key)
-    return pd.DataFrame(rows).to_dict("list")
+    return {str(key): values for key, values in pd.DataFrame(rows).to_dict("list").items()}
 
 
 def _plant(task: Task, place: Constraints, form: Form, number: int) -> VariedPlant:
