@@ -1,6 +1,7 @@
 """A wheel holds what the commands need where there is no clone."""
 
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,7 +44,11 @@ def test_settings_are_found_in_the_wheel_where_there_is_no_clone(tmp_path):
         "sys.exit(main())"
     )
     ran = subprocess.run(
-        ["python", "-I", "-c", code, str(ROOT)], cwd=tmp_path, capture_output=True, text=True, timeout=300
+        [sys.executable, "-I", "-c", code, str(ROOT)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert ran.returncode == 0, ran.stderr
     assert "experiment: excite" in ran.stdout
