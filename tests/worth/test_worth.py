@@ -73,8 +73,11 @@ def changed(settings, name, **values):
             lambda x: replace(x, sensors=replace(x.sensors, rate=60.0)),
             "expected a multiple of the sensors' 60",
         ),
-        (lambda x: replace(x, contenders={"tiny": x.contenders["tiny"]}), "none is ours"),
-        (lambda x: replace(x, contenders={"p": x.contenders["prediction"]}), "none is practice"),
+        (lambda x: replace(x, contenders={"tiny": x.contenders["tiny"]}, estimated="tiny"), "none is ours"),
+        (
+            lambda x: replace(x, contenders={"p": x.contenders["prediction"]}, estimated="p"),
+            "none is practice",
+        ),
     ],
 )
 def test_a_study_that_could_not_be_judged_is_refused(task, change, message):
@@ -110,19 +113,21 @@ def test_without_sets_that_are_known_to_be_bad_nothing_is_said_of_them(small, ru
 
 
 def test_a_study_costs_what_its_parts_do(task):
-    """One contender by hand, then twice the plants, twice the sets."""
-    settings = task.cfg.worth
-    one = settings.contenders["prediction"]
-    alone = replace(settings, contenders={"p": one, "q": replace(one, maker="random", practice=True)})
-    rate, motions, forms = settings.plant.rate, settings.sets * settings.count(one), 3
-    found = cost(alone, Pace(step=1e-4, motion=1e-5, state=2e-5, gradient=0.0))
+    """One contender by hand, then another one that is not designed, more plants, twice the sets."""
+    one = task.cfg.worth.contenders["prediction"]
+    settings = replace(task.cfg.worth, plants=2, compared=1)
+    rate, motions = settings.plant.rate, settings.sets * settings.count(one)
+    moves = Pace(step=1e-4, motion=1e-5, state=2e-5, gradient=0.0)
     moved = one.period * rate * (1e-4 + 1e-5 * motions) + motions * one.period * settings.sensors.rate * 2e-5
-    assert found.plants == pytest.approx(2 * settings.plants * forms * moved) and found.design == 0
-    search = settings.search
+    both = {"p": one, "q": replace(one, maker="random", practice=True)}
+    found = cost(settings, both, moves)  # two forms on each plant are judged, a third one on the first alone
+    assert found.plants == pytest.approx(2 * (2 * 2 + 1) * moved) and found.design == 0
+    assert cost(replace(settings, plants=3), both, moves).plants == pytest.approx(2 * (3 * 2 + 1) * moved)
+    search, dear = settings.search, Pace(0.0, 0.0, 0.0, 1.0)
     gradients = search.starts * (0.5 * search.rough + search.strict) * search.samples * one.period
-    dear = Pace(0.0, 0.0, 0.0, 1.0)
-    assert cost(alone, dear) == pytest.approx((motions * gradients, 0.0))
-    assert cost(replace(alone, sets=2 * alone.sets), dear).total == pytest.approx(2 * motions * gradients)
+    assert cost(settings, both, dear) == pytest.approx((motions * gradients, 0.0))
+    twice = replace(settings, sets=2 * settings.sets)
+    assert cost(twice, both, dear).total == pytest.approx(2 * motions * gradients)
 
 
 def test_what_is_left_to_be_made_is_told_beforehand(task, tmp_path, caplog):
