@@ -55,11 +55,16 @@ def make_sets(orders: Sequence[Order]) -> list[SetOf]:
         ConfigError: when there is no such maker.
         InfeasibleError: when nothing valid is found.
     """
+    one = orders[0].contender
+    if one.maker not in DESIGNED or orders[0].option("or", one.period) != one.period:
+        return [make_set(order) for order in orders]
+    return _at_once(orders)
+
+
+def _at_once(orders: Sequence[Order]) -> list[SetOf]:
+    """Sets of one contender that are designed, all for the same period."""
     first = orders[0]
-    designed = DESIGNED.get(first.contender.maker)
-    if designed is None or first.option("or", first.contender.period) != first.contender.period:
-        return [make_set(one) for one in orders]
-    problem, aims = first.problem(), [aim_of(one, *designed) for one in orders]
+    problem, aims = first.problem(), [aim_of(one, *DESIGNED[one.contender.maker]) for one in orders]
     generators = [one.generator for one in orders]
     made = together(problem, aims, first.count, first.settings.search, generators)
     return [SetOf(problem.trajectory, c) for c in made]
@@ -238,8 +243,8 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "tiny": _tiny,
     "condition": _conditioned,
     "excite": _excite,
-    "volume": lambda order: make_sets([order])[0],
-    "rigid_volume": lambda order: make_sets([order])[0],
+    "volume": lambda order: _at_once([order])[0],
+    "rigid_volume": lambda order: _at_once([order])[0],
     "prediction": _prediction,
     "library": _library,
     "waypoints": _waypoints,

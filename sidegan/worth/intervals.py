@@ -24,9 +24,7 @@ def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tens
     """
     matrix = prior + (information / weights[:, None, None]).sum(0)
     middle = prior + (information * (errors / weights**2)[:, None, None]).sum(0)
-    unit = matrix.diagonal().sqrt()
-    inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix / unit[:, None] / unit))
-    return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().sqrt() / unit
+    return _spread(matrix, middle)
 
 
 def widened(scores: Tensor, matrix: Tensor, prior: Tensor) -> Tensor:
@@ -44,6 +42,11 @@ def widened(scores: Tensor, matrix: Tensor, prior: Tensor) -> Tensor:
     """
     count = len(scores)
     middle = prior + scores.T @ scores * count / max(1, count - 1)
+    return _spread(matrix, middle)
+
+
+def _spread(matrix: Tensor, middle: Tensor) -> Tensor:
+    """Roots of the diagonal of A⁻¹ M A⁻¹, (P,), of A and M (P, P), taken where A has a unit diagonal."""
     unit = matrix.diagonal().sqrt()
     inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix / unit[:, None] / unit))
     return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().clamp_min(0).sqrt() / unit
