@@ -10,6 +10,7 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
+from sidegan.robot.solids import dome, turned
 from sidegan.validity.capsules import capsule_axes, place_points
 
 _RATE = 25.0  # [Hz] of a drawn trace
@@ -116,20 +117,13 @@ def capsule_mesh(a: np.ndarray, b: np.ndarray, radius: float) -> Mesh:
     u = np.cross(along, side)
     u /= np.linalg.norm(u)
     v = np.cross(along, u)
-    tilt = np.linspace(0, np.pi / 2, _CAP + 1)
     # Rings from the pole at a to the pole at b: a half sphere, the tube between, a half sphere.
-    centre = np.repeat([a, b], _CAP + 1, axis=0)
-    height = radius * np.concatenate([-np.cos(tilt), np.sin(tilt)])
-    width = radius * np.concatenate([np.sin(tilt), np.cos(tilt)])
+    width, height = dome(radius, _CAP)
+    height = height + np.repeat([0.0, length], _CAP + 1)
     if length <= _TINY:  # the two half spheres share their widest ring
-        centre, height, width = (np.delete(x, _CAP, axis=0) for x in (centre, height, width))
-    turn = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
-    circle = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
-    rings = centre[:, None] + height[:, None, None] * along + width[:, None, None] * circle
-    corner = np.arange(rings.shape[0] * _AROUND).reshape(rings.shape[:2])
-    after = np.roll(corner, -1, axis=1)
-    faces = np.stack([corner[:-1], after[:-1], after[1:], corner[1:]], -1)
-    return Mesh(rings.reshape(-1, 3), faces.reshape(-1, 4))
+        width, height = (np.delete(x, _CAP) for x in (width, height))
+    vertices, faces = turned(width, height, _AROUND)
+    return Mesh(a + vertices @ np.stack([u, v, along]), faces)
 
 
 def bounds(points: list[np.ndarray], desk: float | None) -> np.ndarray:
