@@ -179,7 +179,7 @@ def locked_joints(task: Task) -> dict[str, float]:
 
 def _compare(file: Path, words: Sequence[str]) -> dict[str, Any]:
     """How often self-collision is refused though the meshes are free, and missed though they collide."""
-    task = task_of(file, words, Path("outputs"))
+    task = task_of(file, words, Path("outputs"), ["workspace.clearance=0"])
     arm, constraints = task.arm, task.constraints
     random = torch.Generator().manual_seed(0)
     draw = torch.rand(_CONFIGURATIONS, arm.joints, generator=random, dtype=torch.float64)

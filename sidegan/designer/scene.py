@@ -15,7 +15,6 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity import Constraints, Region
 from sidegan.validity.bounds import capsule_reach
-from sidegan.validity.clearance import grown
 from sidegan.validity.constraints import random_axes
 from sidegan.validity.pairs import Pairs
 from sidegan.validity.regions import tables
@@ -39,7 +38,7 @@ class Scene:
     speed: Array  # velocity limits, (J,)
     torque: Array  # torque limits, (J,); infinite where nothing is limited
     clearance: float  # that is kept, the larger one of the workspace's and the situation's [m]
-    shapes: Shapes  # grown by half the clearance
+    shapes: Shapes  # grown by the clearance, links and regions together
     size: Array  # of natural coordinates, (J, K)
     excepted: tuple[str, ...]  # links that can never leave a region
 
@@ -96,11 +95,12 @@ class ArmNumbers:
         return self._keeping[clearance]
 
     def _keep(self, clearance: float) -> Constraints:
-        own = self.constraints
+        own = self.constraints  # whose links may have less room between them than it has elsewhere
+        apart = clearance if own.apart == own.clearance else own.apart
         if self.same_pairs:
-            return _Found(self.arm, own.regions, own, own.guarded, clearance)
+            return _Found(self.arm, own.regions, own, own.guarded, clearance, apart)
         try:
-            return Constraints(self.arm, own.regions, own.torque, clearance)
+            return Constraints(self.arm, own.regions, own.torque, clearance, apart)
         except InfeasibleError as error:
             raise InfeasibleError(f"a clearance of {clearance:g} m cannot be kept: {error}") from error
 
@@ -156,7 +156,7 @@ class ArmNumbers:
                 excepted += [f"{names[self.moving[k]]} in region {first + r}" for k in np.nonzero(~row)[0]]
             which, inner = np.nonzero(leaves)
             guarded = np.concatenate([base.guarded, np.stack([first + which, self.moving[inner]], 1)])
-            base = _with_regions(base, grown(regions, clearance))
+            base = _with_regions(base, own.grown(regions))
             base = base._replace(guarded=np.ascontiguousarray(guarded))
         return base, tuple(excepted)
 
@@ -181,9 +181,9 @@ class ArmNumbers:
         """The same scene as every other room knows it."""
         speed, torque = torch.from_numpy(scene.speed), torch.from_numpy(scene.torque)
         arm = replace(self.arm, velocity_limit=speed, torque_limit=torque)
-        regions = [*self.constraints.regions, *scene.situation.regions]
         known, guarded = self.keeping(scene.clearance), torch.from_numpy(scene.shapes.guarded)
-        return _Found(arm, regions, known, guarded, scene.clearance)
+        regions = [*known.regions, *known.lowered, *scene.situation.regions]
+        return _Found(arm, regions, known, guarded, known.clearance, known.apart)
 
     def family(self, scene: Scene) -> Trajectory:
         """The family of the scene's trajectories."""
@@ -226,9 +226,10 @@ class _Found(Constraints):
         known: Constraints,
         guarded: torch.Tensor,
         clearance: float,
+        apart: float,
     ) -> None:
         self._known, self._found = known, guarded
-        super().__init__(arm, regions, known.torque, clearance)
+        super().__init__(arm, regions, known.torque, clearance, apart)
         self.excepted |= known.excepted
 
     def _pairs(self) -> Pairs:

@@ -82,8 +82,7 @@ class Task:
     @cached_property
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
-        workspace = self.cfg.workspace
-        return Constraints(self.arm, workspace.shapes(self.arm), workspace.torque, workspace.clearance)
+        return self.cfg.workspace.around(self.arm, self.cfg.trajectory.home or self.arm.home)
 
     @cached_property
     def constraints(self) -> Constraints:
@@ -105,6 +104,8 @@ class Task:
             )
         if told := self.cfg.workspace.told(self.arm):
             log.info("%s", told)
+        if self.cfg.workspace.clearance is None:
+            log.info("%s", self._told_clearance())
         log.info("checked: %s", self.constraints.described())
         if often := self.constraints.often:
             log.warning("%s", tell_often(self.arm, often))
@@ -113,6 +114,9 @@ class Task:
                 "many pairs of links are allowed to touch and are not checked against each other: "
                 "are the collision shapes too large, or not in metres?"
             )
+
+    def _told_clearance(self) -> str:
+        return f"kept clear: {self.constraints.kept_clear}; workspace.clearance=… says another distance"
 
     def check(self, c: Tensor) -> Validity:
         """Whether short trajectories, (B, J, H, 2), are valid."""

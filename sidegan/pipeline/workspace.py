@@ -2,6 +2,7 @@
 
 import hashlib
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 
 from sidegan import validity
 from sidegan.base.typed import NonNegative, Positive
-from sidegan.errors import ConfigError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import read_mesh
-from sidegan.validity import Box, Convex, Plane, Sphere
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from sidegan.validity.clearance import TooLargeError
 from sidegan.validity.floor import floor_under
 from sidegan.validity.scene import read_scene
 
@@ -24,6 +26,8 @@ log = logging.getLogger(__name__)
 _CONVEX = 0.9  # share of its hull's volume that a mesh fills at least, or a warning says so
 _UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
+# [m] kept from regions and between links where nobody says how much: the first that arm and home have
+_USUALLY = ((0.02, 0.02), (0.02, 0.01), (0.02, 0.005), (0.02, 0.0), (0.01, 0.0), (0.005, 0.0))
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,8 @@ class Workspace:
     # height that built-in arms keep above [m]; others: what they stand on; null: neither
     desk: float | None = None
     scene: str | None = None  # beside all that: a MoveIt scene
-    clearance: NonNegative = 0.0  # that links keep from each other and from the regions [m]
+    # that links keep from each other and from the regions [m]; null: 2 cm, or what arm and home have room for
+    clearance: NonNegative | None = 0.0
 
     def given(self, arm: Arm) -> list[Region]:
         """The regions of an arm but for the scene."""
@@ -132,10 +137,39 @@ class Workspace:
         scene: Sequence[validity.Region] = read_scene(Path(self.scene).expanduser()) if self.scene else ()
         return [*(region.shape for region in self.given(arm)), *scene]
 
+    def around(self, arm: Arm, home: Sequence[float] | None = None) -> Constraints:
+        """An arm in this workspace.
+
+        Args:
+            arm: the arm.
+            home: where it is to rest [rad or m], (J,), where that is known: a clearance that nobody stated
+                leaves room for it.
+
+        Raises:
+            ConfigError: when a file cannot be read, or has shapes that are none.
+            InfeasibleError: when links cannot be kept apart, or out of a region.
+        """
+        shapes = self.shapes(arm)
+        if self.clearance is not None:
+            return Constraints(arm, shapes, self.torque, self.clearance)
+        room = math.inf
+        for clearance, apart in _USUALLY:
+            try:
+                if apart <= room:
+                    found = Constraints(arm, shapes, self.torque, clearance, apart)
+                    if home is not None:
+                        found.refuse_home(home)
+                    return found
+            except TooLargeError as error:
+                room = error.most
+            except InfeasibleError:
+                continue
+        return Constraints(arm, shapes, self.torque)
+
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values by which artifacts for an arm are known."""
         more: dict[str, Any] = {"scene": _digest(self.scene, "workspace.scene")} if self.scene else {}
-        more |= {"clearance": self.clearance} if self.clearance else {}
+        more |= {} if self.clearance == 0 else {"clearance": self.clearance}
         return {
             "torque": self.torque,
             "regions": [region.stamped() for region in self.given(arm)],

@@ -1,4 +1,4 @@
-"""A distance that is kept: shapes and regions that are thicker by it, each by half."""
+"""A distance that is kept: shapes that are thicker by half of it each."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,6 @@ from weakref import WeakKeyDictionary
 from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
-from sidegan.validity.regions import Region
 
 _STEPS = 1e4  # per metre: clearances that are offered are so many whole ones
 _SPARE = 0.1  # share of the distance that is there, that these stay below
@@ -32,12 +31,19 @@ def thicker(arm: Arm, clearance: float) -> Arm:
     return known[clearance]
 
 
-def grown(regions: Sequence[Region], clearance: float) -> tuple[Region, ...]:
-    """Regions whose surfaces lie half a clearance [m] further out; at the edges of boxes a little more."""
-    return tuple(region.grown(clearance / 2) if clearance else region for region in regions)
+class TooLargeError(InfeasibleError):
+    """A clearance that some never have.
+
+    Attributes:
+        most: one that they have [m].
+    """
+
+    def __init__(self, message: str, most: float) -> None:
+        super().__init__(message)
+        self.most = most
 
 
-def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
+def too_large(clearance: float, near: Sequence[str], left: float) -> TooLargeError:
     """What to say of a clearance that some never have.
 
     Args:
@@ -47,7 +53,8 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     """
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
-    return InfeasibleError(
+    return TooLargeError(
         f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
-        f"{listed(list(near), _SHOWN)}; 'workspace.clearance={most:g}' leaves room for these"
+        f"{listed(list(near), _SHOWN)}; 'workspace.clearance={most:g}' leaves room for these",
+        most,
     )

@@ -33,7 +33,7 @@ def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tenso
     """Which, distance and points of some states."""
     with torch.no_grad():
         margins = constraints.at_rest(q)
-        lower = torch.cat([margins[name] for name in ("collision", "keep_out") if name in margins], 1)
+        lower = torch.cat([margins[name] + x for name, x in constraints.kept.items() if name in margins], 1)
         known = ~_finer(constraints).expand_as(lower).clone()
         while True:  # capsules tell too little: what is nearest is looked into until it stays so
             distance, which = lower.min(1)
@@ -41,9 +41,9 @@ def _closest(constraints: Constraints, q: Tensor) -> tuple[Tensor, Tensor, Tenso
             if not len(rows):
                 break
             inner = constraints.pieces.lower(q, torch.stack([rows, which[rows]], 1))
-            lower[rows, which[rows]] = torch.maximum(distance[rows], inner)
+            lower[rows, which[rows]] = torch.maximum(distance[rows], inner + constraints.apart)
             known[rows, which[rows]] = True
-    return which, distance + constraints.clearance, _points(constraints, q, which)
+    return which, distance, _points(constraints, q, which)
 
 
 def _finer(constraints: Constraints) -> Tensor:
@@ -69,7 +69,7 @@ def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
         spot, away = _on_axis(axis, apart)
         points[states, k] = spot - radius[side][:, None] * away
     _put_pieces(constraints, q, which, points)
-    for index, region in enumerate(constraints.regions):
+    for index, region in enumerate((*constraints.regions, *constraints.lowered)):
         ours = torch.nonzero(constraints.guarded[:, 0] == index)[:, 0] + count
         states = torch.nonzero(torch.isin(which, ours))[:, 0]
         side = constraints.guarded[which[states] - count, 1]

@@ -12,10 +12,10 @@ from sidegan.motion.compiled.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.clearance import grown, thicker, too_large
+from sidegan.validity.clearance import thicker, too_large
 from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, usual_gaps
 from sidegan.validity.pieces import PieceDistances
-from sidegan.validity.regions import Region, tables
+from sidegan.validity.regions import Plane, Region, tables
 
 _DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
 _SHOWN = 4  # excepted names that are told
@@ -34,8 +34,11 @@ class Constraints:
         arm: the arm.
         regions: keep-out regions in world coordinates.
         torque: whether torque limits count, where the robot states them.
-        clearance: how far links stay from each other and from the regions [m]; margins of distances are what
-            is left beyond it. At the edges of boxes a little more is kept.
+        clearance: how far links stay from the regions and, where ``apart`` says nothing else, from each
+            other [m]; margins of distances are what is left beyond it. At the edges of boxes a little more
+            is kept.
+        apart: how far links stay from each other [m]. Where it is given, links that never have the clearance
+            from a plane (those above the foot of the arm) merely keep out of it.
 
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
@@ -53,13 +56,21 @@ class Constraints:
     """
 
     def __init__(
-        self, arm: Arm, regions: Sequence[Region] = (), torque: bool = True, clearance: float = 0.0
+        self,
+        arm: Arm,
+        regions: Sequence[Region] = (),
+        torque: bool = True,
+        clearance: float = 0.0,
+        apart: float | None = None,
     ) -> None:
         self.arm, self.clearance = arm, clearance
-        self._thick = thicker(arm, clearance)
+        self.apart = clearance if apart is None else apart
+        self._thick = thicker(arm, self.apart)
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
-        self._kept_out = grown(self.regions, clearance)
+        self.lowered: tuple[Region, ...] = ()  # of them, for links that never have the clearance
+        self._lenient = apart is not None
+        self._kept_out = self.grown(self.regions)
         self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
@@ -81,6 +92,20 @@ class Constraints:
             self.labels["collision"] = self._pair_names(self.pairs)
         if len(self.guarded):
             self.labels["keep_out"] = self._guarded_names(self.guarded)
+
+    def grown(self, regions: Sequence[Region]) -> tuple[Region, ...]:
+        """Regions with surfaces so far out that links whose shapes are thicker keep the clearance [m]."""
+        rest = self.clearance - self.apart / 2
+        return tuple(region.grown(rest) if rest else region for region in regions)
+
+    @cached_property
+    def kept(self) -> dict[str, Tensor]:
+        """Distances [m] that are kept beside margins of zero, by constraint: (P,) and (K,)."""
+        full = self.guarded[:, 0] < len(self.regions)
+        return {
+            "collision": torch.full((len(self.pairs),), self.apart, dtype=torch.float64),
+            "keep_out": self.clearance * full.double(),
+        }
 
     @property
     def orders(self) -> int:
@@ -194,9 +219,16 @@ class Constraints:
             + never,
             f"{len(self.guarded)} of {len(self.guarded) + len(links)} links in {len(self.regions)} regions"
             + _except(links, "never out"),
-            *([f"{self.clearance:g} m kept clear"] if self.clearance else []),
+            *([f"{self.kept_clear} kept clear"] if self.clearance else []),
         ]
         return "; ".join(parts) + (f"; {bare} links without a shape are not checked" if bare else "")
+
+    @property
+    def kept_clear(self) -> str:
+        """The distances that are kept, for people."""
+        links = f", {self.apart:g} m between links," if self.apart != self.clearance else ""
+        near = self.guarded[self.guarded[:, 0] >= len(self.regions)]
+        return f"{self.clearance:g} m{links}" + _except(self._guarded_names(near), "never so far")
 
     @property
     def doubtful(self) -> bool:
@@ -253,23 +285,38 @@ class Constraints:
             leaves = farthest + self.clearance > 0
             self._except_guarded(guarded, leaves)
             short = leaves & (farthest <= 0)
+            if self._lenient:
+                short &= ~self._lower(guarded, short)
             if short.any():
                 names = self._guarded_names(guarded[short])
                 raise too_large(self.clearance, names, float(farthest[short].min()))
             guarded = guarded[leaves]
-        return guarded
+        return guarded[guarded[:, 0].argsort(stable=True)]  # as distances come, region by region
+
+    def _lower(self, guarded: Tensor, short: Tensor) -> Tensor:
+        """Have links that never have the clearance from planes merely keep out of these: which they are."""
+        planes = [r for r, region in enumerate(self.regions) if isinstance(region, Plane)]
+        index = torch.full((len(self.regions),), -1)
+        index[planes] = torch.arange(len(planes)) + len(self.regions)
+        which = short & (index[guarded[:, 0]] >= 0)
+        if which.any():
+            guarded[which, 0] = index[guarded[which, 0]]
+            self.lowered = tuple(self.regions[r].grown(-self.clearance) for r in planes)
+            self._kept_out = self.grown((*self.regions, *self.lowered))
+        return which
 
     def _pairs(self) -> Pairs:
         """The pairs that are kept apart, by the clearance."""
-        if not self.clearance:
+        if not self.apart:
             return pairs_of(self.arm)
         try:
             return pairs_of(self._thick)
         except InfeasibleError:
-            pairs_of(self.arm)  # refuses links that touch without any clearance, with what helps against that
+            if not self._lenient:  # links that touch without any clearance are refused with what helps
+                pairs_of(self.arm)
             near = usual_gaps(self._thick)
             names = [" – ".join(links) for links in near]
-            raise too_large(self.clearance, names, min(near.values(), default=-torch.inf)) from None
+            raise too_large(self.apart, names, min(near.values(), default=-torch.inf)) from None
 
     def _except_guarded(self, guarded: Tensor, leaves: Tensor) -> None:
         """Keep which links never leave a region; refuse a region that none does."""
@@ -287,7 +334,9 @@ class Constraints:
         return tuple(f"{names[i]} – {names[j]}" for i, j in pairs.tolist())
 
     def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
-        return tuple(f"{self.arm.capsules.names[k]} in region {r}" for r, k in guarded.tolist())
+        names, planes = self.arm.capsules.names, [isinstance(region, Plane) for region in self.regions]
+        of = [*range(len(self.regions)), *(r for r, plane in enumerate(planes) if plane)]
+        return tuple(f"{names[k]} in region {of[r]}" for r, k in guarded.tolist())
 
 
 def random_axes(arm: Arm) -> tuple[Tensor, Tensor]:

@@ -121,7 +121,8 @@ def test_the_table_says_what_each_asks_of_the_arm(folder):
     table = pd.read_csv(folder / "set.csv")
     assert list(table.trajectory) == [1, 2, 3, 4, 5, 6]
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
-    assert (table["clearance [m]"] >= 0).all() and (table["energy [J]"] > 0).all()
+    assert (table["clearance [m]"] >= 0.02).all() and (table["energy [J]"] > 0).all()
+    assert (table["peak acceleration [rad/s²]"] > 0).all() and (table["peak jerk [rad/s³]"] > 0).all()
 
 
 def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):

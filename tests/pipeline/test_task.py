@@ -214,6 +214,33 @@ def test_a_clearance_is_part_of_the_stamp_where_there_is_one(tmp_path):
         tiny("workspace.clearance=-0.1")
 
 
+@pytest.mark.parametrize(
+    ("room", "kept", "apart"),
+    [
+        (0.03, 0.02, 0.02),
+        (0.012, 0.01, 0.0),
+        (0.001, 0.0, 0.0),
+    ],
+)
+def test_as_much_as_home_has_room_for_is_kept_where_nobody_says_how_much(tmp_path, caplog, room, kept, apart):
+    ball = f"workspace.regions=[{{sphere: {{centre: [{0.15 + room}, 0, 0.85], radius: 0.1}}}}]"
+    rest = ["clearance=null", "trajectory.home=[0.0, 0.0]", ball]
+    task = Task(tiny(*rest), Store(tmp_path))
+    found = task.constraints
+    assert (found.clearance, found.apart) == (kept, apart)
+    with caplog.at_level("INFO"):
+        task.tell_checks()
+    assert f"kept clear: {kept:g} m" in caplog.text
+    assert task.cfg.workspace.stamped(task.arm)["clearance"] is None
+    assert Task(tiny(*rest, "workspace.clearance=0.0"), Store(tmp_path)).constraints.clearance == 0
+
+
+def test_excite_keeps_clear_where_nobody_says_how_much(tmp_path):
+    assert Task(tiny(experiment="excite"), Store(tmp_path)).constraints.clearance == 0.02
+    none = tiny("workspace.clearance=0", experiment="excite")
+    assert Task(none, Store(tmp_path)).constraints.clearance == 0
+
+
 def test_a_named_home_is_the_one_of_the_srdf(tmp_path):
     path = tmp_path / "arm.srdf"
     pose = '<joint name="{}" value="{}"/>'

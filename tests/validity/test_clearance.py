@@ -121,3 +121,31 @@ def test_the_nearest_distance_that_is_shown_is_the_true_one(arm: Arm) -> None:
     q = random_states(arm, 40)[0]
     one, other = (closest(Constraints(arm, [DESK], clearance=x), q) for x in (0.0, FAR))
     torch.testing.assert_close(torch.as_tensor(other.distance), torch.as_tensor(one.distance))
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.01, FAR])
+@pytest.mark.parametrize("region", [DESK, BALL, HULL], ids=["plane", "ball", "hull"])
+def test_links_may_keep_less_from_each_other_than_from_regions(arm: Arm, region, apart) -> None:
+    plain, clear = Constraints(arm, [region]), Constraints(arm, [region], clearance=FAR, apart=apart)
+    states = random_states(arm, 200)
+    one, other = plain.margins(*states), clear.margins(*states)
+    torch.testing.assert_close(other["keep_out"], one["keep_out"] - FAR)
+    shared = [clear.labels["collision"].index(x) for x in plain.labels["collision"]]
+    torch.testing.assert_close(other["collision"][:, shared], one["collision"] - apart)
+    assert_same(clear, Trajectory(7), 0.3 * moderate(arm, Trajectory(7), 30, seed=2))
+    shown = [closest(x, states[0]) for x in (plain, clear)]
+    torch.testing.assert_close(torch.as_tensor(shown[1].distance), torch.as_tensor(shown[0].distance))
+
+
+def test_links_that_never_have_it_from_a_plane_merely_keep_out(planar: Arm) -> None:
+    low, q = Plane((0, 0, 1), 0.35), random_states(planar, 300)[0]
+    plain, clear = Constraints(planar, [low]), Constraints(planar, [low], clearance=0.2, apart=0.1)
+    assert plain.labels["keep_out"] == ("upper_arm in region 0", "forearm in region 0")
+    assert clear.labels["keep_out"] == ("forearm in region 0", "upper_arm in region 0")
+    before, after = plain.clearances(q)["keep_out"], clear.clearances(q)["keep_out"]
+    torch.testing.assert_close(after[:, 1], before[:, 0])
+    torch.testing.assert_close(after[:, 0], before[:, 1] - 0.2)
+    assert "0.2 m, 0.1 m between links, (never so far: upper_arm in region 0) kept clear" in clear.described()
+    assert_same(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))
+    with pytest.raises(InfeasibleError, match="always nearer are upper_arm in region 0"):
+        Constraints(planar, [Box((-1, -1, 0), (1, 1, 0.35))], clearance=0.2, apart=0.1)

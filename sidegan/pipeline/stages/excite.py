@@ -33,6 +33,7 @@ FOLDER, VIEW, SHAPES, GOAL = "trajectories", "view.html", "shapes.npz", "goal"
 _EXECUTE = "Execute them, at a quarter of the speed first (controllers.speed=0.25 writes that):"
 _LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
+_POWERS = {2: "²", 3: "³"}
 log = logging.getLogger(__name__)
 
 
@@ -202,7 +203,7 @@ def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
     """What each trajectory asks of the arm."""
     arm = task.arm
     torque = task.body.torque(*motion[1:])
-    nearest = _nearest(task, chosen) + task.constraints.clearance
+    nearest = _nearest(task, chosen)
     return pd.DataFrame(
         {
             "trajectory": range(1, len(chosen) + 1),
@@ -222,23 +223,28 @@ def _nearest(task: Task, chosen: Library) -> Tensor:
     Margins are lower bounds where capsules with hulls inside settled the check: distances are then looked at
     along the way.
     """
-    margins: dict[str, Tensor] = chosen.margins
+    margins, kept = chosen.margins, task.constraints.kept
+    nearest = [margins[name] + x.amin() for name, x in kept.items() if name in margins and len(x)]
     if task.constraints.pieces.finer.any():
         times = task.trajectory.times(_LOOKED_AT)
         q = task.trajectory.derivative(chosen.coefficients, times, 0)
         along = task.constraints.at_rest(q.flatten(0, 1))
-        margins = {name: x.reshape(len(q), -1).amin(1) for name, x in along.items() if x.numel()}
-    kept = [margins[name] for name in ("collision", "keep_out") if name in margins]
-    return torch.stack(kept).amin(0) if kept else torch.full((len(chosen),), torch.nan)
+        beside = {name: along[name] + x for name, x in kept.items() if name in along and len(x)}
+        nearest = [x.reshape(len(q), -1).amin(1) for x in beside.values()]
+    return torch.stack(nearest).amin(0) if nearest else torch.full((len(chosen),), torch.nan)
 
 
 def _higher_peaks(task: Task, chosen: Library) -> dict[str, list[str]]:
-    """Largest shares of the limits of acceleration and jerk, where there are any."""
+    """Largest accelerations and jerks of a joint: as shares of their limits where there are any."""
     times = task.trajectory.times(task.cfg.identification.rate)
-    peaks = {}
-    for name, limit in task.arm.higher_limits.items():
-        x = task.trajectory.derivative(chosen.coefficients, times, HIGHER[name])
-        peaks[f"peak {name}"] = _percent((x.abs() / limit).amax((1, 2)))
+    peaks, limits = {}, task.arm.higher_limits
+    for name, order in HIGHER.items():
+        x = task.trajectory.derivative(chosen.coefficients, times, order).abs()
+        if name in limits:
+            peaks[f"peak {name}"] = _percent((x / limits[name]).amax((1, 2)))
+        else:
+            most = x.amax((1, 2)).tolist()
+            peaks[f"peak {name} [rad/s{_POWERS[order]}]"] = [f"{one:.3g}" for one in most]
     return peaks
 
 

@@ -62,7 +62,7 @@ def constraints(task: Task) -> Constraints:
     if arm.acceleration_limit is None:
         limit = task.cfg.worth.acceleration * arm.velocity_limit
         arm = replace(arm, acceleration_limit=limit)
-    return Constraints(arm, workspace.shapes(arm), workspace.torque, workspace.clearance)
+    return workspace.around(arm)
 
 
 def contenders(task: Task) -> dict[str, Contender]:
