@@ -49,6 +49,7 @@ class Scale:
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
     replications: Count  # noise realisations of whole sets
+    plants: Count  # that stand in for the robot
     kinds: Kinds
     counts: list[Count]  # selected trajectories, one comparison for each
     sizes: list[Count]  # of smaller seed sets

@@ -46,7 +46,7 @@ from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import RecordingSettings
 from sidegan.seeds.settings import Long, Seeds
-from sidegan.worth.settings import WorthSettings
+from sidegan.worth.settings import StandIn, WorthSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _PARTS = ("subset", "half", "only", "column")  # of a comparison of sets and columns
@@ -107,6 +107,7 @@ class Config:
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")
+    stand_in: StandIn = _group("stand_in")  # for the robot of table I
     replication: ReplicationSettings = _group("replication")
     readings: dict[str, ReplicationSettings] = _group("readings")  # others, of the paper's words about noise
     recursions: list[Recursion] = _group("recursions")  # of which covariance norms are taken

@@ -194,29 +194,34 @@ class Judge:
 
     def executed(self, plant: VariedPlant, one: SetOf) -> tuple[list[Tensor], Tensor, Tensor]:
         """States, torque and friction (n, S, J) of a set as sensors see them, without noise."""
-        clock = _clock(one.family.period, plant.settings.rate)
-        return self._seen(plant.follow(one.family.roll_out(one.coefficients, clock)), plant.settings.rate)
+        return executed(plant, one, self.settings.sensors)
 
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
-        states, torque, friction = self._seen(signals, rate)
+        states, torque, friction = _seen(signals, rate, self.settings.sensors)
         y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (len(torque), -1))
         return y, torque, friction
 
-    def _seen(self, signals: Signals, rate: float) -> tuple[list[Tensor], Tensor, Tensor]:
-        """States, torque and friction (B, S, J) at the sensors' rate, filtered without delay."""
-        from scipy.signal import butter, sosfiltfilt  # takes half a second to import
 
-        sensors, step = self.settings.sensors, round(rate / self.settings.sensors.rate)
-        sos = butter(2, sensors.cutoff, fs=rate, output="sos")
-        q, torque, friction = (sosfiltfilt(sos, x, axis=1) for x in signals[:3])
-        dq = np.gradient(q, 1 / rate, axis=1)
-        ddq = np.empty_like(q)
-        ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
-        ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
-        kept = (x[:, step // 2 :: step] for x in (q, dq, ddq, torque, friction))
-        *states, torque, friction = (torch.from_numpy(np.ascontiguousarray(x)) for x in kept)
-        return states, torque, friction
+def executed(plant: VariedPlant, one: SetOf, sensors: Sensors) -> tuple[list[Tensor], Tensor, Tensor]:
+    """States, torque and friction (n, S, J) of a set as sensors see them, without noise."""
+    clock = _clock(one.family.period, plant.settings.rate)
+    return _seen(plant.follow(one.family.roll_out(one.coefficients, clock)), plant.settings.rate, sensors)
+
+
+def _seen(signals: Signals, rate: float, sensors: Sensors) -> tuple[list[Tensor], Tensor, Tensor]:
+    """States, torque and friction (B, S, J) at the sensors' rate, filtered without delay."""
+    from scipy.signal import butter, sosfiltfilt  # takes half a second to import
+
+    step, sos = round(rate / sensors.rate), butter(2, sensors.cutoff, fs=rate, output="sos")
+    q, torque, friction = (sosfiltfilt(sos, x, axis=1) for x in signals[:3])
+    dq = np.gradient(q, 1 / rate, axis=1)
+    ddq = np.empty_like(q)
+    ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
+    ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
+    kept = (x[:, step // 2 :: step] for x in (q, dq, ddq, torque, friction))
+    *states, torque, friction = (torch.from_numpy(np.ascontiguousarray(x)) for x in kept)
+    return states, torque, friction
 
 
 def disturbed(

@@ -48,6 +48,17 @@ class Sensors:
 
 
 @dataclass(frozen=True)
+class StandIn:
+    """Plants in a robot's place, and what is identified from them."""
+
+    plants: Count
+    plant: VariedSettings
+    sensors: Sensors
+    regime: Regime
+    model: Terms  # beside the rigid bodies
+
+
+@dataclass(frozen=True)
 class Contender:
     """One way to make excitation sets."""
 

@@ -154,23 +154,24 @@ def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, bu
 def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, build, monkeypatch):
     made, one, learned = executed
     motions, recorded, estimated, scored = [], [], [], []
-    follow, record = plants.Plant.follow_each, plants._recorded
+    execute, record = plants.executed, plants._recorded
     estimate, score = plants.estimate, plants.score
 
-    def followed(machine, family, c):
-        motions.append(c)
-        return follow(machine, family, c)
+    def followed(machine, one, sensors):
+        motions.append(one.coefficients)
+        return execute(machine, one, sensors)
 
     def watched(*arguments):
         recorded.append(record(*arguments))
         return recorded[-1]
 
-    monkeypatch.setattr(plants.Plant, "follow_each", followed)
+    monkeypatch.setattr(plants, "executed", followed)
     monkeypatch.setattr(plants, "_recorded", watched)
     monkeypatch.setattr(plants, "estimate", lambda m, model, x: estimated.append(x) or estimate(m, model, x))
     monkeypatch.setattr(plants, "score", lambda model, p, x: scored.append(x) or score(model, p, x))
     plant(made, one).make(build)
-    (c, tests), (training, test) = motions, recorded[:2]
+    (c, tests), (training, test) = motions[:2], recorded[:2]
     torch.testing.assert_close(c, learned, rtol=0, atol=0)
     refuse_tests(made, learned, tests)
+    assert all(len(x) == len(c) for x in recorded[::2]) and all(len(x) == len(tests) for x in recorded[1::2])
     assert estimated[0] is training and scored[0] is test

@@ -1,6 +1,10 @@
-"""Stage plant: every excitation set executed on the arm in MuJoCo, and identification from that."""
+"""Stage plant: every excitation set executed on plants in MuJoCo, and identification from that.
 
-from dataclasses import asdict, fields, replace
+Plants are those of the study of motions (``conf/varied``): with friction that the model lacks, elastic joints, links
+that differ from the description, and servos that feed forward the latter. Tests are scored without noise.
+"""
+
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -9,7 +13,6 @@ import torch
 
 from sidegan.base.storage import write_parquet
 from sidegan.identification import Measurements, TorqueModel, estimate, score
-from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identification import mean_errors
@@ -17,26 +20,22 @@ from sidegan.pipeline.stages.pools import ExcitationSet
 from sidegan.pipeline.stages.random import random_valid
 from sidegan.pipeline.stages.selection import excitation_sets
 from sidegan.pipeline.task import RESULTS, Task
-from sidegan.plant import Executed, Plant
-from sidegan.recording.recording import Recording
-from sidegan.recording.segments import preprocess
-from sidegan.recording.settings import Preprocessing
+from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
-from sidegan.robot import Arm, require_consistent
+from sidegan.robot import require_consistent
+from sidegan.worth import SetOf
+from sidegan.worth.curves import disturbed, executed
 
-NAME = "MuJoCo plant"
 _METHODS = {False: "ols", True: "weighted"}
 
 
 def plant(task: Task, one: ExcitationSet) -> Artifact:
-    """What identification from one set is worth when the plant executes it."""
-    repeats = {"repeats": task.cfg.replication.repeats, "tests": task.cfg.identification.tests}
-    recorded = {one.name: getattr(task.cfg.recording, one.name) for one in fields(Preprocessing)}
+    """What identification from one set is worth when plants execute it."""
     return task.artifact(
         "plant",
         one.name,
         partial(_make, one=one),
-        asdict(task.cfg.plant) | repeats | {"recording": recorded},
+        asdict(task.cfg.stand_in) | {"tests": task.cfg.identification.tests},
         {one.source.maker: one.source},
         training=one.training,
         title=f"plant/{one.title}",
@@ -45,40 +44,37 @@ def plant(task: Task, one: ExcitationSet) -> Artifact:
 
 
 def _make(task: Task, build: Build, one: ExcitationSet) -> None:
-    coefficients = task.load(one.source).coefficients
-    tests = random_valid(task, task.cfg.identification.tests, "tests").coefficients
-    model, rows, repeats = TorqueModel(task.body), [], task.cfg.replication.repeats
-    machine = Plant(task.arm, task.cfg.plant)
-    families = (one.family, task.trajectory)  # of the set and of the tests
-    followed = [list(machine.follow_each(*both)) for both in zip(families, (coefficients, tests))]
-    for repeat in range(repeats):
-        purposes = (f"plant {repeat}", f"plant tests {repeat}")
-        training, test = (_recorded(task, machine, *each) for each in zip(families, followed, purposes))
+    settings = task.cfg.stand_in
+    learned = SetOf(one.family, task.load(one.source).coefficients)
+    tests = SetOf(task.trajectory, random_valid(task, task.cfg.identification.tests, "tests").coefficients)
+    model, rows = TorqueModel(task.body, settings.model), []
+    for number, seed in enumerate(task.random("plants").spawn(settings.plants)):
+        machine = VariedPlant(task.arm, settings.plant, settings.regime.form, seed)
+        random = np.random.default_rng(task.number(f"plant {number}"))
+        training, test = _recorded(task, machine, learned, random), _recorded(task, machine, tests)
         for weighted, method in _METHODS.items():
             parameters = estimate(method, model, training).parameters
             errors = score(model, parameters, test).nmse.tolist()
-            key = (one.name, one.training or 0, repeat, weighted)
+            key = (one.name, one.training or 0, number, weighted)
             rows += [(*key, joint, error) for joint, error in zip(task.arm.joint_names, errors)]
-        build.report(repeat + 1, repeats)
+        build.report(number + 1, settings.plants)
     columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
 
 
 def _recorded(
-    task: Task, machine: Plant, family: Trajectory, true: list[Executed], purpose: str
+    task: Task, machine: VariedPlant, one: SetOf, random: np.random.Generator | None = None
 ) -> list[Measurements]:
-    """What the plant's sensors saw along every trajectory, preprocessed as a real recording is."""
-    random = np.random.SeedSequence(task.number(purpose))
-    settings = replace(task.cfg.recording, bandwidth=family.harmonics / family.period, cutoff=None)
-    return [measurements_of(one, task.arm, settings) for one in machine.sense_each(true, random)]
-
-
-def measurements_of(executed: Executed, arm: Arm, settings: Preprocessing) -> Measurements:
-    """Measurements from an execution, through the same door as a recording."""
-    signals = (executed.time, executed.position, executed.velocity)
-    recording = Recording(NAME, arm.joint_names, *signals, torque=executed.torque)
-    parts = list(zip(*preprocess(recording, settings)))[1:]
-    return Measurements(*(torch.cat(part) for part in parts))
+    """What sensors see of every trajectory of a set, each a recording; without noise where none is drawn."""
+    settings = task.cfg.stand_in
+    (q, dq, ddq), torque, friction = executed(machine, one, settings.sensors)
+    if random is not None:
+        noise = [
+            disturbed(x[None], machine.scale, settings.sensors, settings.regime.drift, 1, random)[0]
+            for x in friction
+        ]
+        torque = torque + torch.stack(noise)
+    return [Measurements(*parts) for parts in zip(q, dq, ddq, torque)]
 
 
 STAGE = Stage(
