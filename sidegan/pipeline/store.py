@@ -20,6 +20,7 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
+from sidegan.base.names import listed
 from sidegan.base.parallel import Report
 from sidegan.base.progress import duration
 from sidegan.base.storage import read_json, write_json
@@ -31,6 +32,7 @@ log = logging.getLogger(__name__)
 
 STAMP = "stamp.json"
 _PROBE = bytes(2**20)  # room that a run needs at the very least
+_SHOWN = 6  # differences of a stamp that are told
 
 
 class Store:
@@ -76,7 +78,7 @@ class Store:
             log.warning("%s: it will be made anew", error)
             return None
         if differences:
-            log.info("%s does not match: %s", folder, "; ".join(differences))
+            log.info("%s does not match: %s", folder, listed(differences, _SHOWN))
         return None if differences else folder
 
     def require(self, artifact: Artifact) -> Path:

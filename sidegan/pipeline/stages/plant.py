@@ -1,7 +1,8 @@
 """Stage plant: every excitation set executed on plants in MuJoCo, and identification from that.
 
-Plants are those of the study of motions (``conf/varied``): with friction that the model lacks, elastic joints, links
-that differ from the description, and servos that feed forward the latter. Tests are scored without noise.
+Plants are those of the study of motions (``conf/varied``): with friction that the model lacks, elastic joints,
+links that differ from the description, and servos that feed forward the latter. Tests are scored without
+noise.
 """
 
 from dataclasses import asdict
