@@ -29,7 +29,7 @@ COMPOSED = {name: composed(experiment=name).keys() for name in EXPERIMENTS}
 OPTIONS = [
     (next(name for name in EXPERIMENTS if path.name in COMPOSED[name]), path.name, option)
     for path in sorted(CONF.iterdir())
-    if path.is_dir() and path.name not in ("hydra", "experiment", "uses", "recorded")
+    if path.is_dir() and path.name not in ("hydra", "experiment", "uses", "recorded", "varied")
     for option in options(path.name)
 ]
 

@@ -1,6 +1,6 @@
 """Stage plant: every excitation set executed on plants in MuJoCo, and identification from that.
 
-Plants are those of the study of motions (``conf/varied``): with friction that the model lacks, elastic joints,
+Plants are those of the study of motions (``conf/varied``): friction that the model lacks, elastic joints,
 links that differ from the description, and servos that feed forward the latter. Tests are scored without
 noise.
 """
