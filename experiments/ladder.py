@@ -1,7 +1,9 @@
 """From the paper's recipe to ours, one change at a time, and what each change brings."""
 
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from experiments.pages import Page, means, publish
@@ -12,6 +14,17 @@ from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
 from sidegan.report.tables import over_groups
+
+_BETTER = {"success": 1, "rank": 1, "condition_valid": -1}  # measures of steps, and which way they are better
+_LAST = "ours"
+
+
+class Step(NamedTuple):
+    """A rung, with a measure before and after it."""
+
+    rung: str
+    before: float
+    after: float
 
 
 def collect(task: Task) -> Task:
@@ -26,12 +39,29 @@ def table(task: Task) -> pd.DataFrame:
 
 def present(task: Task, folder: Path, tracker: Tracker) -> None:
     """Print the table, and write and record the page ``ladder.md``."""
-    made = table(task)
+    made, every = table(task), rows(task)
     show(made, "From the paper's recipe to ours: of the kept epoch, true physics, no sample filtered")
-    page = Page(
-        "ladder", {"ladder": made}, {}, means(rows(task), "rung", COLUMNS["ladder"]), {"cfg": task.cfg}
-    )
+    context = {"cfg": task.cfg, "steps": largest_steps(every)}
+    page = Page("ladder", {"ladder": made}, {}, means(every, "rung", COLUMNS["ladder"]), context)
     publish(page, Path(task.cfg.publish or folder), tracker)
+
+
+def largest_steps(rows: pd.DataFrame) -> dict[str, Step]:
+    """The largest step between neighbouring rungs of each measure, on the way to the last one of the ladder.
+
+    Rungs after ``ours`` are shortcuts and no part of the way; a rung without anything valid is no step of
+    what only the valid have.
+    """
+    means = rows.groupby("rung", sort=False)[list(_BETTER)].mean().drop(index="seeds").loc[:_LAST]
+    found = {}
+    for name, sign in _BETTER.items():
+        known = means[name].dropna()
+        before, after = known.to_numpy()[:-1], known.to_numpy()[1:]
+        gains = after - before if sign > 0 else np.log(before / after)
+        if len(gains):
+            place = int(gains.argmax())
+            found[name] = Step(str(known.index[place + 1]), float(before[place]), float(after[place]))
+    return found
 
 
 def rows(task: Task) -> pd.DataFrame:

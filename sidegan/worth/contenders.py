@@ -27,6 +27,7 @@ from sidegan.worth.tasks import legs, states
 from sidegan.worth.waypoints import Rests
 
 _REACH = 0.9  # of the tightest limit, that random motions and sines use
+FROM_FILE = "waypoints"  # the maker whose motions are all in a file
 _TINY = 0.03  # the same of motions that are known to be bad
 _TRIES = 2000
 _TASK_RATE = 20.0  # [Hz] of the states that tasks are designed for with
@@ -247,7 +248,7 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "rigid_volume": lambda order: _at_once([order])[0],
     "prediction": _prediction,
     "library": _library,
-    "waypoints": _waypoints,
+    FROM_FILE: _waypoints,
 }
 # Whose sets are designed one trajectory after another, by what, and whether friction has a part in it.
 DESIGNED: Mapping[str, tuple[type[Prediction], bool]] = {

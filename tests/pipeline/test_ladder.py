@@ -43,3 +43,25 @@ def test_rungs_share_the_surrogates_of_their_kind(climbed):
     assert made["letter"]["predictor"].digest == made["non_saturating"]["predictor"].digest
     assert made["letter"]["predictor"].digest == made["letter"]["converter"].digest
     assert made["letter"]["predictor"].digest != made["ours"]["predictor"].digest
+
+
+def test_the_largest_steps_are_named_on_the_way_to_ours_alone():
+    columns = ["rung", "success", "rank", "condition_valid"]
+    rows = [
+        ("seeds", 1.0, 60.0, 90.0),
+        ("letter", 0.0, 5.0, None),
+        ("limited", 0.6, 20.0, 1000.0),
+        ("limited", 0.8, 22.0, 1200.0),
+        ("diversity", 0.65, 50.0, 1500.0),
+        ("ours", 0.95, 55.0, 500.0),
+        ("repaired", 1.0, 90.0, 10.0),
+    ]
+    steps = page.largest_steps(pd.DataFrame(rows, columns=columns))
+    assert {name: step.rung for name, step in steps.items()} == {
+        "success": "limited",
+        "rank": "diversity",
+        "condition_valid": "ours",
+    }
+    assert steps["success"] == ("limited", 0.0, pytest.approx(0.7)) and steps["rank"].before == 21
+    none = pd.DataFrame([("seeds", 1.0, 60.0, 90.0), ("letter", 0.0, 5.0, None)], columns=columns)
+    assert page.largest_steps(none) == {}

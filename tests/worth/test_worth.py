@@ -1,5 +1,6 @@
 """The study: contenders under the same limits, exact where it must be, and with a sense for bad sets."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -284,6 +285,19 @@ def test_what_was_made_is_not_made_again(small, run):
     run_stages(replace(small.cfg, stages=["worth"]), run, "again")
     assert [small.store.require(one).stat().st_ino for one in made] == before
     assert len(load(small, name)) == small.cfg.worth.sets
+
+
+def test_a_file_of_too_few_motions_is_refused_before_anything_is_made(task, tmp_path):
+    path, points = tmp_path / "motions.json", [[0.0] * task.arm.joints] * 5
+    path.write_text(json.dumps({"step": 2.0, "trajectories": [{"seconds": 1.0, "waypoints": points}]}))
+    study = task.cfg.worth
+    one = replace(
+        study.contenders[study.estimated], maker="waypoints", period=8.0, files={task.arm.name: str(path)}
+    )
+    config = replace(task.cfg, worth=replace(study, contenders={**study.contenders, "theirs": one}))
+    with pytest.raises(ConfigError, match="holds 1 motions, expected 2"):
+        run_stages(config, tmp_path / "run", "few")
+    assert not (tmp_path / "run" / "worth.md").exists()
 
 
 def test_regimes_that_are_not_judged_are_artifacts_of_their_own(task):

@@ -27,7 +27,7 @@ from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
 from sidegan.validity import Constraints
 from sidegan.worth import Contender, Judge, Regime, SetOf, Truth, legs
-from sidegan.worth.contenders import make_sets
+from sidegan.worth.contenders import FROM_FILE, make_sets
 from sidegan.worth.cost import Cost, cost, pace
 from sidegan.worth.curves import Curves, mean_error
 from sidegan.worth.estimators import compared
@@ -137,15 +137,10 @@ def load(task: Task, name: str) -> list[SetOf]:
 
 
 def _make_sets(task: Task, build: Build, name: str) -> None:
-    settings, place = task.cfg.worth, constraints(task)
-    one = settings.contenders[name]
-    home = tuple(task.trajectory.home or ())
-    seeds = task.random(f"worth {name}").spawn(settings.sets)
-    path = build.work / SETS
+    place, path = constraints(task), build.work / SETS
     if not readable(path):
-        began, count = time.process_time(), settings.count(one)
-        orders = (Order(place, home, settings, one, count, seed, k) for k, seed in enumerate(seeds))
-        found = make_sets(list(orders))
+        began = time.process_time()
+        found = make_sets(_orders(task, place, name))
         content = [{"family": x.family.describe(), "coefficients": x.coefficients} for x in found]
         write_task(path, {"sets": content, "seconds": time.process_time() - began})
     content = read_torch(path)
@@ -156,6 +151,13 @@ def _make_sets(task: Task, build: Build, name: str) -> None:
     lasting = [len(c) * f["period"] for f, c in zip(families, coefficients)]
     report = {"sets": len(made), "seconds": float(np.mean(lasting))}
     write_json(build.folder / REPORT, report | _violated(place, made))
+
+
+def _orders(task: Task, place: Constraints, name: str) -> list[Order]:
+    """What a contender's sets are made for."""
+    settings, home = task.cfg.worth, tuple(task.trajectory.home or ())
+    one, seeds = settings.contenders[name], task.random(f"worth {name}").spawn(settings.sets)
+    return [Order(place, home, settings, one, settings.count(one), x, k) for k, x in enumerate(seeds)]
 
 
 def _violated(place: Constraints, made: list[dict[str, Any]]) -> dict[str, float]:
@@ -277,6 +279,11 @@ def _artifacts(task: Task) -> list[Artifact]:
 def _check(task: Task) -> None:
     """Refuse arms that MuJoCo would, and say what is left to be made takes."""
     require_consistent(task.arm)
+    for arm in arms(task).values():
+        place = constraints(arm)
+        for name, one in contenders(arm).items():
+            if one.maker == FROM_FILE:  # a file that holds too few: before hours of work, not after
+                make_sets(_orders(arm, place, name))
     if "worth" in task.cfg.stages and any(task.store.find(one) is None for one in _artifacts(task)):
         told = [expected(one) for one in arms(task).values()]
         total, workers = sum(x.total for x in told), cores(task.cfg.parallel.workers)
