@@ -1,6 +1,5 @@
 """Executing a motion: servos, physics, and what the sensors make of it."""
 
-from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,7 +9,7 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Motion, Trajectory, concatenate
+from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import PlantSettings
 from sidegan.robot import Arm, require_consistent
@@ -95,21 +94,6 @@ class Plant:
         position, velocity, torque = self._simulate(reference)
         self._check_tracking(reference, position, torque)
         return Executed(reference.time.double() - reference.time[0], position, velocity, torque)
-
-    def follow_each(self, trajectory: Trajectory, coefficients: Tensor) -> Iterator[Executed]:
-        """The true signals of trajectories [rad/s], (n, J, H, 2), one after another.
-
-        Raises:
-            ShapeError: when the coefficients do not fit the trajectory or the arm.
-            InfeasibleError: when a joint does not follow a trajectory.
-        """
-        trajectory.check(coefficients)
-        times = trajectory.times(self.settings.rate)
-        return (self.follow(trajectory.roll_out(c[None], times)) for c in coefficients)
-
-    def sense_each(self, true: Sequence[Executed], random: np.random.SeedSequence) -> Iterator[Executed]:
-        """What the sensors recorded of true signals, each with noise of its own."""
-        return (self._sensed(one, child) for one, child in zip(true, random.spawn(len(true))))
 
     def _simulate(self, reference: Motion) -> tuple[Tensor, Tensor, Tensor]:
         """True position, velocity and torque, (T, J) each.

@@ -27,7 +27,10 @@ def executions(arm, standard):
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
     plant = Plant(arm, standard)
-    executed = plant.sense_each(list(plant.follow_each(FAMILY, c)), np.random.SeedSequence(0))
+    motions = (FAMILY.roll_out(one[None], FAMILY.times(standard.rate)) for one in c)
+    executed = [
+        plant.execute(*each) for each in zip(motions, np.random.SeedSequence(0).spawn(len(c)), strict=True)
+    ]
     return [measurements_of(one, arm.joint_names, of_file(bandwidth=6 / 16)) for one in executed]
 
 

@@ -22,7 +22,7 @@ SEED = 3
 
 @pytest.fixture(scope="module")
 def settings():
-    values = yaml.safe_load((CONF / "worth" / "_base.yaml").read_text(encoding="utf-8"))["plant"]
+    values = yaml.safe_load((CONF / "varied" / "default.yaml").read_text(encoding="utf-8"))["plant"]
     return build(VariedSettings, values)
 
 

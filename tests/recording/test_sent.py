@@ -42,7 +42,8 @@ def sent(planar, coefficients, tmp_path_factory):
 def true(planar, coefficients):
     """What the servos made of them, without sensors."""
     settings = replace(IDEAL, rate=1000.0, viscous=[1.0], coulomb=[0.5], feed_forward=0.5)
-    return [*Plant(planar, settings).follow_each(FAMILY, coefficients)]
+    plant, times = Plant(planar, settings), FAMILY.times(settings.rate)
+    return [plant.follow(FAMILY.roll_out(c[None], times)) for c in coefficients]
 
 
 def logged(planar, true, order, delay=0.0, gap=None):
