@@ -22,7 +22,7 @@ def climbed(outputs, tmp_path_factory):
 def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
     task, folder = climbed
     table = pd.read_csv(folder / "ladder" / "tables" / "ladder.csv", index_col=0)
-    assert list(table.index) == ["seeds", "letter", "non_saturating", "ours"]
+    assert list(table.index) == ["seeds", "letter", "non_saturating", "ours", "repaired"]
     assert list(table.columns) == [
         "valid share",
         "median cond(YᵀY) of the valid",

@@ -96,7 +96,7 @@ def test_the_paper_is_taken_to_the_letter():
 
 def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
     config = configured("gan=[eigen,paper]", experiment="ladder")
-    rungs = list(config.ladder.values())
+    *rungs, repaired = config.ladder.values()
     assert rungs[0] == config.gan["eigen_paper"]
     assert rungs[-1] == config.gan["eigen"]
     # What one step may be made of.
@@ -108,7 +108,9 @@ def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
         different = {key for key in fields if getattr(before, key) != getattr(after, key)}
         assert different, name
         assert different == together.get(name, different) and (len(different) == 1 or name in together)
-    assert list(config.ladder)[-2:] == ["averaged", "ours"]
+    kept = {"learning_rate", "betas", "gradient_penalty", "gaussian_start", "minibatch", "real_features"}
+    assert all(getattr(repaired, name) == getattr(rungs[0], name) for name in kept)
+    assert list(config.ladder)[-3:] == ["averaged", "ours", "repaired"]
     assert dataclasses.replace(rungs[-2], least_valid=rungs[-1].least_valid) == rungs[-1]
 
 
