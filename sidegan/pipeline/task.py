@@ -108,7 +108,7 @@ class Task:
             log.info("%s", self._told_clearance())
         log.info("checked: %s", self.constraints.described())
         if often := self.constraints.often:
-            log.warning("%s", tell_often(self.arm, often))
+            log.warning("%s", tell_often(self.arm, often, self.constraints.apart))
         if self.constraints.doubtful:
             log.warning(
                 "many pairs of links are allowed to touch and are not checked against each other: "

@@ -225,11 +225,12 @@ def _refuse(arm: Arm, touching: _Touching, links: Iterable[Links]) -> None:
     )
 
 
-def tell_often(arm: Arm, often: Sequence[Exemption]) -> str:
-    """What to say of links that are kept apart and touch in most configurations."""
+def tell_often(arm: Arm, often: Sequence[Exemption], apart: float = 0.0) -> str:
+    """What to say of links that are kept apart, by so much [m], and touch in most configurations."""
     named = allowed([one.links for one in often], arm.setup.may_touch)
+    nearer = f" or come nearer than {apart:g} m" if apart else ""
     return (
-        "links that are kept apart and touch in most configurations: "
+        f"links that are kept apart and touch{nearer} in most configurations: "
         f"{listed(list(map(str, often)), _SHOWN)}; where one runs inside of the other by design, {named} "
         "leaves these pairs unchecked"
     )
