@@ -18,7 +18,7 @@ from sidegan.report.export import show, write_table
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 EXPECTED, EXPECTED_WEIGHTED = "Simulator, expected", "Simulator, weighted, expected"
-PLANT, PLANT_WEIGHTED = "MuJoCo plant", "MuJoCo plant, weighted"
+PLANT, PLANT_WEIGHTED = "MuJoCo plants", "MuJoCo plants, weighted"
 RAW, RAW_PLANT = "exp1.parquet", "plant.parquet"
 _KEYS = ["seed", "set", "training", "repeat", "weighted", "joint"]
 
