@@ -16,7 +16,7 @@ from sidegan.report.export import show
 from sidegan.report.tables import over_groups
 
 _BETTER = {"success": 1, "rank": 1, "condition_valid": -1}  # measures of steps, and which way they are better
-_LAST = "ours"
+_LAST, _VALID = "ours", 0.5
 
 
 class Step(NamedTuple):
@@ -49,13 +49,14 @@ def present(task: Task, folder: Path, tracker: Tracker) -> None:
 def largest_steps(rows: pd.DataFrame) -> dict[str, Step]:
     """The largest step between neighbouring rungs of each measure, on the way to the last one of the ladder.
 
-    Rungs after ``ours`` are shortcuts and no part of the way; a rung without anything valid is no step of
-    what only the valid have.
+    Rungs after ``ours`` are shortcuts and no part of the way. How diverse and how exciting samples are counts
+    where most of them are valid.
     """
     means = rows.groupby("rung", sort=False)[list(_BETTER)].mean().drop(index="seeds").loc[:_LAST]
     found = {}
     for name, sign in _BETTER.items():
-        known = means[name].dropna()
+        worth_it = means.success >= _VALID if name != "success" else means.success.notna()
+        known = means[name][worth_it].dropna()
         before, after = known.to_numpy()[:-1], known.to_numpy()[1:]
         gains = after - before if sign > 0 else np.log(before / after)
         if len(gains):

@@ -50,6 +50,7 @@ def test_the_largest_steps_are_named_on_the_way_to_ours_alone():
     rows = [
         ("seeds", 1.0, 60.0, 90.0),
         ("letter", 0.0, 5.0, None),
+        ("wild", 0.1, 55.0, 9000.0),
         ("limited", 0.6, 20.0, 1000.0),
         ("limited", 0.8, 22.0, 1200.0),
         ("diversity", 0.65, 50.0, 1500.0),
@@ -62,6 +63,6 @@ def test_the_largest_steps_are_named_on_the_way_to_ours_alone():
         "rank": "diversity",
         "condition_valid": "ours",
     }
-    assert steps["success"] == ("limited", 0.0, pytest.approx(0.7)) and steps["rank"].before == 21
+    assert steps["success"] == ("limited", 0.1, pytest.approx(0.7)) and steps["rank"].before == 21
     none = pd.DataFrame([("seeds", 1.0, 60.0, 90.0), ("letter", 0.0, 5.0, None)], columns=columns)
     assert page.largest_steps(none) == {}
