@@ -8,7 +8,7 @@ import pandas as pd
 
 from experiments.pages import Page, means, publish
 from experiments.words import COLUMNS
-from sidegan.pipeline.stages.ladder import rungs
+from sidegan.pipeline.stages import ladder
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
@@ -32,31 +32,26 @@ def collect(task: Task) -> Task:
     return task
 
 
-def table(task: Task) -> pd.DataFrame:
-    """What the generators of each rung make, over trainings, under the seeds."""
-    return over_groups(rows(task), "rung", COLUMNS["ladder"])
-
-
 def present(task: Task, folder: Path, tracker: Tracker) -> None:
-    """Print the table, and write and record the page ``ladder.md``."""
-    made, every = table(task), rows(task)
+    """Print what the generators of each rung make, over trainings, and write and record ``ladder.md``."""
+    every = rows(task)
+    made = over_groups(every, "rung", COLUMNS["ladder"])
     show(made, "From the paper's recipe to ours: of the kept epoch, true physics, no sample filtered")
     context = {"cfg": task.cfg, "steps": largest_steps(every)}
     page = Page("ladder", {"ladder": made}, {}, means(every, "rung", COLUMNS["ladder"]), context)
     publish(page, Path(task.cfg.publish or folder), tracker)
 
 
-def largest_steps(rows: pd.DataFrame) -> dict[str, Step]:
+def largest_steps(every: pd.DataFrame) -> dict[str, Step]:
     """The largest step between neighbouring rungs of each measure, on the way to the last one of the ladder.
 
     Rungs after ``ours`` are shortcuts and no part of the way. How diverse and how exciting samples are counts
     where most of them are valid.
     """
-    means = rows.groupby("rung", sort=False)[list(_BETTER)].mean().drop(index="seeds").loc[:_LAST]
+    of_rungs = every.groupby("rung", sort=False)[list(_BETTER)].mean().drop(index="seeds").loc[:_LAST]
     found = {}
     for name, sign in _BETTER.items():
-        worth_it = means.success >= _VALID if name != "success" else means.success.notna()
-        known = means[name][worth_it].dropna()
+        known = of_rungs.loc[(of_rungs.success >= _VALID) | (name == "success"), name].dropna()
         before, after = known.to_numpy()[:-1], known.to_numpy()[1:]
         gains = after - before if sign > 0 else np.log(before / after)
         if len(gains):
@@ -69,6 +64,6 @@ def rows(task: Task) -> pd.DataFrame:
     """A row for the seeds, and one per rung and training."""
     rows = [{"rung": "seeds", "success": 1.0, **task.report(seed_set(task))}]
     rows[0]["condition_valid"] = rows[0]["condition"]
-    for name, trainings in rungs(task).items():
+    for name, trainings in ladder.rungs(task).items():
         rows += [{"rung": name, **task.report(one)} for one in trainings]
     return pd.DataFrame(rows)

@@ -97,12 +97,16 @@ class ArmNumbers:
     def _keep(self, clearance: float) -> Constraints:
         own = self.constraints  # whose links may have less room between them than it has elsewhere
         apart = clearance if own.apart == own.clearance else own.apart
-        if self.same_pairs:
+        if self.same_pairs and not own.lowered:
             return _Found(self.arm, own.regions, own, own.guarded, clearance, apart)
+        refused = f"a clearance of {clearance:g} m cannot be kept"
         try:
-            return Constraints(self.arm, own.regions, own.torque, clearance, apart)
+            found = Constraints(self.arm, own.regions, own.torque, clearance, apart)
         except InfeasibleError as error:
-            raise InfeasibleError(f"a clearance of {clearance:g} m cannot be kept: {error}") from error
+            raise InfeasibleError(f"{refused}: {error}") from error
+        if found.lowered:  # somebody asked for it: no link has less without a word
+            raise InfeasibleError(f"{refused}: {found.kept_clear}")
+        return found
 
     @property
     def same_pairs(self) -> bool:

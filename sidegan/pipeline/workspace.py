@@ -137,19 +137,25 @@ class Workspace:
         scene: Sequence[validity.Region] = read_scene(Path(self.scene).expanduser()) if self.scene else ()
         return [*(region.shape for region in self.given(arm)), *scene]
 
-    def around(self, arm: Arm, home: Sequence[float] | None = None) -> Constraints:
+    def around(
+        self,
+        arm: Arm,
+        home: Sequence[float] | None = None,
+        shapes: Sequence[validity.Region] | None = None,
+    ) -> Constraints:
         """An arm in this workspace.
 
         Args:
             arm: the arm.
             home: where it is to rest [rad or m], (J,), where that is known: a clearance that nobody stated
                 leaves room for it.
+            shapes: what it keeps out of in place of the workspace's own.
 
         Raises:
             ConfigError: when a file cannot be read, or has shapes that are none.
             InfeasibleError: when links cannot be kept apart, or out of a region.
         """
-        shapes = self.shapes(arm)
+        shapes = self.shapes(arm) if shapes is None else shapes
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance)
         room = math.inf

@@ -26,8 +26,8 @@ from sidegan.worth.orders import Order, SetOf
 from sidegan.worth.tasks import legs, states
 from sidegan.worth.waypoints import Rests
 
-_REACH = 0.9  # of the tightest limit, that random motions and sines use
 FROM_FILE = "waypoints"  # the maker whose motions are all in a file
+_REACH = 0.9  # of the tightest limit, that random motions and sines use
 _TINY = 0.03  # the same of motions that are known to be bad
 _TRIES = 2000
 _TASK_RATE = 20.0  # [Hz] of the states that tasks are designed for with

@@ -192,10 +192,6 @@ class Judge:
             variance = torch.maximum(variance, (1e-3 * scale).square())
         return x, variance, prior
 
-    def executed(self, plant: VariedPlant, one: SetOf) -> tuple[list[Tensor], Tensor, Tensor]:
-        """States, torque and friction (n, S, J) of a set as sensors see them, without noise."""
-        return executed(plant, one, self.settings.sensors)
-
     def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
         """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
         states, torque, friction = _seen(signals, rate, self.settings.sensors)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from sidegan.identification import Measurements, estimate
 from sidegan.plant.varied import VariedPlant
-from sidegan.worth.curves import Judge, Truth, disturbed, mean_error
+from sidegan.worth.curves import Judge, Truth, disturbed, executed, mean_error
 from sidegan.worth.intervals import PARTS, held, true_parameters, widened
 from sidegan.worth.orders import SetOf
 from sidegan.worth.settings import PIECE, Regime, WorthSettings
@@ -50,7 +50,7 @@ def recorded(
     random: np.random.Generator,
 ) -> list[Measurements]:
     """A recording of each trajectory of a set."""
-    states, torque, friction = judge.executed(plant, made)
+    states, torque, friction = executed(plant, made, judge.settings.sensors)
     each = round(made.family.period / PIECE)
     parts = friction.unflatten(1, (each, -1)).flatten(0, 1)
     noise = disturbed(parts, plant.scale, judge.settings.sensors, regime.drift, each, random)

@@ -9,9 +9,10 @@ import torch
 from sidegan.designer import Aim, Designer, Situation
 from sidegan.designer.proof import CheckProver, Prover
 from sidegan.designer.scene import ArmNumbers
+from sidegan.errors import InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity import Box, Constraints, Convex, Sphere, check
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
 from tests.validity.critical import limited
 from tests.validity.test_pieces import filled
 
@@ -144,3 +145,33 @@ def test_without_kernels_all_of_that_is_kept_too(planar, settings, monkeypatch):
     design = designer.ask(Situation(regions=[ball, Box((1.2, -1, 0.9), (1.6, 1, 1.2))]), evaluations=12)
     assert design.coefficients is not None and torch.isfinite(design.coefficients).all()
     assert_valid(design, Constraints(tight, [ball, Box((1.2, -1, 0.9), (1.6, 1, 1.2))], clearance=0.01))
+
+
+LOW = Plane((0, 0, 1), 0.35)  # from which the planar arm's upper arm is never 0.2 m away
+
+
+@pytest.mark.parametrize("apart", [None, 0.0])
+def test_a_clearance_that_somebody_asks_for_is_kept_by_every_link(planar, settings, apart):
+    designer = Designer(Constraints(planar, [LOW], apart=apart), Trajectory(2, 3, 8.0), settings)
+    design = designer.ask(Situation(clearance=0.2), evaluations=1)
+    assert design.coefficients is None
+    assert any("upper_arm in region 0" in line for line in design.blocked), design.blocked
+
+
+@pytest.mark.parametrize(("usual", "apart"), [(0.0, 0.0), (0.005, 0.0), (0.005, 0.005)])
+def test_a_clearance_that_links_with_pieces_never_have_is_refused(full, usual, apart):
+    numbers = ArmNumbers(
+        Constraints(full, [Plane((0, 0, 1), 0.44)], clearance=usual, apart=apart), Trajectory(7)
+    )
+    numbers.scene(Situation(clearance=0.006))
+    with pytest.raises(InfeasibleError, match=r"clearance of 0\.06 m cannot be kept.*link_3 in region 0"):
+        numbers.scene(Situation(clearance=0.06))
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.2])
+def test_what_is_near_by_nature_stays_so_and_a_larger_clearance_is_refused(planar, apart):
+    usual = Constraints(planar, [LOW], clearance=0.2, apart=apart)
+    numbers = ArmNumbers(usual, Trajectory(2, 3, 8.0))
+    assert numbers.scene(Situation()).shapes is usual.shapes
+    with pytest.raises(InfeasibleError, match=r"clearance of 0\.21 m cannot be kept.*upper_arm in region 0"):
+        numbers.scene(Situation(clearance=0.21))

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,8 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import FACTS, Task
 from sidegan.pipeline.tracking import Tracker
+from sidegan.pipeline.workspace import Region
+from sidegan.validity import Sphere
 from tests.tiny import composed, tiny
 
 PAGE = "beyond"
@@ -252,6 +255,17 @@ def test_a_payload_is_carried_at_the_tip(artifacts, tmp_path):
         ends = [_tip_height(task.arm, moved + sign * step * torch.eye(2)[joint]) for sign in (1, -1)]
         height.append((ends[0] - ends[1]) / (2 * step) * target.payload)
     torch.testing.assert_close(lift[0], torch.stack(height), atol=1e-6, rtol=1e-6)
+
+
+def test_elsewhere_as_much_is_kept_clear_as_its_home_has_room_for(artifacts, tmp_path):
+    task = artifacts.task
+    near = replace(task.cfg.workspace, clearance=None, regions=[Region(sphere=Sphere((0.162, 0, 0.85), 0.1))])
+    there = transfer.Elsewhere(
+        task.with_settings(workspace=near),
+        replace(task.cfg.beyond.targets["tool"], home=[0.0, 0.0]),
+        tmp_path,
+    )
+    assert (there.constraints.clearance, there.constraints.apart) == (0.01, 0.0)
 
 
 def _tip_height(arm, q):

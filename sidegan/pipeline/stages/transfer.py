@@ -81,8 +81,9 @@ class Elsewhere:
         """The arm in its workspace."""
         workspace, desk = self.task.cfg.workspace, self.target.desk
         regions = workspace.shapes(self.task.arm) if desk is None else [Plane((0.0, 0.0, 1.0), desk)]
-        constraints = Constraints(self.arm, regions, workspace.torque, workspace.clearance or 0.0)
-        constraints.refuse_home(self.trajectory.home or ())
+        home = self.trajectory.home or ()
+        constraints = workspace.around(self.arm, home, regions)
+        constraints.refuse_home(home)
         return constraints
 
     @cached_property

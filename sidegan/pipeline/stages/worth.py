@@ -62,7 +62,7 @@ def constraints(task: Task) -> Constraints:
     if arm.acceleration_limit is None:
         limit = task.cfg.worth.acceleration * arm.velocity_limit
         arm = replace(arm, acceleration_limit=limit)
-    return workspace.around(arm)
+    return workspace.around(arm, task.cfg.trajectory.home or arm.home)
 
 
 def contenders(task: Task) -> dict[str, Contender]:
@@ -280,10 +280,10 @@ def _check(task: Task) -> None:
     """Refuse arms that MuJoCo would, and say what is left to be made takes."""
     require_consistent(task.arm)
     for arm in arms(task).values():
-        place = constraints(arm)
         for name, one in contenders(arm).items():
-            if one.maker == FROM_FILE:  # a file that holds too few: before hours of work, not after
-                make_sets(_orders(arm, place, name))
+            # a file that holds too few: before hours of work, not after
+            if one.maker == FROM_FILE and arm.store.find(sets(arm, name)) is None:
+                make_sets(_orders(arm, constraints(arm), name))
     if "worth" in task.cfg.stages and any(task.store.find(one) is None for one in _artifacts(task)):
         told = [expected(one) for one in arms(task).values()]
         total, workers = sum(x.total for x in told), cores(task.cfg.parallel.workers)
