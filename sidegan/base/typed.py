@@ -47,6 +47,7 @@ Hertz = Annotated[float, Bound(">", 0), Bound("≤", 1e5)]  # of sampling
 Positive = Annotated[float, Bound(">", 0)]
 NonNegative = Annotated[float, Bound("≥", 0)]
 Share = Annotated[float, Bound("≥", 0), Bound("≤", 1)]
+Part = Annotated[float, Bound(">", 0), Bound("≤", 1)]  # a share that is not nothing
 Open = Annotated[float, Bound(">", 0), Bound("<", 1)]  # a share that leaves something
 
 

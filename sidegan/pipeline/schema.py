@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Seconds, Share, Size
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Part, Positive, Seconds, Share, Size
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
@@ -69,7 +69,8 @@ class Robot(Setup):
 
     name: str
     gains: list[float] | None  # of the drives, motor current to joint torque [N·m/A]
-    effort: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of velocity and torque limits to use
+    # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
+    effort: Part | None
 
     @property
     def setup(self) -> Setup:
@@ -165,7 +166,7 @@ class Discussion:
 class Elsewhere:
     """Test trajectories that are unlike those that models are identified from."""
 
-    slow: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # size, of a random valid trajectory's
+    slow: Part  # size, of a random valid trajectory's
     fast: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the tightest joint limit that is used
     moves: Count  # from rest to rest in one recording of pick and place
     velocity: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the limits that they reach

@@ -11,7 +11,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sidegan.base.typed import Count, Natural, NonNegative, Open, build
+from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
 from sidegan.design.sequence import Search
@@ -85,6 +85,7 @@ class Config:
     seed: Natural
     outputs: str
     clearance: NonNegative | None  # of workspaces that say nothing else [m]
+    effort: Part | None  # of robots that say nothing else
     named: bool  # folders without a digest in their name, as a pipeline tool wants them
     publish: str | None  # folder of a page and its tables; null: the run's own
     device: str

@@ -23,7 +23,7 @@ from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort
-from sidegan.validity import Constraints, Validity, check, default_home
+from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
 from sidegan.validity.pairs import tell_often
 
 log = logging.getLogger(__name__)
@@ -45,14 +45,29 @@ class Task:
 
     @cached_property
     def arm(self) -> Arm:
-        """The arm."""
+        """The arm, with the share of its limits that may be used."""
+        return with_effort(self.whole_arm, self.effort)
+
+    @cached_property
+    def effort(self) -> float:
+        """Share of the velocity and torque limits that may be used."""
+        arm, stated = self.whole_arm, self.cfg.robot.effort
+        return usual_effort(arm, self._stated_home or arm.home) if stated is None else stated
+
+    @cached_property
+    def whole_arm(self) -> Arm:
+        """The arm with all of its limits."""
         robot = self.cfg.robot
-        home = self.cfg.trajectory.home if self.cfg.has("trajectory") else None
+        home = self._stated_home
         if home is not None and robot.home is not None:
             raise ConfigError(
                 f"trajectory.home and robot.home={robot.home} are two homes; set one of them to null"
             )
-        return with_effort(load_robot(robot.name, robot.setup, home), robot.effort)
+        return load_robot(robot.name, robot.setup, home)
+
+    @property
+    def _stated_home(self) -> list[float] | None:
+        return self.cfg.trajectory.home if self.cfg.has("trajectory") else None
 
     @cached_property
     def home(self) -> list[float] | None:
@@ -104,6 +119,8 @@ class Task:
             )
         if told := self.cfg.workspace.told(self.arm):
             log.info("%s", told)
+        if self.cfg.robot.effort is None:
+            log.info("%s", self._told_effort())
         if self.cfg.workspace.clearance is None:
             log.info("%s", self._told_clearance())
         log.info("checked: %s", self.constraints.described())
@@ -114,6 +131,12 @@ class Task:
                 "many pairs of links are allowed to touch and are not checked against each other: "
                 "are the collision shapes too large, or not in metres?"
             )
+
+    def _told_effort(self) -> str:
+        why = "" if self.effort < 1 else ", since less would hardly hold the arm"
+        return (
+            f"effort: {self.effort:.0%} of the velocity and torque limits{why}; robot.effort=… says another"
+        )
 
     def _told_clearance(self) -> str:
         return f"kept clear: {self.constraints.kept_clear}; workspace.clearance=… says another distance"

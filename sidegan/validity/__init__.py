@@ -2,7 +2,7 @@
 
 from sidegan.validity.check import Failure, Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.home import default_home
+from sidegan.validity.home import default_home, usual_effort
 from sidegan.validity.obstacles import Convex, Sphere
 from sidegan.validity.regions import Box, Plane, Region
 
@@ -18,4 +18,5 @@ __all__ = [
     "check",
     "default_home",
     "summarise_faults",
+    "usual_effort",
 ]

@@ -1,13 +1,19 @@
-"""Where an arm may rest when nobody says where."""
+"""Where an arm may rest, and how hard it may work, when nobody says so."""
+
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their middle, one after the other
 _DRAWS = 500  # configurations in each
+_CAREFUL = 0.8  # of the limits: a controller whose feedforward is wrong by a fourth stays within them
+_HELD, _HOLDS = 0.95, 1000  # share of the configurations in which the arm holds itself then, and how many
 _ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
 
 
@@ -42,6 +48,21 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
         f"the zero position of {arm.name} is not feasible, and none of {_DRAWS * len(_SHARES):,} others is; "
         "state where it can rest, 'trajectory.home=[…]', or leave out what it cannot keep, workspace=free"
     )
+
+
+def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
+    """Share of an arm's velocity and torque limits for its first run; all where less hardly holds it.
+
+    It must hold the arm at home (J,) [rad or m], where that is known, and in nearly all of its range.
+    """
+    random = torch.Generator().manual_seed(0)
+    draw = torch.rand(_HOLDS, arm.joints, generator=random, dtype=torch.float64)
+    q = arm.position_lower + (arm.position_upper - arm.position_lower) * draw
+    if home is not None:
+        q[0] = torch.tensor(home, dtype=torch.float64)
+    still = torch.zeros_like(q)
+    held = (RigidBody(arm).torque(q, still, still).abs() <= _CAREFUL * arm.torque_limit).all(1)
+    return _CAREFUL if bool(held[0] | (home is None)) and float(held.double().mean()) >= _HELD else 1.0
 
 
 def _room(constraints: Constraints, q: Tensor) -> Tensor:

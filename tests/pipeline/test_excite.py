@@ -11,7 +11,9 @@ from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import excite
-from sidegan.robot import load_robot
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
+from sidegan.robot import load_robot, with_effort
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
 
@@ -27,7 +29,7 @@ def folder(outputs, tmp_path_factory):
 
 
 def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
-    arm = load_robot("planar2")
+    arm = with_effort(load_robot("planar2"), 0.8)
     chosen = Library.load(folder / "library.parquet", arm)
     family = Trajectory(2, 3, 8.0)
     assert len(chosen) == 6 and check(Constraints(arm), family, chosen.coefficients).valid.all()
@@ -167,6 +169,22 @@ def test_a_careful_first_run_uses_a_share_of_the_limits(tmp_path):
         speed = frame[["dq_shoulder", "dq_elbow"]].abs().max().to_numpy()
         assert (speed <= 0.4 * arm.velocity_limit.numpy() + 1e-6).all()
     assert (table["peak velocity"].str.rstrip("%").astype(float) <= 100).all()
+
+
+@pytest.mark.parametrize(("torque", "effort"), [(200, 0.8), (18, 1.0)])  # N·m, of 16.3 that gravity asks for
+def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(tmp_path, caplog, torque, effort):
+    config = tiny(f"outputs={tmp_path}", f"robot.limits.effort={{shoulder: {torque}}}", experiment="excite")
+    task = Task(config, Store(tmp_path))
+    assert task.effort == effort
+    whole, used = task.whole_arm, task.arm
+    assert used.velocity_limit.tolist() == pytest.approx((effort * whole.velocity_limit).tolist())
+    assert used.torque_limit.tolist() == pytest.approx((effort * whole.torque_limit).tolist())
+    with caplog.at_level("INFO"):
+        run_stages(config, tmp_path / "run", "excite")
+    assert f"effort: {effort:.0%} of the velocity and torque limits" in caplog.text
+    table = pd.read_csv(tmp_path / "run" / "set.csv")
+    assert table["peak velocity"].str.rstrip("%").astype(float).max() <= 100 * effort
+    assert Task(tiny(experiment="exp1"), Store(tmp_path)).effort == 1.0  # as the paper has it
 
 
 LIMITED = ("robot.limits.acceleration={shoulder: 2.0, elbow: 3.0}", "robot.limits.jerk={elbow: 9}")

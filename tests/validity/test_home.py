@@ -1,13 +1,15 @@
-"""Where an arm rests when nobody says where."""
+"""Where an arm rests, and how hard it works, when nobody says so."""
 
+import math
 from dataclasses import replace
 
 import pytest
 import torch
 
 from sidegan.errors import InfeasibleError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
-from sidegan.validity import Constraints, Plane, default_home
+from sidegan.validity import Constraints, Plane, default_home, usual_effort
 
 
 @pytest.fixture
@@ -49,3 +51,28 @@ def test_where_no_position_is_free_that_is_told_with_what_may_help(bent):
     weak = replace(bent, torque_limit=1e-9 * bent.torque_limit)
     with pytest.raises(InfeasibleError, match=r"trajectory\.home=.*workspace=free"):
         default_home(Constraints(weak))
+
+
+def holding(planar: Arm, share: float) -> Arm:
+    """The planar arm that holds itself in all of its range with a share of its torque limits, and no less."""
+    out = torch.tensor([[torch.pi / 2, 0.0]], dtype=torch.float64)
+    return replace(planar, torque_limit=RigidBody(planar).torque(out, 0 * out, 0 * out)[0].abs() / share)
+
+
+@pytest.mark.parametrize(
+    ("share", "home", "expected"),
+    [
+        (0.79, None, 0.8),
+        (0.79, (math.pi / 2, 0.0), 0.8),
+        (0.801, None, 0.8),  # held nearly everywhere
+        (0.801, (math.pi / 2, 0.0), 1.0),  # but not at home
+        (0.99, None, 1.0),
+        (0.99, (0.0, 0.0), 1.0),
+    ],
+)
+def test_a_first_run_uses_less_than_the_limits_where_that_holds_the_arm(planar, share, home, expected):
+    assert usual_effort(holding(planar, share), home) == expected
+
+
+def test_an_arm_without_torque_limits_is_held_anyway(planar):
+    assert usual_effort(replace(planar, torque_limit=torch.full((2,), torch.inf, dtype=torch.float64))) == 0.8

@@ -59,6 +59,7 @@ def _show(task: Task, tracker: Tracker) -> None:
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
     caption += f"{_goal(task, aim, tracker)}; checked: {task.constraints.described()}"
+    caption += f"; effort {task.effort:.0%}" if task.effort < 1 else ""
     table = _table(task, chosen, motion)
     caption += _view(task, chosen, table, tracker)
     publish(table, folder / "set", caption, tracker)
@@ -150,7 +151,7 @@ def _view(task: Task, chosen: Library, table: pd.DataFrame, tracker: Tracker) ->
     path = task.store.run_folder / VIEW
     titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(chosen.fitness.tolist(), 1)]
     try:
-        view = view_of(task.constraints, task.trajectory, chosen.coefficients, titles)
+        view = view_of(task.constraints, task.trajectory, chosen.coefficients, titles, task.whole_arm)
         write_view(view, path, table, _steps(task))
     except ArtifactError as error:  # the trajectories are there, which is what counts
         log.warning("there is no %s: %s", VIEW, error)
@@ -201,7 +202,7 @@ def _energy(task: Task, motion: Motion) -> Tensor:
 
 def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
     """What each trajectory asks of the arm."""
-    arm = task.arm
+    arm = task.whole_arm
     torque = task.body.torque(*motion[1:])
     nearest = _nearest(task, chosen)
     return pd.DataFrame(

@@ -22,7 +22,7 @@ def rehearsed(task: Task, coefficients: Tensor) -> pd.DataFrame:
     """
     speed = task.cfg.controllers.speed
     family = replace(task.trajectory, period=task.trajectory.period / speed)
-    plant = Plant(task.arm, task.cfg.plant)
+    plant = Plant(task.whole_arm, task.cfg.plant)
     times = family.times(plant.settings.rate)
     rows = []
     for c in (speed * coefficients).split(1):
@@ -35,7 +35,7 @@ def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
     """What one execution was like."""
     error = (executed.position - planned.position[0]).abs()
     worst, joint = error.amax(0).max(0)
-    share = (executed.torque.abs() / task.arm.torque_limit).amax(0)
+    share = (executed.torque.abs() / task.whole_arm.torque_limit).amax(0)
     stride = max(1, round(_EVERY * task.cfg.plant.rate))
     margins = task.constraints.at_rest(executed.position[::stride])
     nearest = [float(margins[name].min()) for name in ("collision", "keep_out") if name in margins]

@@ -45,7 +45,11 @@ class View:
 
 
 def view_of(
-    constraints: Constraints, family: Trajectory, coefficients: Tensor, titles: Sequence[str] = ()
+    constraints: Constraints,
+    family: Trajectory,
+    coefficients: Tensor,
+    titles: Sequence[str] = (),
+    arm: Arm | None = None,
 ) -> View:
     """What is shown of trajectories with coefficients [rad/s], (B, J, H, 2); of very many, the first.
 
@@ -54,6 +58,7 @@ def view_of(
         family: of the trajectories.
         coefficients: theirs.
         titles: what to call each; their numbers when there are none.
+        arm: whose limits signals are shares of; the arm in its workspace when nobody says another.
 
     Raises:
         ShapeError: when there is no trajectory, or another number of titles.
@@ -61,7 +66,7 @@ def view_of(
     count = len(coefficients)
     if count == 0 or (titles and len(titles) != count):
         raise ShapeError(f"there are {count} trajectories to show and {len(titles)} titles")
-    arm, coefficients = constraints.arm, coefficients[:_SHOWN]
+    arm, coefficients = arm or constraints.arm, coefficients[:_SHOWN]
     samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
     times = torch.linspace(0.0, family.period, samples + 1, dtype=torch.float64)
     motion = family.roll_out(coefficients.detach().to("cpu", torch.float64), times)
@@ -78,7 +83,7 @@ def view_of(
         "chain": _chain(arm),
     }
     view = View(head)
-    _add_signals(view, constraints, motion)
+    _add_signals(view, arm, constraints, motion)
     _add_closest(view, constraints, motion)
     _add_surfaces(view, constraints)
     return view
@@ -94,9 +99,8 @@ def _chain(arm: Arm) -> dict[str, Any]:
     }
 
 
-def _add_signals(view: View, constraints: Constraints, motion: Motion) -> None:
+def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion) -> None:
     """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) steps each."""
-    arm = constraints.arm
     middle = (arm.position_upper + arm.position_lower) / 2
     signals = {
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
