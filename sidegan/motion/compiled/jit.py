@@ -5,6 +5,7 @@ calls one gives it room to work in.
 """
 
 import hashlib
+import logging
 import re
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,6 +20,8 @@ from filelock import FileLock, Timeout
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import register_jitable
 
+from sidegan.motion.compiled import VARIABLE
+
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 _ANY_ORDER: Any = {"contract", "reassoc"}
 # Modules of this package that a source imports: from sidegan….lanes import, from sidegan… import lanes, links
@@ -26,6 +29,8 @@ _NAMED = re.compile(
     rf"^(?:from|import) {re.escape(__package__)}(?:[.](\w+)| import (?:\(([^)]*)\)|(.*)))", re.MULTILINE
 )
 _PATIENCE = 120.0  # [s] with another process that compiles a function, before compiling it as well
+
+log = logging.getLogger(__name__)
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -52,7 +57,9 @@ class _Cache(FunctionCache):
                 self._impl.locator.ensure_cache_path()
                 self._compiling.acquire()
                 there = super().load_overload(sig, target_context)
-        if there is not None:
+        if there is None:
+            _tell()
+        else:
             self._compiling.release()
         return there
 
@@ -62,6 +69,16 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
         finally:
             self._compiling.release()
+
+
+@cache
+def _tell() -> None:
+    """Say once why nothing seems to happen."""
+    log.info(
+        "compiling for this processor, once, which takes up to two minutes (%s=torch: plain code that does "
+        "without, and is slower from the second run on)",
+        VARIABLE,
+    )
 
 
 @cache

@@ -75,6 +75,15 @@ def test_a_change_in_one_file_is_noticed_by_kernels_of_another(package):
     assert run(KERNEL, folder) == "7.0 1"
 
 
+def test_it_is_told_once_that_kernels_are_compiled(package):
+    told = "import logging, sys; logging.basicConfig(level='INFO', format='%(message)s', stream=sys.stdout)\n"
+    more = "from sidegan.motion.compiled import stranger\nfrom sidegan.motion.compiled.jit import kernel\n"
+    more += "@kernel\ndef other(x):\n    x[0] = 1.0\nother(x)\n"
+    first, second = (run(told + KERNEL + more, package.parents[2]) for _ in range(2))
+    assert first.count("compiling for this processor, once") == 1
+    assert second.splitlines()[0] == "6.0 1"
+
+
 @pytest.mark.parametrize(
     "words",
     [
