@@ -78,7 +78,7 @@ class IdentifiedArm:
 
     @cached_property
     def worst(self) -> Tensor:
-        """Error of the model to use [N·m or N], (J,), in the ten seconds that it predicts worst, joint by joint."""
+        """Error of the model to use [N·m or N], (J,), in the ten seconds that it predicts worst."""
         samples = round(_STRETCH * self.training[0].grid.rate)
         return worst(self.model, self.used.parameters, measurements_of(self.recordings), samples)
 

@@ -21,7 +21,7 @@ from tests.tiny import tiny
 RECORD = Path(__file__).with_name("recorded.json")
 EXPERIMENTS = ("reproduction", "beyond", "quality", "design", "excite", "worth")
 TOLERANCE = 0.05  # of a number: trainings amplify the last bits, in which machines differ
-# Makers that search or train: of a few short searches another processor finds others, a third better or worse.
+# Makers that search or train: of few short searches another processor finds others, a third better or worse.
 CHAOTIC = {"paper_seeds", "halves", "compiled_seeds", "starts", "gan", "generator"}
 FREE = 0.5  # of their numbers
 COUNTED = (
