@@ -26,6 +26,7 @@ class Seeds:
     steps: Count  # evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
     reserve: Share | None = None  # not paper: share of each limit that seeds keep free
+    enough: Count | None = None  # seeds that do where no more become valid; null: all
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
 

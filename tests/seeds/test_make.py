@@ -80,6 +80,23 @@ def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path
     assert method.calls == 3
 
 
+@pytest.mark.parametrize("enough", [None, 2, 3])
+def test_fewer_seeds_do_where_they_are_enough(planar_problem, tmp_path, caplog, enough):
+    class Scarce(Counting):
+        def optimise(self, problem, count, seed):
+            batch = super().optimise(problem, count, seed)
+            found = 2 if self.calls == 1 else 0
+            return replace(batch, coefficients=batch.coefficients[:found], fitness=batch.fitness[:found])
+
+    tasks, random = Tasks(4, 2, tmp_path, 1, enough), np.random.SeedSequence(4)
+    if enough == 2:
+        assert len(make_seeds(planar_problem, Scarce(), tasks, random)) == 2
+        assert "only 2 of 4 seeds became valid" in caplog.text
+    else:
+        with pytest.raises(InfeasibleError, match="only 2 of 4 seeds became valid"):
+            make_seeds(planar_problem, Scarce(), tasks, random)
+
+
 def test_too_few_seeds_say_how_many_and_why(planar_problem, tmp_path, monkeypatch):
     monkeypatch.setattr(result, "HOPELESS", 1.0)
     with pytest.raises(InfeasibleError, match=r"only 0 of 2 seeds became valid .* condition number"):

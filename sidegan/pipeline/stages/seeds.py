@@ -1,6 +1,6 @@
 """Stage seeds: the seed set, by the configured optimiser."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from sidegan.base.parallel import cores
 from sidegan.base.storage import write_json
@@ -28,7 +28,8 @@ def seed_set(task: Task, title: str = "seeds") -> Artifact:
     if settings.method != "paper" and settings.steps != task.cfg.scale.seed_steps:
         label += f"-{settings.steps}steps"  # sets of other quality stand side by side
         title += f" {settings.steps} steps"
-    whole = task.artifact(maker, label, _make, settings, title=title, alone=True)
+    known = {name: x for name, x in asdict(settings).items() if name != "enough"}  # which changes no seed
+    whole = task.artifact(maker, label, _make, known, title=title, alone=True)
     if task.cfg.half is None:
         return whole
     name, values = f"{label}-half{task.cfg.half}", {"half": task.cfg.half}
@@ -39,7 +40,7 @@ def _make(task: Task, build: Build) -> None:
     settings, workers = method_settings(task), task.cfg.parallel.workers
     problem = settings.problem(task.constraints, task.trajectory)
     method, size = _method(settings, workers)
-    tasks = Tasks(settings.count, size, build.work, workers)
+    tasks = Tasks(settings.count, size, build.work, workers, settings.enough)
     batch = make_seeds(problem, method, tasks, task.random("seeds"))
     library = measured(task.constraints, task.trajectory, batch.coefficients, settings.method)
     library.save(build.folder / LIBRARY)
