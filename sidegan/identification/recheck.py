@@ -96,6 +96,20 @@ class Recheck:
         ]
 
 
+def expected_error(worst: Tensor, then: int, now: int) -> Tensor:
+    """Largest error to expect of a model that is still right [N·m or N], (J,).
+
+    A mean over fewer repetitions has more noise. How much of the error at the identification was noise is
+    not known: all of it may have been.
+
+    Args:
+        worst: largest error in any stretch at the identification [N·m or N], (J,).
+        then: over how many repetitions its samples were averaged.
+        now: over how many those of the fresh recording are.
+    """
+    return worst * max(1.0, then / now) ** 0.5
+
+
 def recheck(
     model: TorqueModel, parameters: Tensor, before: Tensor, measurements: list[Measurements]
 ) -> Recheck:

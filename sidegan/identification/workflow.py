@@ -82,6 +82,11 @@ class IdentifiedArm:
         samples = round(_STRETCH * self.training[0].grid.rate)
         return worst(self.model, self.used.parameters, measurements_of(self.recordings), samples)
 
+    @property
+    def repetitions(self) -> int:
+        """Over how many repetitions of a motion the samples are averaged at most."""
+        return max(one.repetitions[1] for one in self.recordings)
+
     @cached_property
     def drives(self) -> Drives:
         """Friction and rotors of the consistent model; none of a kind that it has not."""

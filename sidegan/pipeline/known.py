@@ -24,6 +24,7 @@ class Known:
     model: TorqueModel  # what torque is explained with
     parameters: Tensor  # of the model to use, (P,)
     worst: Tensor  # its error in the ten seconds that it predicted worst when it was identified, (J,)
+    repetitions: int  # over which the samples of that were averaged at most
     estimate: Tensor  # parameters as the chosen method gave them, (P,)
     covariance: Tensor  # of their errors, (P, P)
     certainty: Tensor  # one over the deviation of an independent sample's torque, (J,)
@@ -55,6 +56,7 @@ def known_model(folder: Path, arm: Arm) -> Known:
             model,
             parameters=model.mapping @ standard,
             worst=_tensor(numbers.get("worst", numbers["rmse"])),  # earlier runs kept the mean alone
+            repetitions=int(numbers.get("repetitions", 1)),
             estimate=_tensor(numbers["parameters"]),
             covariance=_tensor(numbers["covariance"]),
             certainty=_tensor(numbers["certainty"]),

@@ -76,6 +76,12 @@ class CheckedRecording:
         return None if self.repeated is None else self.repeated.noise
 
     @property
+    def repetitions(self) -> tuple[int, int]:
+        """Over how many repetitions its samples are averaged, at least and at most."""
+        counts = [1] if self.noise is None or self.repeated is None else self.repeated.counts.values()
+        return min(counts), max(counts)
+
+    @property
     def statements(self) -> list[str]:
         """How it was preprocessed, in sentences."""
         said = [self.grid.statement]

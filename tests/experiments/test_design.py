@@ -36,7 +36,7 @@ def known(planar):
     rows = torch.randn(200, model.count, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     covariance = torch.linalg.inv(rows.T @ rows)
     nothing, certainty = torch.zeros(model.count).double(), torch.tensor([2.0, 0.5]).double()
-    return Known(model, nothing, torch.ones(2).double(), nothing, covariance, certainty, 400.0)
+    return Known(model, nothing, torch.ones(2).double(), 1, nothing, covariance, certainty, 400.0)
 
 
 def test_a_design_is_asked_for_beside_what_an_identification_left_uncertain(known):

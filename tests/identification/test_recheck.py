@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from sidegan.identification import Measurements, estimate, score
-from sidegan.identification.recheck import CHANGED, RIGHT, WRONG, recheck
+from sidegan.identification.recheck import CHANGED, RIGHT, WRONG, expected_error, recheck
 from sidegan.identification.score import worst
 from tests.identification.recordings import model_of
 from tests.identification.test_payload import load, runs  # noqa: F401
@@ -39,6 +39,17 @@ def test_the_worst_stretch_counts(arm, known):
     errors = torch.stack([score(model, parameters, [one]).rmse for one in stretches])
     torch.testing.assert_close(found, errors.amax(0))
     assert found[2] > 4 and found[2] == errors[3, 2] and (found[[0, 1, 3, 4, 5, 6]] < 0.5).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mean_over_fewer_repetitions_may_have_more_noise(arm, known, seed):
+    """Identified from means over four executions, judged by one."""
+    model, found, _ = known
+    mean = runs(arm, np.zeros(10), 1, NOISE / 2)
+    before = worst(model, found, [mean], len(mean))
+    assert recheck(model, found, before, [today(arm, 20 + seed)]).verdict == WRONG
+    assert recheck(model, found, expected_error(before, 4, 1), [today(arm, 20 + seed)]).verdict == RIGHT
+    torch.testing.assert_close(expected_error(before, 1, 4), before)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -7,7 +7,7 @@ import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
-from sidegan.identification.recheck import Recheck, recheck
+from sidegan.identification.recheck import Recheck, expected_error, recheck
 from sidegan.identification.workflow import measurements_of
 from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
@@ -29,7 +29,9 @@ def _show(task: Task, tracker: Tracker) -> None:
     known = known_model(Path(cfg.known or ""), arm)
     width = known.model.terms.sign_width
     fresh = read_and_check(cfg.recordings, "validation", arm, cfg.recording, cfg.robot.gains, width)
-    found = recheck(known.model, known.parameters, known.worst, measurements_of(fresh))
+    once = min(one.repetitions[0] for one in fresh)
+    before = expected_error(known.worst, known.repetitions, once)
+    found = recheck(known.model, known.parameters, before, measurements_of(fresh))
     change = None if found.change is None else {"what": found.change.what, "clear": found.change.clear}
     numbers = {"verdict": found.verdict, "reasons": found.reasons, "change": change}
     numbers |= {"nmse": found.errors.nmse.tolist(), "rmse": found.errors.rmse.tolist()}

@@ -227,6 +227,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "rate": identified.training[0].grid.rate,
         "rmse": identified.tests[identified.use].rmse.tolist(),
         "worst": identified.worst.tolist(),
+        "repetitions": identified.repetitions,
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
         "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
