@@ -2,12 +2,13 @@
 
 Physics, statistics and stages are changed in one place at a time by cosmic-ray's operators (+ for −, < for ≤,
 a number one larger …), drawn at random from all such places. The tests nearest to the change run, then all of
-its room's; what survives is listed with its change. Work goes on where it was stopped. The tree itself is
-left alone: everything happens in a copy. Tests run in copies of a warm process, and of the kernels only those
-that a change is part of are compiled anew.
+its room's and of those that use it; what survives is listed with its change. Work goes on where it was
+stopped. The tree itself is left alone: everything happens in a copy. Tests run in copies of a warm process, and
+of the kernels only those that a change is part of are compiled anew.
 """
 
 import argparse
+import ast
 import difflib
 import json
 import os
@@ -40,6 +41,7 @@ _OTHERS = ("And", "Or", "True", "False", "NumberReplacer", "ZeroIteration", "Add
 # and on the clock, which runs on while others use the machine
 _PATIENCE, _LONGEST = 600, 3600
 _STAGES = Path("tests/experiments")  # run what no other test runs
+_EVERYWHERE = ("pipeline", "report")  # rooms that use all others
 _COMPILED = "sidegan/motion/compiled/"
 _KEPT = "kernels"  # folder of compiled kernels beside the copy of the project
 _WHOLE = ".whole"  # ends the name of a file that is changed at the moment
@@ -103,17 +105,51 @@ def mutated(one: Mutant, source: str) -> str:
 
 
 def tests_of(file: str, root: Path) -> list[list[str]]:
-    """Tests of a file, nearest first: those named like it, those that name it, then all of its room's."""
+    """Tests of a file, nearest first: those named like it, those that name it, then all of its rooms'.
+
+    Its rooms are its own and those that use it, where they are not the pipeline, which uses everything.
+    """
     _, *room, name = Path(file).with_suffix("").parts
-    folders = [Path("tests", *room[:k]) for k in range(len(room), 0, -1)]
-    folder = next(one for one in folders if (root / one).is_dir())
-    whole = [folder, *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
+    whole = [_folder(room, root), *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
+    whole += [one for one in _used_in(file, root) if one not in whole]
     named = sorted((root / "tests").rglob(f"test_{name}.py"))
     others = [path for one in whole for path in sorted((root / one).rglob("test_*.py")) if path not in named]
     times = {path: len(re.findall(rf"\b{name}\b", path.read_text(encoding="utf-8"))) for path in others}
     telling = sorted((path for path in others if times[path]), key=lambda path: -times[path])
     steps = [named, *([path] for path in telling), [path for path in others if not times[path]]]
     return [[str(path.relative_to(root)) for path in step] for step in steps if step]
+
+
+def _folder(room: Sequence[str], root: Path) -> Path:
+    """Folder of the tests that are nearest to a room."""
+    folders = [Path("tests", *room[:k]) for k in range(len(room), 0, -1)]
+    return next(one for one in folders if (root / one).is_dir())
+
+
+def _used_in(file: str, root: Path) -> list[Path]:
+    """Folders of the tests of other rooms that use a file, directly or through others of its own room."""
+    room, found, seen, asked = Path(file).parent, list[Path](), {file}, [file]
+    sources = {str(one.relative_to(root)): imported(one, root) for one in (root / "sidegan").rglob("*.py")}
+    while asked:
+        used = asked.pop()
+        for user in sorted(one for one, names in sources.items() if used in names and one not in seen):
+            seen.add(user)
+            parts = Path(user).parent.parts[1:]
+            if Path(user).parent == room:
+                asked.append(user)
+            elif parts and parts[0] not in _EVERYWHERE and (folder := _folder(parts, root)) not in found:
+                found.append(folder)
+    return found
+
+
+def imported(source: Path, root: Path) -> set[str]:
+    """Files of the project that a source imports, from its root."""
+    found = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            whole = node.module.split(".")
+            found |= {"/".join([*whole, one.name]) for one in node.names} | {"/".join(whole)}
+    return {f"{one}.py" for one in found if (root / f"{one}.py").is_file()}
 
 
 def noticed(one: Mutant, root: Path, warm: Warm) -> tuple[bool, float]:

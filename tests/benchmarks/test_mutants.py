@@ -1,4 +1,5 @@
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -118,3 +119,12 @@ def test_a_killed_run_leaves_no_mutant_behind(project, tmp_path, monkeypatch):
 def test_changed_files_are_told(project):
     with pytest.raises(ConfigError, match="has changed"):
         mutants.mutated(DIVIDED._replace(occurrence=7), SOURCE)
+
+
+def test_tests_of_rooms_that_use_a_file_count_too():
+    """Through others of its own room: kernels are what the designer and the plant run on."""
+    *_, last = mutants.tests_of("sidegan/motion/compiled/apart.py", mutants.ROOT)
+    rooms = {Path(file).parts[1] for file in last}
+    assert {"motion", "designer"} <= rooms and not rooms & {"pipeline", "report"}
+    *_, last = mutants.tests_of("sidegan/motion/compiled/servos.py", mutants.ROOT)
+    assert "plant" in {Path(file).parts[1] for file in last}
