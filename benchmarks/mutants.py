@@ -3,8 +3,8 @@
 Physics, statistics and stages are changed in one place at a time by cosmic-ray's operators (+ for −, < for ≤,
 a number one larger …), drawn at random from all such places. The tests nearest to the change run, then all of
 its room's and of those that use it; what survives is listed with its change. Work goes on where it was
-stopped. The tree itself is left alone: everything happens in a copy. Tests run in copies of a warm process, and
-of the kernels only those that a change is part of are compiled anew.
+stopped. The tree itself is left alone: everything happens in a copy. Tests run in copies of a warm process,
+and of the kernels only those that a change is part of are compiled anew.
 """
 
 import argparse

@@ -61,7 +61,7 @@ def test_the_nearest_tests_come_first():
     found = sorted(
         str(path.relative_to(mutants.ROOT)) for path in mutants.ROOT.glob("tests/validity/test_*.py")
     )
-    assert sorted(every) == found
+    assert set(every) >= set(found) and len(every) == len(set(every))
     near, *telling, others = mutants.tests_of("sidegan/pipeline/stages/readings.py", mutants.ROOT)
     assert "tests/pipeline/test_readings.py" in near
     assert any(step[0].startswith("tests/experiments/") for step in telling)
