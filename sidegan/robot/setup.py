@@ -83,7 +83,7 @@ def _word(name: str, value: object) -> str:
         return override(name, value)
     if isinstance(value, list):
         return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
-    return choice(name, value if isinstance(value, str) else str(value).lower())
+    return choice(name, value) if isinstance(value, str) else f"robot.{name}={str(value).lower()}"
 
 
 def _plain(value: object) -> str:

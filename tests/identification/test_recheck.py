@@ -70,6 +70,17 @@ def test_more_friction_is_told_with_its_joint(arm, known):
     assert "friction changed: coulomb of joint_3" in "; ".join(result.reasons)
 
 
+def test_evidence_is_the_bayesian_information_criterion_of_white_residuals(arm, known):
+    """2 n ln(σ₀/σ₁) − k ln N, where the residuals' inflation, which takes samples away, is one."""
+    drift = torch.tensor([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], dtype=torch.float64)
+    data = today(arm, change=drift)
+    change = recheck(*known, [data]).change
+    ratio = score(known[0], known[1], [data]).rmse / change.left
+    total = torch.tensor(float(data.torque.numel()))
+    criterion = 2 * len(data) * float(ratio.log().sum()) - 7 * float(total.log())
+    assert change.evidence == pytest.approx(criterion, rel=0.3)
+
+
 def test_a_drift_of_an_offset_is_told(arm, known):
     drift = torch.tensor([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], dtype=torch.float64)
     result = recheck(*known, [today(arm, change=drift)])

@@ -74,6 +74,12 @@ def test_uncertain_torque_decides(flawless, share, verdict, words):
     assert [words in x for x in said] == ([] if words is None else [True])
 
 
+def test_parameters_are_named_with_their_joint(flawless):
+    shaken = torch.tensor([0.2, 0.2], dtype=torch.float64)
+    first, second = replace(flawless, torque_deviation=shaken, weak=("fv1", "fc2", "Ia2")).reasons
+    assert "uncertain by 20% (fv1)" in first and "uncertain by 20% (fc2, Ia2)" in second
+
+
 @pytest.mark.parametrize(("ratio", "told"), [(2.9, False), (3.1, True)])
 def test_a_model_that_predicts_others_worse_than_its_own_is_overfitted(flawless, ratio, told):
     result = replace(flawless, **errors(0.015, 0.015, train=1 / ratio))
