@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from sidegan.errors import InfeasibleError
+from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
@@ -54,7 +54,12 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
     """Share of an arm's velocity and torque limits for its first run; all where less hardly holds it.
 
     It must hold the arm at home (J,) [rad or m], where that is known, and in nearly all of its range.
+
+    Raises:
+        ShapeError: when home is not one position per joint.
     """
+    if home is not None and len(home) != arm.joints:
+        raise ShapeError(f"home position {list(home)} must be {arm.joints} finite joint positions")
     random = torch.Generator().manual_seed(0)
     draw = torch.rand(_HOLDS, arm.joints, generator=random, dtype=torch.float64)
     q = arm.position_lower + (arm.position_upper - arm.position_lower) * draw

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import InfeasibleError
+from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
@@ -72,6 +72,11 @@ def holding(planar: Arm, share: float) -> Arm:
 )
 def test_a_first_run_uses_less_than_the_limits_where_that_holds_the_arm(planar, share, home, expected):
     assert usual_effort(holding(planar, share), home) == expected
+
+
+def test_a_home_of_another_arm_is_refused(planar):
+    with pytest.raises(ShapeError, match=r"home position \[0.1\] must be 2 finite joint positions"):
+        usual_effort(planar, [0.1])
 
 
 def test_an_arm_without_torque_limits_is_held_anyway(planar):
