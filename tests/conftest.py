@@ -12,8 +12,10 @@ from sidegan.robot import Arm, load_robot
 torch.set_num_threads(1)
 # A busy machine is no failure: neither slow examples nor drawing them slowly.
 SLOW = [hypothesis.HealthCheck.too_slow]
-hypothesis.settings.register_profile("unhurried", deadline=None, suppress_health_check=SLOW)
-hypothesis.settings.load_profile("unhurried")
+hypothesis.settings.register_profile("search", deadline=None, suppress_health_check=SLOW)
+# The same examples every time, so that whoever sets up sees what we saw. Others: --hypothesis-profile=search
+hypothesis.settings.register_profile("usual", hypothesis.settings.get_profile("search"), derandomize=True)
+hypothesis.settings.load_profile("usual")
 
 # Files that take longest: a parallel run begins with them, or one process works at its end while others idle.
 LONGEST = (
