@@ -89,7 +89,7 @@ def _measure(name: str, work: Path, file: Path, more: Sequence[str], folder: Pat
         sys.stderr.write(f"  {part} …\n")
         try:
             result[part] = do()
-        except SideganError as error:
+        except (SideganError, ValueError) as error:  # Pinocchio finds fewer meshes than sidegan
             result["refused"] = str(error)
             write_bytes(file, json.dumps(result, indent=1).encode())
             return
