@@ -1,7 +1,7 @@
 """Settings of the seed set and of the single long trajectory."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 from sidegan.base.typed import Count, Seconds, Share, Size
 from sidegan.design.problem import Problem
@@ -39,6 +39,10 @@ class Seeds:
             raise ConfigError(
                 "methods gradient and compiled, and no others, need reserve; choose one by seeds=gradient"
             )
+
+    def stamped(self) -> dict[str, Any]:
+        """Plain values by which artifacts are known; how many are enough changes no seed."""
+        return {name: x for name, x in asdict(self).items() if name != "enough"}
 
     @property
     def optimiser(self) -> Method:

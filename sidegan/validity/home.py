@@ -9,11 +9,12 @@ from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
+from sidegan.validity.pairs import sampled
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their middle, one after the other
 _DRAWS = 500  # configurations in each
 _CAREFUL = 0.8  # of the limits: a controller whose feedforward is wrong by a fourth stays within them
-_HELD, _HOLDS = 0.95, 1000  # share of the configurations in which the arm holds itself then, and how many
+_HELD, _TRIED = 0.95, 1000  # share of the configurations in which the arm holds itself then, and how many
 _ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
 
 
@@ -60,14 +61,12 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
     """
     if home is not None and len(home) != arm.joints:
         raise ShapeError(f"home position {list(home)} must be {arm.joints} finite joint positions")
-    random = torch.Generator().manual_seed(0)
-    draw = torch.rand(_HOLDS, arm.joints, generator=random, dtype=torch.float64)
-    q = arm.position_lower + (arm.position_upper - arm.position_lower) * draw
-    if home is not None:
-        q[0] = torch.tensor(home, dtype=torch.float64)
+    rows = [] if home is None else [list(home)]
+    q = torch.cat([torch.tensor(rows, dtype=torch.float64).reshape(-1, arm.joints), sampled(arm, _TRIED)])
     still = torch.zeros_like(q)
     held = (RigidBody(arm).torque(q, still, still).abs() <= _CAREFUL * arm.torque_limit).all(1)
-    return _CAREFUL if bool(held[0] | (home is None)) and float(held.double().mean()) >= _HELD else 1.0
+    there, around = held[: len(rows)], held[len(rows) :]
+    return _CAREFUL if bool(there.all()) and float(around.double().mean()) >= _HELD else 1.0
 
 
 def _room(constraints: Constraints, q: Tensor) -> Tensor:

@@ -8,6 +8,7 @@ from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_family, long_trajectory
+from sidegan.pipeline.stages.optimised import optimised
 from sidegan.pipeline.stages.pools import pools
 from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.seeds import seed_set
@@ -252,3 +253,14 @@ def test_a_named_home_is_the_one_of_the_srdf(tmp_path):
     assert Task(tiny(*named), Store(tmp_path)).trajectory.home == (0.1, -0.2)
     with pytest.raises(ConfigError, match="are two homes"):
         _ = Task(tiny(*named, "trajectory.home=[0, 0]"), Store(tmp_path)).arm
+
+
+def test_how_many_seeds_are_enough_is_in_no_stamp(tmp_path):
+    """Neither of the sets nor of long trajectories: it changes none of them."""
+    digests = []
+    for enough in ("null", "3"):
+        task = Task(tiny(f"seeds.enough={enough}", experiment="beyond"), Store(tmp_path))
+        digests.append([one.digest for one in (seed_set(task), optimised(task))])
+        task = Task(tiny(f"seeds.enough={enough}", experiment="exp1"), Store(tmp_path))
+        digests[-1].append(long_trajectory(task, 3).digest)
+    assert digests[0] == digests[1] and len(set(digests[0])) == 3

@@ -22,7 +22,7 @@ def long_family(task: Task, harmonics: int) -> Trajectory:
 def long_trajectory(task: Task, harmonics: int) -> Artifact:
     """The best single long trajectory with so many harmonics, by the optimiser of the seeds."""
     settings, seeds = task.cfg.long, _as_seeds(task)
-    optimiser = {key: x for key, x in asdict(seeds).items() if key not in _OF_A_SET}
+    optimiser = {key: x for key, x in seeds.stamped().items() if key not in _OF_A_SET}
     return task.artifact(
         "long",
         f"{seeds.method}{seeds.steps}-{settings.period:g}s-{harmonics}h",

@@ -15,7 +15,7 @@ OPTIMISED = "optimised"
 
 def optimised(task: Task) -> Artifact:
     """As many optimised trajectories as there are seeds, with little reserve."""
-    return task.artifact("optimised", "gradient", _make, _settings(task), alone=True)
+    return task.artifact("optimised", "gradient", _make, _settings(task).stamped(), alone=True)
 
 
 def _settings(task: Task) -> Seeds:

@@ -1,6 +1,6 @@
 """Stage seeds: the seed set, by the configured optimiser."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from sidegan.base.parallel import cores
 from sidegan.base.storage import write_json
@@ -28,8 +28,7 @@ def seed_set(task: Task, title: str = "seeds") -> Artifact:
     if settings.method != "paper" and settings.steps != task.cfg.scale.seed_steps:
         label += f"-{settings.steps}steps"  # sets of other quality stand side by side
         title += f" {settings.steps} steps"
-    known = {name: x for name, x in asdict(settings).items() if name != "enough"}  # which changes no seed
-    whole = task.artifact(maker, label, _make, known, title=title, alone=True)
+    whole = task.artifact(maker, label, _make, settings.stamped(), title=title, alone=True)
     if task.cfg.half is None:
         return whole
     name, values = f"{label}-half{task.cfg.half}", {"half": task.cfg.half}
