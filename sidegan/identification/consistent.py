@@ -1,6 +1,7 @@
 """Parameters of an arm that can exist: the physically consistent fit, and the only door to cvxpy."""
 
 import logging
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import Fit, flat
+from sidegan.identification.fit import Fit
 from sidegan.identification.gather import Gathered
 from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
@@ -28,6 +29,7 @@ _NOT_NEGATIVE = ("rotor_inertia", "viscous", "coulomb", "stribeck")
 _ROUNDS = 6  # of finding the strength of the pull
 _SETTLED = 1.1  # times the strength: a change that no longer matters
 _STRENGTHS = (0.01, 100.0)  # between which it is looked for
+_BELIEVED = 1.0  # of a link's ten parameters: as much says beforehand that its strength is the others'
 _FREE = 1e-6  # information on each term beside the samples'
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
@@ -36,9 +38,10 @@ _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances 
 class Consistent(Ols):
     """The most likely parameters of an arm that can exist.
 
-    min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + strength Σ d(P_i, P_i⁰) with θ the
-    model's parameters, P_i ⪰ margin, and friction and rotor inertias not negative. The covariance given is
-    that of weighted least squares, which consistency can only make smaller.
+    min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
+    model's parameters, P_i ⪰ margin, and friction and rotor inertias not negative. The covariance is its own:
+    the pull's second derivative at the fit counts as information beside the samples'. Bounds that are reached
+    would only make it smaller.
 
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
@@ -49,7 +52,7 @@ class Consistent(Ols):
     # typical units, which also takes a description that is not consistent
     pull: Literal["logdet", "euclid"]
     # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells.
-    # None: the most probable one, so that a description that the samples contradict pulls less
+    # None: each link's most probable one, so that a link that the samples contradict is pulled less
     strength: float | None
     margin: float  # smallest eigenvalue of a pseudo-inertia in the link's typical mass and length
     total_mass: float | None  # of all links together [kg]; free when None
@@ -59,57 +62,77 @@ class Consistent(Ols):
         model = data.model
         weights, errors = likelihood(data, self.prior)
         information, moment = data.sums.weighted(weights)
-        standard = self.standard(model, information, moment)
-        _, inverse = solve(information, moment, 1 / self.prior)
-        prior = flat(model.count, 1 / self.prior)
+        standard, strength = self.standard(model, information, moment)
+        prior = self._told(model, standard, strength)
+        _, inverse = solve(information + prior, moment, 1 / self.prior)
         return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
 
-    def standard(self, model: TorqueModel, information: Tensor, moment: Tensor) -> Tensor:
-        """Links and terms in ``TorqueModel.standard_names``' order, (F,), from weighted Σ Yᵀ Y and Σ Yᵀ τ."""
-        if self.strength is not None:
-            return self._standard(model, information, moment, self.strength)
-        strength = 1.0
-        for _ in range(_ROUNDS):
-            found = self._standard(model, information, moment, strength)
+    def standard(self, model: TorqueModel, information: Tensor, moment: Tensor) -> tuple[Tensor, Tensor]:
+        """Most likely parameters from weighted Σ Yᵀ Y and Σ Yᵀ τ, and the strength of the pull on each link.
+
+        Links and terms are in ``TorqueModel.standard_names``' order, (F,); strengths are (J,).
+        """
+        strength = torch.full((model.joints,), self.strength or 1.0, dtype=torch.float64)
+        found = self._standard(model, information, moment, strength)
+        for _ in range(_ROUNDS if self.strength is None else 0):
             before, strength = strength, self._most_probable(model, information, found, strength)
-            if max(strength / before, before / strength) < _SETTLED:
+            found = self._standard(model, information, moment, strength)
+            if ((strength / before).log().abs() < math.log(_SETTLED)).all():
                 break
-        _log.debug("the description pulls with strength %.2g", before)
-        return found
+        _log.debug("the description pulls its links with strengths %s", strength)
+        return found, strength
+
+    def _told(self, model: TorqueModel, standard: Tensor, strength: Tensor) -> Tensor:
+        """Information on the model's parameters, (P, P), that the pull adds at parameters (F,).
+
+        It tells of links alone. What it does not tell apart in a link has the spread that the pull leaves.
+        """
+        _, bend = self._distances(model.links_of(standard), model.arm)
+        free = torch.full((len(standard) - bend[:, 0].numel(),), self.prior, dtype=torch.float64)
+        links = torch.linalg.inv(strength[:, None, None] * bend)
+        spread = model.mapping @ torch.block_diag(*links, free.diag()) @ model.mapping.T
+        unit = spread.diagonal().sqrt()  # parameters differ by orders of magnitude
+        return torch.linalg.inv(spread / unit[:, None] / unit) / unit[:, None] / unit
 
     def _most_probable(
-        self, model: TorqueModel, information: Tensor, standard: Tensor, strength: float
-    ) -> float:
-        """The strength that the samples make most probable, from the parameters (F,) found with another.
+        self, model: TorqueModel, information: Tensor, standard: Tensor, strength: Tensor
+    ) -> Tensor:
+        """Strengths (J,) that the samples make most probable, from the parameters (F,) found with others.
 
-        Of the links' parameters, γ are told by the pull and not by the samples; strength · 2 d = γ then says
-        that these are off by what was believed.
+        Of a link's parameters, γ are told by the pull and not by the samples; strength · 2 d = γ then says
+        that these are off by what was believed. A link of which little is told is pulled like the others;
+        with ``euclid`` all are pulled alike.
 
-        Source: MacKay 1992, Bayesian interpolation, eq. 27.
+        Source: MacKay 1992, Bayesian interpolation, eq. 27; MacKay 1994, Bayesian non-linear modeling, for a
+        strength of each group of parameters; with a gamma distribution about the others' strength before.
         """
-        count = 10 * model.joints
-        distance, curvature = self._distance(standard[:count].reshape(-1, 10), model.arm)
-        bend = torch.block_diag(*curvature, torch.zeros(len(standard) - count, len(standard) - count))
-        both = model.mapping.T @ information @ model.mapping + strength * bend
-        both[count:, count:] += _FREE * torch.eye(len(standard) - count, dtype=torch.float64)
-        told = count - strength * float(torch.linalg.solve(both, bend).trace())
-        low, high = _STRENGTHS
-        return min(max(told / max(2 * distance, told / high), low), high)
+        distances, bend = self._distances(model.links_of(standard), model.arm)
+        pull = torch.block_diag(*(strength[:, None, None] * bend))
+        count, size = len(standard), len(pull)
+        both = model.mapping.T @ information @ model.mapping + _FREE * torch.diag(torch.arange(count) >= size)
+        both[:size, :size] += pull
+        left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
+        told = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
+        if self.pull == "euclid":  # an arm whose description cannot exist has no links to trust more
+            return (told.sum() / (2 * distances.sum())).clamp(*_STRENGTHS).expand(model.joints)
+        usual = strength.log().mean().exp()
+        return ((told + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
 
-    def _distance(self, links: Tensor, arm: Arm) -> tuple[float, Tensor]:
-        """What the pull sums over the links (J, 10), and its second derivatives, (J, 10, 10)."""
+    def _distances(self, links: Tensor, arm: Arm) -> tuple[Tensor, Tensor]:
+        """How far links (J, 10) are from the description's, (J,), and second derivatives, (J, 10, 10)."""
         unit, axes = _units(arm), torch.eye(10, dtype=torch.float64).expand(len(links), 10, 10)
         steps = torch.stack([_scaled(axes[:, k], unit) for k in range(10)], 1)  # (J, 10, 4, 4)
         now, nominal = _scaled(links, unit), _scaled(arm.inertial_parameters, unit)
         if self.pull == "euclid":
-            return float((now - nominal).square().sum()), 2 * torch.einsum("jaxy,jbyx->jab", steps, steps)
+            squares = (now - nominal).square().sum((1, 2))
+            return squares, 2 * torch.einsum("jaxy,jbyx->jab", steps, steps)
         ratio = torch.linalg.solve(nominal, now)
-        traces = ratio.diagonal(dim1=1, dim2=2).sum() - 4 * len(links)
+        distances = ratio.diagonal(dim1=1, dim2=2).sum(1) - 4 - torch.logdet(ratio)
         steps = torch.linalg.solve(now[:, None], steps)
-        return float(traces - torch.logdet(ratio).sum()), torch.einsum("jaxy,jbyx->jab", steps, steps)
+        return distances, torch.einsum("jaxy,jbyx->jab", steps, steps)
 
-    def _standard(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: float) -> Tensor:
-        """The same with a strength of the pull."""
+    def _standard(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
+        """The same with pulls of a strength on each link, (J,)."""
         import cvxpy as cp
 
         if self.pull == "logdet":
@@ -126,23 +149,24 @@ class Consistent(Ols):
         if self.total_mass is not None:
             masses = (unit[:, 3] ** 2).tolist()
             constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
-        status = _minimise(misfit + strength * self._pull(links, nominal), constraints)
+        pulls = (one * pull for one, pull in zip(strength.tolist(), self._pulls(links, nominal)))
+        status = _minimise(misfit + sum(pulls), constraints)
         if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             bounds = f"margin {self.margin:g}"
             bounds += "" if self.total_mass is None else f", {self.total_mass:g} kg in all"
             raise InfeasibleError(f"no bodies that can exist meet the conditions ({bounds}): {status}")
         values = torch.from_numpy(np.asarray(standard.value, dtype=np.float64))
-        if not (least_eigenvalues(values[: 10 * len(unit)].reshape(-1, 10), model.arm) > 0).all():
+        if not (least_eigenvalues(model.links_of(values), model.arm) > 0).all():
             raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
         return values
 
-    def _pull(self, links: "Sequence[cp.Variable]", nominal: np.ndarray) -> "cp.Expression":
+    def _pulls(self, links: "Sequence[cp.Variable]", nominal: np.ndarray) -> "list[cp.Expression]":
         import cvxpy as cp
 
         if self.pull == "euclid":
-            return sum(cp.sum_squares(p - p0) for p, p0 in zip(links, nominal))
+            return [cp.sum_squares(p - p0) for p, p0 in zip(links, nominal)]
         inverses = np.linalg.inv(nominal)
-        return sum(cp.trace(i @ p) - cp.log_det(p) for i, p in zip(inverses, links))
+        return [cp.trace(i @ p) - cp.log_det(p) for i, p in zip(inverses, links)]
 
 
 def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:

@@ -133,6 +133,10 @@ class TorqueModel:
         """Parameters of the arm's description, without friction and rotor inertia, (P,)."""
         return self.mapping[:, : 10 * self.joints] @ self.arm.inertial_parameters.double().reshape(-1)
 
+    def links_of(self, standard: Tensor) -> Tensor:
+        """The links' inertial parameters, (J, 10), among standard parameters (F,)."""
+        return standard[: 10 * self.joints].reshape(-1, 10)
+
     def standard_slice(self, term: str) -> slice:
         """Where a term's J parameters are among the standard ones."""
         start = (10 + self.kinds.index(term)) * self.joints

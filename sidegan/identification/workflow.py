@@ -64,7 +64,7 @@ class IdentifiedArm:
     @property
     def links(self) -> Tensor:
         """Physically consistent link parameters in Pinocchio's order, (J, 10)."""
-        return self.standard[: 10 * self.model.joints].reshape(-1, 10)
+        return self.model.links_of(self.standard)
 
     @property
     def used_standard(self) -> Tensor:

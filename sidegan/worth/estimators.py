@@ -14,7 +14,7 @@ from sidegan.worth.orders import SetOf
 from sidegan.worth.settings import PIECE, Regime, WorthSettings
 
 # Of methods that need more than numbers.
-_OPTIONS: dict[str, dict[str, Any]] = {"consistent": {"pull": "logdet", "total_mass": None}}
+_OPTIONS: dict[str, dict[str, Any]] = {"consistent": {"pull": "logdet", "strength": None, "total_mass": None}}
 _LEAST = 1e-9  # of a parameter's information: what was not excited at all stays finite
 
 

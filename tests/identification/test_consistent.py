@@ -72,6 +72,38 @@ class TestFit:
         }
         assert errors["consistent"] < errors["weighted"]
 
+    def test_a_tool_that_the_description_lacks_is_found_without_freeing_the_other_links(self, arm):
+        """Links are pulled each as strongly as the samples make probable."""
+        links = arm.inertial_parameters.clone()
+        links[-1] += torch.tensor([1.3, 0, 0, 0.104, 0.0113, 0, 0.0113, 0, 0, 0.002], dtype=torch.float64)
+        other, model = model_of(replace(arm, inertial_parameters=links)), model_of(arm)
+        data, truth = recorded(other, 600, noise=0.05), truth_of(other)
+        plain = estimate("weighted", model, data)
+        pulled = Consistent(pull="logdet", strength=None, margin=1e-4, total_mass=None)
+        _, strength = pulled.standard(model, plain.information, plain.moment)
+        assert float(strength[-1]) < 0.1 < 1.5 < float(strength[1:-1].min())
+        worst = {}
+        for setting in (None, 1.0):
+            found = fitted("consistent", model, data, strength=setting)
+            worst[setting] = float(((found.parameters - truth) / found.deviation).abs().max())
+        assert worst[None] < 4 < worst[1.0]
+
+    def test_intervals_hold_the_truth_and_know_of_the_description(self, arm):
+        model, shares, ratios = model_of(arm), [], []
+        for seed in range(6):
+            random = np.random.default_rng(seed)
+            factors = torch.from_numpy(random.uniform(0.7, 1.3, (7, 1)))
+            other = model_of(replace(arm, inertial_parameters=factors * arm.inertial_parameters))
+            data = recorded(other, 600, noise=0.3, seed=seed)
+            found, plain = fitted("consistent", model, data), estimate("weighted", model, data)
+            shares.append(
+                ((found.parameters - truth_of(other)).abs() < 1.96 * found.deviation).double().mean()
+            )
+            ratios.append(found.deviation / plain.deviation)
+        assert 0.9 < float(torch.stack(shares).mean()) < 1
+        ratio = torch.cat(ratios)
+        assert float(ratio.max()) < 1.1 and float((ratio < 0.5).double().mean()) > 0.1
+
     @pytest.mark.parametrize("mass", [10.0, 25.0])  # less and more than the description has
     def test_the_total_mass_is_kept(self, noisy, mass):
         model, data = noisy
@@ -87,7 +119,7 @@ class TestFit:
         model = model_of(planar)
         plain = estimate("weighted", model, recorded(model, 200, noise=1.0))
         information, moment = plain.information, plain.moment
-        standard = Consistent(pull="logdet", strength=2.0, margin=1e-4, total_mass=None).standard(
+        standard, _ = Consistent(pull="logdet", strength=2.0, margin=1e-4, total_mass=None).standard(
             model, information, moment
         )
 
@@ -110,7 +142,7 @@ class TestFit:
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
         plain, strength = estimate("weighted", model, recorded(model, 200, noise=1.0)), 2.0
         fit = Consistent(pull="logdet", strength=strength, margin=1e-4, total_mass=None)
-        standard = fit.standard(model, plain.information, plain.moment).requires_grad_(True)
+        standard = fit.standard(model, plain.information, plain.moment)[0].requires_grad_(True)
         assert (least(model, standard.detach().reshape(-1, 10)) > 2e-4).all(), "a bound is active"
         x, first = model.mapping @ standard, pseudo_inertia(planar.inertial_parameters)
         now = pseudo_inertia(standard.reshape(-1, 10))

@@ -239,7 +239,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
 def _standard(model: TorqueModel, standard: Tensor) -> dict[str, Any]:
     """Standard parameters (F,) as links and terms."""
     terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
-    return {"inertial_parameters": standard[: 10 * model.joints].reshape(-1, 10).tolist(), "terms": terms}
+    return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms}
 
 
 def _numbers(values: Tensor) -> list[float | None]:
