@@ -112,7 +112,7 @@ class EstimationSettings:
     """How parameters are estimated from recordings."""
 
     method: Literal["ols", "weighted", "huber", "rls", "essential"]
-    settings: dict[str, float]  # of the method
+    settings: dict[str, float] | None  # of the method
     pull: Literal["logdet", "euclid"]
     strength: Positive | None  # of the pull; null: the most probable one
     margin: Positive

@@ -28,21 +28,21 @@ from sidegan.pipeline.task import Task
 SHARED = ("seeds", "kinds")  # stages that make theirs for all columns
 PAGES = ("beyond", "ladder", "quality", "worth")  # experiments with a page of their own
 LADDERS = "ladders/dvc.yaml"  # those of them that `dvc repro` leaves alone
-# What is not at the paper's scale: the study of motions, of the arm that every machine has.
-_OTHERS = {"worth": ("scale=quick", "~worth.others.ur10e")}
+# The study of motions is of the arm that every machine has; its page, which has another too, is left alone.
+_ALONE = {"worth": ("~worth.others.ur10e",)}
 SETTINGS = "outputs/settings.yaml"
 _RUN = "python -m sidegan.run +experiment={} {} named=true"
 _MANY = 6  # outputs that get a line each
 _VERSIONS = "sidegan/pipeline/versions.yaml"
 _PARTS = ("/tables", "/figures", "/metrics")  # folders of a page
-_ENDS = {"beyond": (".md", *_PARTS), "worth": (".md", ".html", "")}  # of what a page consists of
+_ENDS = {"beyond": (".md", *_PARTS)}  # of what a page consists of
 HEAD = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. The paper at its own scale: `dvc repro`.
 # A stage that is killed goes on where it was.
 """
 HEAD_LADDERS = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. From the paper's recipe to ours, and from poor
-# seeds to good ones, at the paper's scale; what motions are worth, quickly: `dvc repro ladders/dvc.yaml`.
+# seeds to good ones, and what motions are worth on the LWR, at the paper's scale: `dvc repro ladders/dvc.yaml`.
 """
 
 
@@ -124,7 +124,7 @@ def _stages(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
         name for name in made if name in STAGES and name not in SHARED and stage(name).columnwise
     )
     for name, artifacts in made.items():
-        alone = " publish=docs" if name in PAGES else f" 'stages=[{name}]'"
+        alone = "" if name in _ALONE else " publish=docs" if name in PAGES else f" 'stages=[{name}]'"
         if any(one.column == name for one in artifacts):
             alone = f" 'only=[{name}]' 'stages=[{columnwise}]'"
         elif name in columnwise.split(","):
@@ -143,14 +143,15 @@ def _stages(made: Mapping[str, list[Artifact]]) -> dict[str, Any]:
         **_published("reproduction", ".md", ".html", *_PARTS),
     }
     for name in PAGES:  # last: they take longest
-        one, page = stages.pop(name), _published(name, *_ENDS.get(name, (".md", "")))
-        stages[name] = {**one, **page, "outs": one["outs"] + page["outs"]}
+        one = stages.pop(name)
+        page = [] if name in _ALONE else _published(name, *_ENDS.get(name, (".md", "")))["outs"]
+        stages[name] = {**one, "outs": one["outs"] + page}
     return stages
 
 
 def _options(experiment: str) -> tuple[str, ...]:
     """The overrides of an experiment."""
-    return _OTHERS.get(experiment, ("scale=paper",))
+    return ("scale=paper", *_ALONE.get(experiment, ()))
 
 
 def _command(experiment: str) -> str:

@@ -21,6 +21,16 @@ def test_designs_start_from_either(outputs, tmp_path, begin):
     assert (tmp_path / "trajectories").is_dir() and any((tmp_path / "trajectories").iterdir())
 
 
+def test_every_part_of_a_situation_can_be_asked_for_in_words():
+    said = "{name: fast, home: [0.1, 0.2], velocity: 0.5, torque: 0.9, period: 8, clearance: 0.01, noise: [1, 2]}"
+    asked = tiny(f"design.ask={said}", experiment="design").design.ask
+    assert asked == Asked("fast", [0.1, 0.2], None, 0.5, 0.9, 8.0, 0.01, noise=[1.0, 2.0])
+    words = "{aim: variance, links: {link_2: 1}, regions: [{plane: {normal: [0, 0, 1], offset: -1}}]}"
+    asked = tiny(f"design.ask={words}", experiment="design").design.ask
+    assert asked.links == {"link_2": 1} and len(asked.regions) == 1
+    assert tiny(experiment="design").design.ask == Asked()
+
+
 def test_a_generator_that_is_not_there_is_asked_for(tmp_path):
     options = (f"outputs={tmp_path}", "design.starts=generator", "stages=[table]")
     with pytest.raises(ArtifactError, match="run stage generator first"):

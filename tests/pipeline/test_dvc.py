@@ -59,7 +59,12 @@ def test_a_stage_is_a_command_that_is_accepted(name):
     assert words[:3] == ["python", "-m", "sidegan.run"]
     cfg = validate(composed(*words[3:]))
     assert cfg.named and set(cfg.stages) <= set(STAGES)
-    assert cfg.scale.name == ("quick" if name == "worth" else "paper")
+    assert cfg.scale.name == "paper"
+
+
+def test_a_study_of_fewer_arms_overwrites_no_page():
+    worth = APART["worth"]
+    assert "publish" not in worth["cmd"] and not [path for path in paths(worth, "outs") if "docs/" in path]
 
 
 def test_what_a_stage_depends_on_is_there_or_made_before_and_is_kept():

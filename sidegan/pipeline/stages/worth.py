@@ -3,7 +3,7 @@
 import logging
 import time
 from dataclasses import asdict, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +70,13 @@ def contenders(task: Task) -> dict[str, Contender]:
     every, arm = task.cfg.worth.contenders, task.arm.name
     found = {name: one for name, one in every.items() if not one.files or file_of(one, arm)}
     if missing := [name for name in every if name not in found and arm in (every[name].files or {})]:
-        log.warning("the study of %s goes without %s, whose files are missing", arm, ", ".join(missing))
+        _tell(arm, ", ".join(missing))
     return found
+
+
+@cache
+def _tell(arm: str, missing: str) -> None:
+    log.warning("the study of %s goes without %s, whose files are missing", arm, missing)
 
 
 def sets(task: Task, name: str) -> Artifact:
