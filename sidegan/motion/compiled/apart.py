@@ -1,7 +1,7 @@
 """Compiled penalty of one trajectory for capsules that come too close to each other or to a region.
 
-The same as ``closeness``, many times of the trajectory at once: where everything is far apart, which is
-nearly everywhere, that is found out by vector instructions.
+Many times of the trajectory are looked at at once: where everything is far apart, which is nearly everywhere,
+that is found out by vector instructions.
 """
 
 from typing import NamedTuple

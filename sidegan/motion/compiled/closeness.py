@@ -1,54 +1,15 @@
-"""Compiled penalty for capsules that come too close to each other or to a region, and its slope."""
+"""How far capsules come too close to each other or to a region, and the slope of its square; for kernels."""
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-
-from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE, Array, Chain, Shapes
+from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE, Shapes
 from sidegan.motion.compiled.distances import lowest_crossing, nearest_to_box, outwards, point_to_box
-from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, times, to_parent
-from sidegan.motion.compiled.jit import inline, kernel
-from sidegan.motion.compiled.links import (
-    TOUCHING,
-    Frames,
-    frames,
-    joint,
-    locate,
-    matrix,
-    nearest,
-    place_capsules,
-    placement,
-    row,
-    set_row,
-)
+from sidegan.motion.compiled.formulas import Vector, add, dot, less, times
+from sidegan.motion.compiled.jit import inline
+from sidegan.motion.compiled.links import TOUCHING, nearest, row
 
 Span = tuple[int, int]  # two indices
 Segment = tuple[Vector, Vector]  # the ends of a capsule's axis
-
-
-class Room(NamedTuple):
-    """Room for the kernel at work: frames, the joints' axes (J, 3), the capsules' ends (3, C, 3)."""
-
-    world: Frames
-    axes: Array
-    ends: Array
-
-
-def room(shapes: Shapes, joints: int) -> Room:
-    """Room to work in; not to be shared among threads."""
-    return Room(frames(joints), np.zeros((joints, 3)), np.zeros((3, len(shapes.frame), 3)))
-
-
-@kernel
-def _push(chain: Chain, work: Room, frame: int, point: Vector, force: Vector, slope: Array) -> None:
-    """Add the slope in the positions, (J,), of what has the slope ``force`` in a point of a link."""
-    for j in range(frame):
-        axis = row(work.axes, j)
-        if chain.prismatic[j]:
-            slope[j] += dot(axis, force)
-        else:
-            slope[j] += dot(cross(axis, less(point, row(work.world.place, j + 1))), force)
 
 
 @inline
@@ -66,24 +27,6 @@ def pull_of_pair(
     distance = math.sqrt(dot(gap, gap))
     excess = reach - max(distance, TOUCHING) + shapes.core[i] + shapes.core[k]
     return excess, a, b, times(-2 * excess / distance if distance > TOUCHING else 0.0, gap)
-
-
-@kernel
-def _pairs(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
-    """What one state's pairs cost; adds the slope."""
-    total, a, b, middle = 0.0, work.ends[0], work.ends[1], work.ends[2]
-    for p in range(len(shapes.pairs)):
-        i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
-        apart, far = less(row(middle, i), row(middle, k)), reach + shapes.size[i] + shapes.size[k]
-        if dot(apart, apart) >= far * far:
-            continue
-        axes = (row(a, i), row(b, i)), (row(a, k), row(b, k))
-        excess, one, two, force = pull_of_pair(shapes, (i, k), reach, axes[0], axes[1])
-        if excess > 0:
-            total += excess * excess
-            _push(chain, work, shapes.frame[i], one, force, slope)
-            _push(chain, work, shapes.frame[k], two, times(-1.0, force), slope)
-    return total
 
 
 @inline
@@ -152,43 +95,3 @@ def pull_of_region(
     force = times(-2 * excess * share, outwards(one, half))
     other = times(-2 * excess * (1.0 - share), outwards(two, half))
     return excess, add(one, centre), force, add(two, centre), other
-
-
-@kernel
-def _regions(chain: Chain, shapes: Shapes, reach: float, slope: Array, work: Room) -> float:
-    """What one state's regions cost; adds the slope."""
-    total = 0.0
-    for p in range(len(shapes.guarded)):
-        r, k = shapes.guarded[p, 0], shapes.guarded[p, 1]
-        if from_region(shapes, r, row(work.ends[2], k)) >= reach + shapes.size[k]:
-            continue
-        a, b = row(work.ends[0], k), row(work.ends[1], k)
-        excess, one, force, two, other = pull_of_region(shapes, (r, k), reach, a, b)
-        if excess > 0:
-            total += excess * excess
-            _push(chain, work, shapes.frame[k], one, force, slope)
-            if shapes.kinds[r] == BOX:
-                _push(chain, work, shapes.frame[k], two, other, slope)
-    return total
-
-
-@kernel
-def closeness(
-    chain: Chain, shapes: Shapes, states: Array, reach: float, value: Array, slope: Array, work: Room
-) -> None:
-    """Add the squares of how far distances fall below ``reach`` [m], summed over time, and their slopes.
-
-    Added to are value [m²], (B,), and slope [m²/rad], (B, J, T).
-    """
-    for b in range(states.shape[1]):
-        for t in range(states.shape[3]):
-            for i in range(states.shape[2]):
-                r, shift = placement(
-                    joint(chain, i), states[0, b, i, t], states[1, b, i, t], states[2, b, i, t]
-                )
-                locate(work.world, i, r, shift)
-                set_row(work.axes, i, to_parent(matrix(work.world.turn, i + 1), row(chain.axis, i)))
-            place_capsules(shapes, work.world, work.ends)
-            pushed = slope[b, :, t]
-            value[b] += _pairs(chain, shapes, reach, pushed, work)
-            value[b] += _regions(chain, shapes, reach, pushed, work)

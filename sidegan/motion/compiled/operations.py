@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from sidegan.motion import plain
-from sidegan.motion.compiled import closeness, eigen, lanes, regressor, slopes
+from sidegan.motion.compiled import apart, eigen, lanes, regressor, slopes
 from sidegan.motion.compiled.chain import Chain, array
 from sidegan.motion.compiled.limits import Limits, Near
 from sidegan.motion.threads import AS_STATES, each, share, threads_for
@@ -138,11 +138,12 @@ def _slopes(
         motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))
         slopes.slopes(chain, limits, motion, mine, value[k], slope[:, k], lanes.room(joints))
         if near is not None:
-            cost, push = np.zeros(len(value[k])), np.zeros((len(value[k]), joints, count))
-            room = closeness.room(near.shapes, joints)
-            closeness.closeness(chain, near.shapes, motion, near.reach, cost, push, room)
-            value[k] += near.weight * cost
-            slope[0, k] += near.weight * push
+            room, push = apart.room(len(near.shapes.frame), joints), np.zeros((2, 1, joints, count))
+            for b in range(k.start, k.stop):
+                push[...] = 0.0
+                one = np.ascontiguousarray(motion[:, b - k.start, None])
+                value[b] += apart.keep_apart(chain, near.shapes, one, near.weight, near.reach, push, room)
+                slope[0, b] += push[0, 0]
 
     share(work, batch, count)
     return torch.from_numpy(value), [x.transpose(1, 2) for x in torch.from_numpy(slope)]
