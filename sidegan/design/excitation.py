@@ -39,11 +39,6 @@ class Excitation:
         """Largest over smallest diagonal element of YᵀY over the base columns, (B,)."""
         return _ratio(self.diagonal.amax(1), self.diagonal.amin(1), 1)
 
-    @property
-    def trace(self) -> Tensor:
-        """Trace of YᵀY / T in the orthonormal basis, (B,)."""
-        return self.spectrum.sum(1)
-
 
 def _ratio(high: Tensor, low: Tensor, errors: int) -> Tensor:
     """Ratio of high to low, infinite where low is no more than so many rounding errors of high."""

@@ -33,10 +33,6 @@ class Penalty:
         """Smallest distance that costs nothing [m]."""
         return self.distance * _DISTANCE
 
-    def near(self, distance: Tensor) -> Tensor:
-        """Squares of what distances [m], (B, T, K), lack, summed, (B,); without the weight."""
-        return excess(self.distance - distance / _DISTANCE)
-
     def higher(self, constraints: Constraints, states: Sequence[Tensor]) -> tuple[Tensor, dict[int, Tensor]]:
         """What accelerations and jerks cost, summed over time, (B,), and its slopes by order, (B, T, J).
 
@@ -61,8 +57,3 @@ class Penalty:
         if not len(constraints.pairs) + len(constraints.guarded):
             return limits, None
         return limits, Near(self.weight / _DISTANCE**2, self.reach, constraints.shapes, constraints.distances)
-
-
-def excess(violation: Tensor) -> Tensor:
-    """Sum over time and constraints of the squares of positive violations (B, T, K), (B,)."""
-    return (violation.clamp_min(0) ** 2).sum((1, 2))

@@ -7,13 +7,11 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.identification.model import TorqueModel, states_within
+from sidegan.identification.model import TorqueModel
 
 _CLEAR = 4.0  # deviations from which a parameter differs
 _SAME = 1e-3  # probability of a difference this large by chance, below which the models differ
 _ROUNDING = 1e-10  # relative eigenvalue of a covariance that is no direction
-_STATES = 400
-_PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves where torques are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +58,9 @@ def compare(model: TorqueModel, first: tuple[Tensor, Tensor], second: tuple[Tens
     kept = values > _ROUNDING * values[-1]
     along = vectors[:, kept].T @ (difference / scale)
     distance = float((along.square() / values[kept]).sum())
-    q, dq, ddq = states_within(model.arm, _STATES, seed=2)
-    y = model.regressor(q, _PACE * dq, _PACE * ddq)
+    y = model.usual_rows(seed=2)
     usual = (y @ first[0]).square().mean(0).sqrt().clamp_min(1e-300)
-    uncertain = torch.einsum("sjp,pq,sjq->j", y, covariance, y).clamp_min(0) / _STATES
+    uncertain = torch.einsum("sjp,pq,sjq->j", y, covariance, y).clamp_min(0) / len(y)
     return Comparison(
         names=tuple(model.names),
         difference=difference,

@@ -150,7 +150,7 @@ class Consistent(Ols):
             masses = (unit[:, 3] ** 2).tolist()
             constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
         pulls = (one * pull for one, pull in zip(strength.tolist(), self._pulls(links, nominal)))
-        status = _minimise(misfit + sum(pulls), constraints)
+        status = minimise(misfit + sum(pulls), constraints)
         if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             bounds = f"margin {self.margin:g}"
             bounds += "" if self.total_mass is None else f", {self.total_mass:g} kg in all"
@@ -197,7 +197,7 @@ def _standard(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) 
     return cp.hstack([*parts, cp.Variable(count)] if count else parts)
 
 
-def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
+def minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
     """Clarabel's status after solving."""
     import cvxpy as cp
 

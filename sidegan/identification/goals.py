@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError
-from sidegan.identification.model import TorqueModel, states_within
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.verdict import joint_of
 from sidegan.motion.dynamics import LINK_PARAMETERS
 
@@ -19,8 +19,6 @@ _TOOL, _ARM = 1.0, 0.1  # [kg], [m] of a typical tool
 _DOUBT = 10.0  # times these: what a tool may be before anything is measured
 _TOLD = 0.5  # of the deviation before, below which something is told of a parameter
 _UNITS = ("kg", "kg·m", "kg·m²")
-_STATES = 400
-_PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves where torques are predicted
 
 
 class Goal(Protocol):
@@ -145,9 +143,8 @@ class Torques:
 
     def __init__(self, model: TorqueModel, unit: Tensor, usual: Tensor) -> None:
         self.names = model.arm.joint_names
-        q, dq, ddq = states_within(model.arm, _STATES, seed=1)
-        rows = model.regressor(q, _PACE * dq, _PACE * ddq) * unit / usual[:, None]
-        each = torch.einsum("sjp,sjq->jpq", rows, rows) / _STATES
+        rows = model.usual_rows(seed=1) * unit / usual[:, None]
+        each = torch.einsum("sjp,sjq->jpq", rows, rows) / len(rows)
         values, vectors = torch.linalg.eigh(torch.cat([each, each.mean(0, keepdim=True)]))
         roots = vectors * values.clamp_min(0).sqrt()[:, None]
         self._roots, self._root = roots[:-1], roots[-1]  # of each joint's YᵀY, (J, P, P), and of their mean

@@ -16,6 +16,8 @@ from sidegan.robot import Arm
 _DEPENDENT = 1e-8  # relative length of a column's new part; rounding leaves 1e-14, a true one 1e-3
 _NO_PART = 1e-10  # a smaller coefficient in a grouping is rounding
 _STATES_PER_JOINT = 60
+_USUAL = 400  # random states that stand for where the model is to hold
+_PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves there
 _ACCELERATION = 5.0  # [rad/s²] of the states that groupings are found with
 _DIGITS = 4  # of a share in a formula
 _LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo", "stribeck": "fs"}
@@ -141,6 +143,11 @@ class TorqueModel:
         """Where a term's J parameters are among the standard ones."""
         start = (10 + self.kinds.index(term)) * self.joints
         return slice(start, start + self.joints)
+
+    def usual_rows(self, seed: int) -> Tensor:
+        """Regressor (S, J, P) of random states at half of the velocity limits: where the model is to hold."""
+        q, dq, ddq = states_within(self.arm, _USUAL, seed=seed)
+        return self.regressor(q, _PACE * dq, _PACE * ddq)
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].

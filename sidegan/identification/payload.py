@@ -1,6 +1,5 @@
 """What an arm carries, from recordings without and with it: mass, centre of mass and inertia, with errors."""
 
-import warnings
 from dataclasses import dataclass
 from itertools import chain
 
@@ -10,6 +9,7 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError
 from sidegan.identification.accuracy import covariance_of, inflation_of
+from sidegan.identification.consistent import minimise
 from sidegan.identification.fit import TorqueErrors, reweighted
 from sidegan.identification.gather import residual_of
 from sidegan.identification.loaded import LOAD, gathered
@@ -108,10 +108,7 @@ def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
     x = FROM_PSEUDO_INERTIA.numpy() @ cp.multiply(outer, cp.vec(body, order="C"))
     misfit = cp.sum_squares(rows.numpy() @ x - right.numpy()) / 2
     pull = _STRENGTH * (cp.trace(body) - cp.log_det(body))
-    problem = cp.Problem(cp.Minimize(1e-2 * (misfit + pull)), [body >> _MARGIN * np.eye(4)])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # about accuracy
-        problem.solve(solver=cp.CLARABEL)
-    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        raise InfeasibleError(f"there is no body that explains the load: {problem.status}")
+    status = minimise(misfit + pull, [body >> _MARGIN * np.eye(4)])
+    if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+        raise InfeasibleError(f"there is no body that explains the load: {status}")
     return torch.from_numpy(np.asarray(x.value, dtype=np.float64))

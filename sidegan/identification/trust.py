@@ -6,7 +6,7 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Samples
-from sidegan.identification.model import TorqueModel, states_within
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score, score, score_of_sums
 from sidegan.identification.sums import solve
 from sidegan.identification.verdict import NextRuns, Trust
@@ -14,10 +14,8 @@ from sidegan.motion.trajectory import Trajectory
 
 _LEAST = 1e-6  # information on each term beside the samples'
 _EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than this share of a joint's torque
-_STATES = 400
 _STATES_AT_ONCE = 4096
 _GRAMS_AT_ONCE = 256
-_PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves where the model is to hold
 
 
 def trust(
@@ -71,11 +69,10 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
     """
-    q, dq, ddq = states_within(model.arm, _STATES, seed=1)
-    y = model.regressor(q, _PACE * dq, _PACE * ddq)
+    y = model.usual_rows(seed=1)
     usual = (y @ estimate.parameters).square().mean(0).sqrt().clamp_min(torch.finfo(torch.float64).tiny)
     share = y.square().mean(0).sqrt() / usual[:, None]
-    variance = torch.einsum("sjp,pq,sjq->j", y, estimate.covariance, y).clamp_min(0) / _STATES
+    variance = torch.einsum("sjp,pq,sjq->j", y, estimate.covariance, y).clamp_min(0) / len(y)
     return share.amax(0), variance.sqrt() / usual
 
 

@@ -157,7 +157,7 @@ class Workspace:
         """
         shapes = self.shapes(arm) if shapes is None else shapes
         if self.clearance is not None:
-            return Constraints(arm, shapes, self.torque, self.clearance)
+            return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         room = math.inf
         for clearance, apart in _USUALLY:
             try:

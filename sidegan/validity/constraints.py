@@ -38,7 +38,7 @@ class Constraints:
             other [m]; margins of distances are what is left beyond it. At the edges of boxes a little more
             is kept.
         apart: how far links stay from each other [m]. Where it is given, links that never have the clearance
-            from a plane (those above the foot of the arm) merely keep out of it.
+            from a plane (those above the foot of the arm) merely keep out of it, as ``kept_clear`` tells.
 
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
@@ -100,11 +100,14 @@ class Constraints:
 
     @cached_property
     def kept(self) -> dict[str, Tensor]:
-        """Distances [m] that are kept beside margins of zero, by constraint: (P,) and (K,)."""
+        """Distances [m] that are kept beside margins of zero, by constraint: (P,) and (K,).
+
+        Infinite for links that never have the clearance from a plane: they say nothing of a motion.
+        """
         full = self.guarded[:, 0] < len(self.regions)
         return {
             "collision": torch.full((len(self.pairs),), self.apart, dtype=torch.float64),
-            "keep_out": self.clearance * full.double(),
+            "keep_out": torch.where(full, self.clearance, torch.inf).double(),
         }
 
     @property
@@ -230,6 +233,15 @@ class Constraints:
         near = self.guarded[self.guarded[:, 0] >= len(self.regions)]
         return f"{self.clearance:g} m{links}" + _except(self._guarded_names(near), "never so far")
 
+    def nearest(self, q: Tensor) -> Tensor:
+        """Smallest distance [m] of links from each other and from regions, (N,), at positions (N, J).
+
+        Infinite where nothing is near. Links that never have the clearance from a plane are left out.
+        """
+        margins = self.at_rest(q)
+        near = [margins[name] + x for name, x in self.kept.items() if name in margins]
+        return torch.cat([q.new_full((len(q), 1), torch.inf), *near], 1).amin(1)
+
     @property
     def doubtful(self) -> bool:
         """Whether so many pairs are allowed to touch that the shapes are too large to mean anything."""
@@ -246,13 +258,14 @@ class Constraints:
         q = torch.tensor([list(home)], dtype=torch.float64)
         if q.shape[1] != self.arm.joints or not torch.isfinite(q).all():
             raise ShapeError(f"home position {list(home)} must be {self.arm.joints} finite joint positions")
-        faults = [
-            f"{name} of {self.labels[name][k]}: margin {float(margin[0, k]):.4g}"
-            for name, margin in self.at_rest(q).items()
-            for k in torch.nonzero(margin[0] < 0)[:, 0].tolist()
-        ]
+        faults: dict[str, float] = {}  # the worst of what has one name: parts of links
+        for name, margin in self.at_rest(q).items():
+            for k in torch.nonzero(margin[0] < 0)[:, 0].tolist():
+                which = f"{name} of {self.labels[name][k]}"
+                faults[which] = min(faults.get(which, 0.0), float(margin[0, k]))
         if faults:
-            raise InfeasibleError(f"home position {list(home)} is not feasible: {'; '.join(faults)}")
+            said = "; ".join(f"{which}: margin {margin:.4g}" for which, margin in faults.items())
+            raise InfeasibleError(f"home position {list(home)} is not feasible: {said}")
 
     def _look_inside(self, q: Tensor, margin: Tensor) -> Tensor:
         """Distances [m], (N, P), of what is inside of capsules where these are near each other or touch."""

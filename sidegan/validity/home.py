@@ -1,11 +1,12 @@
 """Where an arm may rest, and how hard it may work, when nobody says so."""
 
+import math
 from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
@@ -16,6 +17,13 @@ _DRAWS = 500  # configurations in each
 _CAREFUL = 0.8  # of the limits: a controller whose feedforward is wrong by a fourth stays within them
 _HELD, _TRIED = 0.95, 1000  # share of the configurations in which the arm holds itself then, and how many
 _ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
+_TURN = 2.1 * math.pi  # [rad] that no home is away from zero without a reason
+_STATE = "state where it can rest, 'trajectory.home=[…]', or "
+_REMEDIES = {
+    "torque": "give it more torque, robot.effort=… or 'robot.limits.effort={…}'",
+    "collision": "let links touch, 'robot.may_touch=[[…]]', or come as near as they like, workspace.clearance=0",
+    "keep_out": "leave out what it cannot keep, workspace=free",
+}
 
 
 def default_home(constraints: Constraints) -> tuple[float, ...] | None:
@@ -31,24 +39,60 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
     """
     arm = constraints.arm
     zeros = torch.zeros(1, arm.joints, dtype=torch.float64)
-    if bool(_room(constraints, zeros)[0] > 0):
+    if bool(_least(_rooms(constraints, zeros))[0] > 0):
         return None
     middle, half = (
         (arm.position_lower + arm.position_upper) / 2,
         (arm.position_upper - arm.position_lower) / 2,
     )
-    random = torch.Generator().manual_seed(0)
+    random, tried = torch.Generator().manual_seed(0), []
     for share in _SHARES:
         draw = 2 * torch.rand(_DRAWS, arm.joints, generator=random, dtype=torch.float64) - 1
         q = middle + share * half * draw
         q = (1e3 * q).round() / 1e3  # figures that people can read and repeat
-        room = _room(constraints, q)
+        tried.append(_rooms(constraints, q))
+        room = _least(tried[-1])
         if bool((room > 0).any()):
             return tuple(q[room.argmax()].tolist())
-    raise InfeasibleError(
-        f"the zero position of {arm.name} is not feasible, and none of {_DRAWS * len(_SHARES):,} others is; "
-        "state where it can rest, 'trajectory.home=[…]', or leave out what it cannot keep, workspace=free"
+    rooms = {name: torch.cat([one[name] for one in tried]) for name in tried[0]}
+    raise InfeasibleError(_nowhere(constraints, rooms))
+
+
+def _nowhere(constraints: Constraints, rooms: dict[str, Tensor]) -> str:
+    """Why none of the positions is a home, of which these are the relative margins, and what may help.
+
+    The constraint that most of them violate alone is the one to mend.
+    """
+    failed = torch.stack([(room <= 0).any(1) for room in rooms.values()])  # (constraints, N)
+    alone = (failed & (failed.sum(0) == 1)).sum(1)
+    name = [*rooms][int((alone * failed.shape[1] + failed.sum(1)).argmax())]
+    share = (rooms[name] <= 0).double().mean(0)
+    worst = int(share.argmax())
+    return (
+        f"the zero position of {constraints.arm.name} is not feasible, and none of {failed.shape[1]:,} others "
+        f"is: {name} of {constraints.labels[name][worst]} does not hold in {float(share[worst]):.0%} of them; "
+        f"{_STATE}{_REMEDIES.get(name, 'widen the range, robot.limits.position')}"
     )
+
+
+def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
+    """Refuse joint positions, (J,), that make sense in degrees alone; another number of them is let through.
+
+    Raises:
+        ConfigError: names the joint, its range, and the positions in radians.
+    """
+    if len(positions) != arm.joints:
+        return
+    q, lower, upper = torch.tensor(list(positions)).double(), arm.position_lower, arm.position_upper
+    turned = torch.where(arm.prismatic, q, q.deg2rad())
+    beyond = ~arm.prismatic & (q.abs() > _TURN) & ((q < lower) | (q > upper))
+    if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
+        j = int((q.abs() * beyond).argmax())
+        raise ConfigError(
+            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, which goes from {float(lower[j]):.4g} to "
+            f"{float(upper[j]):.4g} rad: are these degrees? In radians they are "
+            f"'{setting}=[{', '.join(f'{x:.4g}' for x in turned.tolist())}]'"
+        )
 
 
 def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
@@ -58,9 +102,11 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
 
     Raises:
         ShapeError: when home is not one position per joint.
+        ConfigError: when home is in degrees.
     """
     if home is not None and len(home) != arm.joints:
         raise ShapeError(f"home position {list(home)} must be {arm.joints} finite joint positions")
+    refuse_degrees(arm, home or (), "trajectory.home")
     rows = [] if home is None else [list(home)]
     q = torch.cat([torch.tensor(rows, dtype=torch.float64).reshape(-1, arm.joints), sampled(arm, _TRIED)])
     still = torch.zeros_like(q)
@@ -69,8 +115,11 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
     return _CAREFUL if bool(there.all()) and float(around.double().mean()) >= _HELD else 1.0
 
 
-def _room(constraints: Constraints, q: Tensor) -> Tensor:
-    """Smallest relative margin of arms at rest, (N,), at positions (N, J)."""
-    still = torch.zeros_like(q)
-    shares = constraints.relative(constraints.margins(q, still, still, still), _ROOM)
-    return torch.cat([*shares.values()], 1).amin(1)
+def _rooms(constraints: Constraints, q: Tensor) -> dict[str, Tensor]:
+    """Relative margins, (N, K), by constraint, of arms at rest at positions (N, J)."""
+    return constraints.relative(constraints.at_rest(q), _ROOM)
+
+
+def _least(rooms: dict[str, Tensor]) -> Tensor:
+    """Smallest relative margin of each position, (N,)."""
+    return torch.cat([*rooms.values()], 1).amin(1)

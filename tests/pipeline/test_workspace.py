@@ -1,15 +1,18 @@
 """What surrounds an arm: every kind of region, scenes, and the floor under arms of strangers."""
 
 import logging
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from sidegan.errors import ConfigError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
+from sidegan.pipeline.workspace import Region, Workspace
 from sidegan.robot import load_robot
 from sidegan.robot.load import _MODELS
 from sidegan.validity import Convex, Plane, Sphere
@@ -145,3 +148,20 @@ def test_a_base_without_shape_stands_at_zero(planar):
         ),
     )
     assert floor_under(bare).offset == 0
+
+
+def test_a_stated_clearance_is_kept_by_all_that_can_have_it(planar):
+    """A link above its foot is never so far from the floor: it merely keeps out of it, and that is told."""
+    floor = Region(plane=Plane((0.0, 0.0, 1.0), 0.35))
+    constraints = Workspace(torque=True, regions=[floor], clearance=0.2).around(planar)
+    assert constraints.kept_clear == "0.2 m (never so far: upper_arm in region 0)"
+    home = torch.tensor([[0.0, 0.0]], dtype=torch.float64)
+    margins = constraints.at_rest(home)
+    above = torch.tensor(["upper_arm" in name for name in constraints.labels["keep_out"]])
+    told = torch.cat([margins["collision"][0], margins["keep_out"][0][~above]]).min() + 0.2
+    assert float(constraints.nearest(home)) == pytest.approx(float(told))
+    assert float(told) > float(margins["keep_out"][0][above].min()) > 0
+    with pytest.raises(InfeasibleError, match="cannot be kept") as refused:
+        Workspace(torque=True, regions=[floor], clearance=0.6).around(planar)
+    offered = float(re.search(r"'workspace\.clearance=([\d.]+)'", str(refused.value)).group(1))
+    Workspace(torque=True, regions=[floor], clearance=offered).around(planar)
