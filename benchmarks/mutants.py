@@ -106,14 +106,16 @@ def mutated(one: Mutant, source: str) -> str:
 
 
 def tests_of(file: str, root: Path) -> list[list[str]]:
-    """Tests of a file, nearest first: those named like it, those that name it, then all of its rooms'.
+    """Tests of a file, nearest first: those named like it or importing it, those that name it, its rooms' others.
 
     Its rooms are its own and those that use it, where they are not the pipeline, which uses everything.
     """
     _, *room, name = Path(file).with_suffix("").parts
     whole = [_folder(room, root), *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
     whole += [one for one in _used_in(file, root) if one not in whole]
-    named = sorted((root / "tests").rglob(f"test_{name}.py"))
+    every, module = sorted((root / "tests").rglob("test_*.py")), file.removesuffix(".py").replace("/", ".")
+    imports = re.compile(rf"^(?:from|import) {re.escape(module)}\b", re.MULTILINE)
+    named = [x for x in every if x.stem == f"test_{name}" or imports.search(x.read_text(encoding="utf-8"))]
     others = [path for one in whole for path in sorted((root / one).rglob("test_*.py")) if path not in named]
     times = {path: len(re.findall(rf"\b{name}\b", path.read_text(encoding="utf-8"))) for path in others}
     telling = sorted((path for path in others if times[path]), key=lambda path: -times[path])

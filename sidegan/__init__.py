@@ -1,3 +1,3 @@
 """Thousands of valid, diverse, exciting trajectories for robot dynamics identification."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -95,7 +95,7 @@ def test_parts_that_do_not_fit_leave_no_file(parts, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("rows", [[9], [-1], []])
+@pytest.mark.parametrize("rows", [[9], [12], [0, 10], [-1], []])
 def test_rows_that_are_not_there_are_refused(stored, rows):
     with pytest.raises(ShapeError, match="a library of 9 trajectories"):
         take(stored, rows)

@@ -15,7 +15,7 @@ STAGES = {
     "long": "the single long trajectory in each of its readings",
     "selection": "the excitation sets, picked from every pool",
     "identification": "Table I: identification from each set",
-    "plant": "the same sets executed on the arm in MuJoCo",
+    "plant": "the same sets executed by randomised plants in MuJoCo",
     "replication": "Tables II and III: identification from whole sets",
     "readings": "the same under other readings of the paper's words about noise and recursion",
     "elsewhere": "the arm identified from each set, tested on motions unlike those in it",
