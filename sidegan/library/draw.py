@@ -9,8 +9,11 @@ from torch import Tensor
 
 from sidegan.base.parallel import Report
 from sidegan.base.typed import Count, Natural, Share, Size
+from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
-from sidegan.validity import Validity, summarise_faults
+from sidegan.validity import Validity, check, summarise_faults
+
+_TRIES = 1000  # draws for each random trajectory, most of them
 
 log = logging.getLogger(__name__)
 
@@ -57,6 +60,26 @@ class Draws:
             numbers = f"{self.valid} valid trajectories in {self.drawn} draws, {self.count} were wanted"
             log.warning("%s: %s", numbers, origin)
         return self
+
+
+def random_valid(problem: Problem, count: int, generator: torch.Generator, reach: float) -> Draws:
+    """Valid trajectories that nobody optimised, (count, J, H, 2), and how many were drawn for them.
+
+    Every joint uses ``reach`` of its tightest position or velocity limit.
+
+    Raises:
+        InfeasibleError: when random trajectories are almost never valid.
+    """
+    draws = draw_valid(
+        lambda n: problem.start(n, generator, reach),
+        lambda c: check(problem.constraints, problem.trajectory, c),
+        count,
+        count,
+        _TRIES * count,
+    )
+    if draws.valid < count:
+        raise InfeasibleError("random trajectories are almost never valid in this workspace")
+    return draws
 
 
 def draw_valid(

@@ -17,7 +17,7 @@ from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import RIGID, TorqueModel
 from sidegan.identification.prior import belief
 from sidegan.library import Library
-from sidegan.library.draw import draw_valid
+from sidegan.library.draw import random_valid
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
 from sidegan.seeds.gradient import Gradient
@@ -91,17 +91,8 @@ def exact(order: Order) -> Order:
 
 
 def _random(order: Order) -> SetOf:
-    problem, generator = order.problem(), order.generator
-    reach = order.option("reach", _REACH)
-
-    def valid(c: Tensor):  # type: ignore[no-untyped-def]
-        return check(problem.constraints, problem.trajectory, c)
-
-    draws = draw_valid(
-        lambda n: problem.start(n, generator, reach), valid, order.count, order.count, _TRIES * order.count
-    )
-    if draws.valid < order.count:
-        raise InfeasibleError("random trajectories are almost never valid in this workspace")
+    problem = order.problem()
+    draws = random_valid(problem, order.count, order.generator, order.option("reach", _REACH))
     return SetOf(problem.trajectory, draws.coefficients)
 
 

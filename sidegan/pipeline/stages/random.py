@@ -3,15 +3,14 @@
 import torch
 
 from sidegan.base.storage import write_json
-from sidegan.errors import InfeasibleError
-from sidegan.library.draw import Draws, draw_valid
+from sidegan.library import draw
+from sidegan.library.draw import Draws
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
 
 REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
-_TRIES = 1000
 
 
 def random_set(task: Task) -> Artifact:
@@ -21,20 +20,9 @@ def random_set(task: Task) -> Artifact:
 
 
 def random_valid(task: Task, count: int, purpose: str, reach: float = REACH) -> Draws:
-    """Random valid trajectories, (count, J, H, 2), and how many were drawn for them.
-
-    Every joint uses ``reach`` of its tightest position or velocity limit.
-
-    Raises:
-        InfeasibleError: when random trajectories are almost never valid.
-    """
+    """Random valid trajectories, (count, J, H, 2), of the task's own draws for a purpose."""
     generator = torch.Generator().manual_seed(task.number(purpose))
-    draws = draw_valid(
-        lambda n: task.problem.start(n, generator, reach), task.check, count, count, _TRIES * count
-    )
-    if draws.valid < count:
-        raise InfeasibleError("random trajectories are almost never valid in this workspace")
-    return draws
+    return draw.random_valid(task.problem, count, generator, reach)
 
 
 def _make(task: Task, build: Build) -> None:
