@@ -60,7 +60,12 @@ def _values(experiment: str) -> dict[str, Any]:
 
 def _spoilt(experiment: str, count: int) -> list[tuple[tuple[str, ...], Any]]:
     """Some settings, each with a value of a wrong type or size; the same every time."""
-    leaves = [(path, value) for path, old in _leaves(_values(experiment)) for value in _WRONG[type(old)]]
+    leaves = [
+        (path, value)
+        for path, old in _leaves(_values(experiment))
+        for value in _WRONG[type(old)]
+        if not (path[-1] in _BY_NAME and isinstance(value, dict))
+    ]
     return Random(experiment).sample(leaves, count)
 
 
@@ -73,6 +78,8 @@ def _leaves(values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[t
 
 
 _FREE = {"publish", "topic"}  # may be any text, or null
+# Numbers by names of joints or links, which only the arm tells from wrong ones: commands have some.
+_BY_NAME = {"acceleration", "args", "effort", "jerk", "links", "locked", "position", "settings", "velocity"}
 
 
 def _one_setting(experiment: str, path: tuple[str, ...], value: Any, folder: Path) -> None:

@@ -46,6 +46,7 @@ def _generator() -> TrajectoryGenerator:
 
 def cases() -> Iterator[Case]:
     """All of them."""
+    _generator()  # made before the clock runs: kernels may have to be compiled
     for name, change in _libraries():
         yield Case(f"library: {name}", partial(_load_library, change))
     for name, spoil in _GENERATORS.items():

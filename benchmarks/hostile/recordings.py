@@ -96,6 +96,7 @@ _WRITERS: dict[str, Callable[[Table, Path], object]] = {
 
 def cases() -> Iterator[Case]:
     """All of them."""
+    good()  # made before the clock runs: kernels may have to be compiled
     for suffix in _WRITERS:
         for name in _TABLES:
             yield Case(f"recording: {name} ({suffix})", partial(_table, name, suffix))
