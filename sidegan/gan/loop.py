@@ -25,6 +25,7 @@ Evaluate = Callable[[int], dict[str, float]]
 EpochEnd = Callable[[int, dict[str, float]], None]
 
 _LAST = "last.ckpt"
+_RANDOM = "random"  # state of torch's random numbers, in a checkpoint
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*"
 
@@ -120,12 +121,14 @@ class Training(pl.LightningModule):
         return list(adams), [torch.optim.lr_scheduler.LambdaLR(adam, rates.rate) for adam in adams]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the progress and the history of metrics with the weights."""
+        """Keep the progress, the history of metrics and the random state with the weights."""
         checkpoint["progress"] = {"steps_done": self.steps_done, "history": self.history}
+        checkpoint[_RANDOM] = torch.get_rng_state()
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Go on with them."""
+        """Go on with them, so that what was interrupted becomes what it would have been."""
         self.steps_done, self.history = (checkpoint["progress"][key] for key in ("steps_done", "history"))
+        torch.set_rng_state(checkpoint[_RANDOM])
 
 
 def averaged(network: Any, decay: float) -> AveragedModel:
@@ -200,15 +203,14 @@ def _trainer(epochs: int, work: Path, watch: pl.Callback, device: str) -> pl.Tra
 
 
 def _whole(path: Path) -> Path | None:
-    """The checkpoint to go on from; None when there is none, or it is damaged."""
+    """The checkpoint to go on from; None when there is none, or it is damaged or of an earlier version."""
     if not path.exists():
         return None
     try:
-        read_torch(path)
+        return path if _RANDOM in read_torch(path) else None
     except ArtifactError as error:
         log.warning("%s: the training begins anew", error)
         return None
-    return path
 
 
 def _several(x: Any) -> list[Any]:

@@ -105,6 +105,10 @@ def test_an_interrupted_training_goes_on_where_it_was(train, vanilla, average, t
     assert [epoch for epoch, _ in first] == [0, 1]
     assert [epoch for epoch, _ in second] == [2]
     assert trained.history == [metrics for _, metrics in first + second]
+    whole = train(vanilla, tmp_path / "whole")
+    assert trained.history == whole.history
+    for name, weights in trained.generator.network.state_dict().items():
+        torch.testing.assert_close(weights, whole.generator.network.state_dict()[name], rtol=0, atol=0)
 
 
 def test_a_finished_training_is_not_done_again(train, vanilla, tmp_path):
