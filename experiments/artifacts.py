@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import torch
 
 from sidegan.gan import Variant
 from sidegan.library import Library
+from sidegan.library.measure import summary
 from sidegan.pipeline.columns import OURS, columns, groups
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.settings import Config
@@ -170,6 +172,15 @@ class Artifacts:
     def whole_seeds(self) -> tuple[Report, Library]:
         """Report and library of the seed set before it was halved."""
         return self._with_library(seed_set(self.task.with_settings(half=None)))
+
+    @cached_property
+    def few_seeds(self) -> dict[str, float]:
+        """Validity, fitness and diversity of as many seeds as samples are measured after an epoch.
+
+        Rank and nearest distance depend on how many there are.
+        """
+        seeds = self.task.load(seed_set(self.task))
+        return summary(seeds.take(torch.arange(min(len(seeds), self.cfg.scale.evaluation))))
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""

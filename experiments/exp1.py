@@ -41,7 +41,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(artifacts.generators), "Seeds and generators, true physics"),
     }
-    progress = training.figure(artifacts.histories, artifacts.generators)
+    progress = training.figure(artifacts.histories, artifacts.few_seeds)
     leave(folder, tracker, shown, {"training": progress, "nmse": figures.errors(raw)})
 
 

@@ -137,10 +137,12 @@ def _figures(group: Group) -> dict[str, "Figure"]:
     generators, raw = group.frame("generators"), group.frame("errors")
     eigen = generators[generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
+    measured = pd.DataFrame([part.few_seeds for part in group.parts.values()]).mean()
+    seeds = {str(key): float(x) for key, x in measured.items()}
     share = [Panel("success", "valid share")]
     subsets, taught = group.frame("subsets"), Across("seeds", "seeds trained on")
     return {
-        "training": training.figure(group.frame("histories"), generators, union),
+        "training": training.figure(group.frame("histories"), seeds, union),
         "nmse": figures.errors(raw),
         "sizes": figures.panels(subsets[subsets.kept], taught, share, "variant", columns=1, markers=True),
     }

@@ -38,16 +38,14 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         ),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
-    leave(folder, tracker, shown, {"training": figure(histories, artifacts.generators)})
+    leave(folder, tracker, shown, {"training": figure(histories, artifacts.few_seeds)})
 
 
 def figure(
-    histories: pd.DataFrame, generators: pd.DataFrame, union: dict[str, float] | None = None
+    histories: pd.DataFrame, seeds: dict[str, float], union: dict[str, float] | None = None
 ) -> "Figure":
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
-    rows = generators[generators.name == SEEDS].select_dtypes("number")
-    seeds = {str(key): x for key, x in rows.mean().dropna().items()}
-    compared = {SEEDS: seeds | {"success": seeds.get("valid")}, "union": union or {}}
+    compared = {SEEDS: seeds | {"success": seeds["valid"]}, "union": union or {}}
     shown = figures.metrics(references=compared)
     return figures.panels(histories, figures.Across("epoch", "epoch"), shown, "variant", columns=3)
 
