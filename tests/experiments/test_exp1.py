@@ -90,6 +90,7 @@ def artifacts():
         errors=results(lambda name, repeat: 1.0 + repeat).merge(facts()).assign(seed=5),
         plant=results(lambda name, repeat: 2.0).assign(seed=5),
         expected=results(lambda name, repeat: 1.4, repeats=1).drop(columns="repeat"),
+        few_seeds={"valid": 1.0, **row},
         histories=pd.DataFrame([{"variant": "eigen", "training": 0, "epoch": n, **row} for n in (1, 2)]),
         generators=pd.DataFrame(rows),
         cfg=tiny("seed=5"),
