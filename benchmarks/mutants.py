@@ -106,7 +106,7 @@ def mutated(one: Mutant, source: str) -> str:
 
 
 def tests_of(file: str, root: Path) -> list[list[str]]:
-    """Tests of a file, nearest first: those named like it or importing it, those that name it, its rooms' others.
+    """Tests of a file, nearest first: that are named like it or import it, that name it, others.
 
     Its rooms are its own and those that use it, where they are not the pipeline, which uses everything.
     """

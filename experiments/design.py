@@ -1,5 +1,6 @@
 """A trajectory for each situation that is asked, as files, and a table of what it is worth and took."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,59 +12,110 @@ from experiments.pages import leave
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes
 from sidegan.base.typed import build
-from sidegan.controllers import Course, csv_text
+from sidegan.controllers import POINTS, Course, csv_text
 from sidegan.designer import Aim, Design, Designer, Situation
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.uncertain import rigid_information
 from sidegan.pipeline.known import Known, known_model
-from sidegan.pipeline.schema import Asked, Several
+from sidegan.pipeline.schema import Asked, Designs, Several
 from sidegan.pipeline.stages import generator, starts
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
+from sidegan.validity.home import refuse_degrees
 
 FOLDER, RATE = "trajectories", 100.0  # [Hz] of the files
+
+
+_SINGULAR = (
+    "what is proven does not tell all parameters (cond ∞): give it a longer period, more room, or larger "
+    "shares of velocity and torque"
+)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of the designer."""
+
+    name: str
+    asked: Asked
+    place: Situation
+    aim: Aim
 
 
 @dataclass(frozen=True)
 class Answer:
     """What came of one situation."""
 
-    name: str
-    asked: Asked
+    question: Question
     design: Design
+
+    @property
+    def blocked(self) -> tuple[str, ...]:
+        """What stands in the way of a proven trajectory that tells all parameters, beside what is known."""
+        if self.design.coefficients is None:
+            return self.design.blocked
+        alone = self.question.aim.prior is None
+        return (_SINGULAR,) if alone and not math.isfinite(self.design.criteria.condition) else ()
+
+
+def check(task: Task) -> None:
+    """Refuse what cannot be asked, before anything is made for it.
+
+    Raises:
+        ConfigError: as ``questions``.
+        ShapeError: as ``questions``.
+    """
+    questions(task)
 
 
 def collect(task: Task) -> list[Answer]:
     """The designer's answers, in the order of the questions."""
-    cfg = task.cfg
-    known = None if cfg.known is None else known_model(Path(cfg.known), task.arm)
+    cfg, asked = task.cfg, questions(task)
     begin = generator.load if cfg.design.starts == "generator" else starts.load
     designer = Designer(task.constraints, task.trajectory, cfg.designer, begin(task))
     answers = []
-    for number, asked in enumerate(questions(task), 1):
-        name = folder_name(asked.name or f"situation-{number}")
+    for one in asked:
         try:
-            what = _meant(asked, known, cfg.designer.rate)
-            design = designer.ask(*what, cfg.design.evaluations, cfg.design.deadline)
+            design = designer.ask(one.place, one.aim, cfg.design.evaluations, cfg.design.deadline)
         except (ConfigError, ShapeError) as error:
-            raise type(error)(f"{name}: {error}") from error
-        answers.append(Answer(name, asked, design))
+            raise type(error)(f"{one.name}: {error}") from error
+        answers.append(Answer(one, design))
     return answers
 
 
-def questions(task: Task) -> list[Asked]:
+def questions(task: Task) -> list[Question]:
     """The configured situation, or those of the configured file.
 
     Raises:
-        ConfigError: when the file cannot be read, holds none, or two of one name.
+        ConfigError: when the file cannot be read, holds none, or two of one name; when a situation is in
+            degrees, or too fast for its table.
+        ShapeError: when a home is not one position per joint.
     """
-    settings = task.cfg.design
+    cfg = task.cfg
+    known = None if cfg.known is None else known_model(Path(cfg.known), task.arm)
+    found = []
+    for number, asked in enumerate(_asked(cfg.design), 1):
+        name = folder_name(asked.name or f"situation-{number}")
+        try:
+            place, aim = _meant(asked, known, cfg.designer.rate)
+            _refuse_impossible(task, place)
+        except (ConfigError, ShapeError) as error:
+            raise type(error)(f"{name}: {error}") from error
+        found.append(Question(name, asked, place, aim))
+    return found
+
+
+def _asked(settings: Designs) -> list[Asked]:
+    """The situations as they are written."""
     if settings.file is None:
         return [settings.ask]
+    path = Path(settings.file).expanduser()
+    if not path.is_file():
+        raise ConfigError(f"there is no file design.file={settings.file}")
     try:
-        values: Any = yaml.safe_load(Path(settings.file).read_text(encoding="utf-8"))
+        values: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"design.file {settings.file}: {error}") from error
+        raise ConfigError(f"design.file {settings.file}: {' '.join(str(error).split())}") from error
     if not isinstance(values, list) or not values:
         raise ConfigError(f"design.file {settings.file} holds no list of situations")
     asked = build(Several, {"situations": values}).situations
@@ -71,6 +123,20 @@ def questions(task: Task) -> list[Asked]:
     if len(set(names)) < len(names):
         raise ConfigError(f"design.file {settings.file} has situations of one name")
     return asked
+
+
+def _refuse_impossible(task: Task, place: Situation) -> None:
+    """Refuse a home in degrees or of another arm, and a period that is too short for its table."""
+    if place.home is not None:
+        refuse_degrees(task.arm, place.home, "home")
+        place.home_of(task.arm.joints, ())
+    harmonics = task.cfg.trajectory.harmonics
+    period, least = place.period or task.cfg.trajectory.period, POINTS * harmonics / RATE
+    if period < least:
+        raise ConfigError(
+            f"period is {period:g} s, expected {least:g} or more: tables of {RATE:g} Hz then have {POINTS} "
+            f"points per period of the highest of trajectory.harmonics={harmonics}"
+        )
 
 
 def _meant(asked: Asked, known: Known | None, rate: float) -> tuple[Situation, Aim]:
@@ -86,15 +152,13 @@ def _meant(asked: Asked, known: Known | None, rate: float) -> tuple[Situation, A
 
 def present(answers: list[Answer], folder: Path, tracker: Tracker) -> None:
     """Write each trajectory, and print, write and record the table."""
-    for one in answers:
-        if one.design.coefficients is not None:
-            write_bytes(folder / FOLDER / f"{one.name}.csv", _csv(one.design))
-    rows = {one.name: _row(one) for one in answers}
+    found = [one for one in answers if not one.blocked]
+    for one in found:
+        write_bytes(folder / FOLDER / f"{one.question.name}.csv", _csv(one.design))
+    rows = {one.question.name: _row(one) for one in answers}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("situation").fillna("—")
-    found = sum(one.design.coefficients is not None for one in answers)
-    caption = (
-        f"{found} of {len(answers)} situations have a proven trajectory, at {RATE:g} Hz in {folder / FOLDER}"
-    )
+    which = f"{len(found)} of {len(answers)} situations"
+    caption = f"Proven trajectories for {which}, at {RATE:g} Hz in {folder / FOLDER}"
     leave(folder, tracker, {"designs": (table, caption)})
 
 
@@ -110,12 +174,12 @@ def _row(one: Answer) -> dict[str, str]:
     design, spent = one.design, one.design.spent
     effort = {"evaluations": f"{spent.evaluations}", "proofs": f"{spent.proofs}"}
     effort["time [ms]"] = f"{1e3 * spent.seconds:.3g}"
-    if design.coefficients is None:
-        return {"aim": one.asked.aim, **effort, "blocked by": "; ".join(design.blocked)}
+    if one.blocked:
+        return {"aim": one.question.asked.aim, **effort, "blocked by": "; ".join(one.blocked)}
     nearest = [design.margins[name] for name in ("collision", "keep_out") if name in design.margins]
     worth = {
         "period [s]": f"{design.trajectory.period:g}",
         "cond(YᵀY)": f"{design.criteria.condition:.4g}",
         "clearance [m]": f"{min(nearest) + design.constraints.clearance:.3f}" if nearest else "—",
     }
-    return {"aim": one.asked.aim, **worth, **effort}
+    return {"aim": one.question.asked.aim, **worth, **effort}

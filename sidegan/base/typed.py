@@ -9,7 +9,7 @@ import dataclasses
 import difflib
 import math
 import operator
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -20,6 +20,7 @@ T = TypeVar("T")
 
 
 _LARGEST, _SMALLEST = 1e12, 1e-12  # beyond them a number is a mistake, and powers of it are none
+_ALIKE = 0.6  # of two words from which on one may be meant by the other
 _COMPARISONS = {"≥": operator.ge, "≤": operator.le, ">": operator.gt, "<": operator.lt}
 
 
@@ -38,6 +39,19 @@ class Bound:
         return bool(_COMPARISONS[self.sign](value, self.limit))
 
 
+@dataclasses.dataclass(frozen=True)
+class Written:
+    """Of a text: it may look like a number or a truth value, and is kept as these are written."""
+
+    def __str__(self) -> str:
+        return "or a number"
+
+    def holds(self, value: str) -> bool:
+        """Whether ``value`` respects the bound."""
+        return True
+
+
+Text = Annotated[str, Written()]
 Natural = Annotated[int, Bound("≥", 0)]
 Count = Annotated[int, Bound("≥", 1), Bound("≤", 1e9)]  # how many of something, one after the other
 Size = Annotated[int, Bound("≥", 1), Bound("≤", 1e5)]  # how many at once: an axis of an array
@@ -66,14 +80,28 @@ def build(kind: type[T], values: Mapping[str, Any]) -> T:
         raise ConfigError("\n  ".join([*head, *problems])) from None
 
 
-def suggest(kind: type, key: str) -> str:
-    """What the user may have meant by the unknown dotted ``key``: "; did you mean …?" or nothing."""
+def suggest(kind: type, key: str, beside: Iterable[str] = ()) -> str:
+    """What the user may have meant by the unknown dotted ``key``: "; did you mean …?" or nothing.
+
+    Args:
+        kind: of all settings.
+        key: what there is not.
+        beside: names of the settings of its group, where they are known; they are meant first.
+    """
+    path, _, leaf = key.rpartition(".")
+    if near := difflib.get_close_matches(leaf, beside, 1, _ALIKE):
+        return f"; did you mean {_join(path, near[0])}?"
     known = list(dict.fromkeys(_dotted(kind)))
-    leaf = key.rpartition(".")[2]
     close = difflib.get_close_matches(key, known, 1, 0.75) or [
         k for k in known if k.rpartition(".")[2] == leaf
     ]
     return f"; did you mean {' or '.join(close[:3])}?" if close else ""
+
+
+def settings_of(kind: type, group: str) -> list[str]:
+    """Names of the settings of a dotted ``group``; none where it is no group."""
+    parts = (key.rpartition(".") for key in _dotted(kind))
+    return list(dict.fromkeys(name for path, _, name in parts if path == group))
 
 
 class _Wrong(Exception):  # noqa: N818
@@ -103,7 +131,8 @@ class _Reader:
         for key in values:
             if key not in hints:
                 unknown = _join(path, key)
-                self.problems.append(f"{unknown}: there is no such setting{suggest(self.root, unknown)}")
+                meant = suggest(self.root, unknown, hints)
+                self.problems.append(f"{unknown}: there is no such setting{meant}")
         found = {}
         for field in dataclasses.fields(kind):
             key = _join(path, field.name)
@@ -129,6 +158,8 @@ class _Reader:
             return tuple(self.value(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(arguments, value)))
         if origin is Literal and value in arguments:
             return value
+        if any(isinstance(bound, Written) for bound in bounds) and isinstance(value, int | float):
+            return str(value).lower()
         if _is(plain, value) and all(bound.holds(value) for bound in bounds):
             if plain is float and not _sensible(value, bounds):
                 raise self._wrong(path, value, f"a number between {_SMALLEST:g} and {_LARGEST:g} in size")

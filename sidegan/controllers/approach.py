@@ -7,6 +7,7 @@ from torch import Tensor
 
 from sidegan.controllers.course import Course
 from sidegan.errors import InfeasibleError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.straight import require_straight
@@ -14,44 +15,60 @@ from sidegan.validity.straight import require_straight
 # Largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time that rests at both ends.
 _PEAKS = (15 / 8, 10 / 3**0.5, 60.0)
 _POINTS = 40  # of the course, at which torques are looked at
-_LONGER = 1.25  # times the duration, as long as a torque is too large
-_TRIES = 20
+_HOLDABLE = 0.999  # share of a torque limit that holds the arm, beyond which there is nothing left to move it
+_ROUNDING = 1 + 1e-9
 _SHORTEST = 0.5  # [s]
+_CLOSER = "bring the arm closer to home by hand or by its own planner first"
 
 
 def approach(constraints: Constraints, start: Sequence[float], home: Sequence[float], use: float) -> Course:
     """A course from one configuration [rad or m] to another on the straight way between them.
 
     The joints move in step, on a quintic in time; the duration is the shortest, half a second at least, in
-    which no joint uses more than this share of its limits.
+    which no joint uses more than this share of its limits: of torque, to move the arm, beside what holds it.
 
     Raises:
         ShapeError: when an end is not one finite number per joint.
-        InfeasibleError: when the straight way is not free, and what to do; or a torque is too large.
+        InfeasibleError: when the straight way is not free, or a joint cannot hold the arm on it, and what to
+            do.
     """
     arm = constraints.arm
     try:
         require_straight(constraints, start, home)
     except InfeasibleError as error:
-        raise InfeasibleError(
-            f"{error}; bring the arm closer to home by hand or by its own planner first, then say where it is"
-        ) from error
+        raise InfeasibleError(f"{error}; {_CLOSER}, then say where it is") from error
     ends = torch.tensor([list(start), list(home)], dtype=torch.float64)
     duration = _shortest(arm, ends[1] - ends[0], use)
-    for _ in range(_TRIES):
-        course = _quintic(arm, ends, duration)
-        states = course.position, course.velocity, course.acceleration
-        torque = constraints.body.torque(*states).abs()
-        if not constraints.torque or (torque <= torch.maximum(use * arm.torque_limit, _held(torque))).all():
-            return course
-        duration *= _LONGER
-    worst = arm.named((torque > arm.torque_limit).any(0)) or "the arm"
-    raise InfeasibleError(f"the straight way asks too much torque of {worst} at any speed")
+    if constraints.torque:
+        duration = max(duration, _bearable(constraints.body, _quintic(arm, ends, 1.0), use))
+    return _quintic(arm, ends, duration)
 
 
-def _held(torque: Tensor) -> Tensor:
-    """What each joint needs to hold the arm at the ends of a course, (J,): no speed makes that less."""
-    return torch.maximum(torque[0], torque[-1]) * (1 + 1e-9)
+def _bearable(body: RigidBody, unit: Course, use: float) -> float:
+    """Duration [s] in which moving takes a share of the torque limits at most, and all torques stay in them.
+
+    What moves the arm on the way of 1 s is divided by the square of the duration; what holds it stays.
+
+    Raises:
+        InfeasibleError: when holding the arm leaves nothing to move it, whatever the duration.
+    """
+    still, limit = torch.zeros_like(unit.position), body.arm.torque_limit
+    held = body.torque(unit.position, still, still)
+    _refuse_heavy(body.arm, held.abs() / limit)
+    moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
+    left = torch.minimum(use * limit, limit - held * moving.sign())
+    return float((moving.abs() / left).max().sqrt()) * _ROUNDING
+
+
+def _refuse_heavy(arm: Arm, share: Tensor) -> None:
+    """Refuse a way along which holding the arm takes too large a share of a torque limit, (T, J)."""
+    row, joint = divmod(int(share.argmax()), arm.joints)
+    if share[row, joint] > _HOLDABLE:
+        raise InfeasibleError(
+            f"the straight way asks too much torque at any speed, whatever controllers.careful: "
+            f"{arm.joint_names[joint]} needs {float(share[row, joint]):.1%} of its limit to hold the arm on "
+            f"it; allow more by robot.effort=…, or {_CLOSER}"
+        )
 
 
 def _shortest(arm: Arm, change: Tensor, use: float) -> float:

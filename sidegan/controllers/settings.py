@@ -20,7 +20,8 @@ class Delivery:
     start: (
         list[float] | None
     )  # where the arm is now [rad or m]: the way from there to home and back is written too
-    careful: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the limits that this way uses
+    # share of the limits that this way uses; of torques, beside what holds the arm
+    careful: Annotated[float, Bound(">", 0), Bound("≤", 1)]
     rehearse: bool  # execute the set in MuJoCo first
     gentle: bool  # the trajectory of least mechanical work first; false: in the order of choice
 

@@ -113,10 +113,10 @@ class Aim:
         weights = np.zeros(len(links))
         for name, weight in self.interest.items():
             if name not in names:
-                raise ConfigError(f"interest has {name!r}, expected some of {', '.join(names)}")
+                raise ConfigError(f"links has {name!r}, expected some of {', '.join(names)}")
             rows = links == list(names).index(name)
             if not rows.any():
-                raise ConfigError(f"interest has {name!r}, which has no parameters of its own to learn")
+                raise ConfigError(f"links has {name!r}, which has no parameters of its own to learn")
             if not (math.isfinite(weight) and weight >= 0):
                 raise ConfigError(f"interest in {name!r} is {weight}, expected zero or more")
             weights[rows] = weight

@@ -6,12 +6,13 @@ from itertools import chain
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ConfigError, RecordingError, ShapeError
 from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.loaded import LOAD, gathered
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, solve
+from sidegan.robot import Arm
 
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _REPETITIONS = 200
@@ -19,6 +20,8 @@ _SETTLED = 1e-9
 _HALVINGS = 20
 _ROUNDING = 1e-13  # of the squares of currents: sums resolve no less
 _SILENT = 1e-9  # of the largest effect of the load on a joint
+_SEEN = 30.0  # deviations of the load's part of the currents; one that is not there passes for up to twenty
+_SURE = 5.0  # deviations from nothing, from which a load is seen: the gain is known to a fifth
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,26 @@ class Gains:
     gains: Tensor  # torque per current [N·m/A or N/A], (J,)
     deviation: Tensor  # standard deviation of each, (J,)
     parameters: Tensor  # of the arm's model without the load, found together with them, (P,)
+
+    @property
+    def certain(self) -> Tensor:
+        """Whether a joint's gain may be used: the load is seen, and pulls as it should, (J,)."""
+        return self.gains > _SURE * self.deviation
+
+    def doubts(self, arm: Arm) -> list[str]:
+        """Why some gains may not be used, a sentence each, with the joints by name."""
+        against, doubts = self.gains < -_SURE * self.deviation, []
+        if unseen := arm.named(~self.certain & ~against):
+            doubts.append(
+                f"the load is not seen in the current of {unseen}: the gain has a σ of more than "
+                f"{1 / _SURE:.0%} of it; a heavier load tells it, or one further from the flange"
+            )
+        if reversed_ := arm.named(against):
+            doubts.append(
+                f"the gain of {reversed_} is below zero: is its current counted the other way round? "
+                f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
+            )
+        return doubts
 
 
 def drive_gains(
@@ -48,6 +71,7 @@ def drive_gains(
     Raises:
         ShapeError: when the load is not ten finite numbers, or measurements do not fit the model.
         ConfigError: when the load has no effect on a joint, whose gain stays unknown.
+        RecordingError: when the load is not seen in the currents.
 
     Source: Gautier, Briot 2014, Global identification of joint drive gains and dynamic parameters of robots.
     """
@@ -63,10 +87,26 @@ def drive_gains(
         (x.torque - system.inverse_gains * (part.model.regressor(*x.inputs) @ whole) for x in part.kept)
         for part in parts
     )
+    inflation = inflation_of(residuals)
+    _refuse_unseen(system.weights * system.inverse_gains.square() * effect / inflation)
     _, inverse = solve(system.normal, system.gradient, _LEAST)
     gains = 1 / system.inverse_gains
-    variance = inverse.diagonal()[-model.joints :] * inflation_of(residuals).amax()
+    variance = inverse.diagonal()[-model.joints :] * inflation.amax()
     return Gains(gains, variance.sqrt() * gains.square(), system.parameters)
+
+
+def _refuse_unseen(squares: Tensor) -> None:
+    """Refuse currents in which the load's part, (J,) in squared deviations, is no more than noise.
+
+    Raises:
+        RecordingError: saying how much it is; the gains' own deviations mean nothing then.
+    """
+    strength = float(squares.sum().sqrt())
+    if strength < _SEEN:
+        raise RecordingError(
+            f"the load is not seen in the currents: its part of them is {strength:.2g} deviations, expected "
+            f"{_SEEN:g} or more; was it on the arm in loaded, and is it heavy enough?"
+        )
 
 
 def _solved(sums: Sums, joints: int) -> "_System":
@@ -102,8 +142,8 @@ class _System:
         whole = torch.cat([parameters, torch.ones(1, dtype=torch.float64)])
         reach = sums.information @ whole
         power, match = reach @ whole, (sums.moment * whole).sum(1)
-        self._weights = sums.weight / self._squares(inverse_gains, parameters)
-        w, k = self._weights, inverse_gains
+        self.weights = sums.weight / self._squares(inverse_gains, parameters)
+        w, k = self.weights, inverse_gains
         top = torch.einsum("j,jpq->pq", w * k.square(), sums.information[:, :-1, :-1])
         side = (w * k)[:, None] * reach[:, :-1]
         self.normal = torch.cat([torch.cat([top, side.T], 1), torch.cat([side, torch.diag(w * power)], 1)])
@@ -114,7 +154,7 @@ class _System:
         """Weighted squares of the currents' residuals after a step, with the weights of before."""
         joints = len(self.inverse_gains)
         after = self._squares(self.inverse_gains + step[-joints:], self.parameters + step[:-joints])
-        return float(self._weights @ after)
+        return float(self.weights @ after)
 
     def _squares(self, k: Tensor, x: Tensor) -> Tensor:
         sums, whole = self._sums, torch.cat([x, torch.ones(1, dtype=torch.float64)])

@@ -26,6 +26,7 @@ _CLEAR = 4.0  # deviations from which a change is one
 _MATTERS = 0.2  # share of the squared error that a change explains at least
 _ROUNDS = 3  # of weighting joints by what is left
 _FRICTION = ("viscous", "coulomb")
+_BEFORE = "error at the identification"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Change:
     what: str  # "friction", "offsets" or "load"
     names: tuple[str, ...]  # of its parameters, (K,)
     values: Tensor  # by how much, (K,)
-    deviation: Tensor  # standard deviation of each, (K,)
+    deviation: Tensor  # standard deviation of each, also by that of the parameters from before, (K,)
     left: Tensor  # root mean square of what it does not explain [N·m or N], (J,)
     evidence: float  # Bayesian information criterion against no change: the larger the better
 
@@ -44,6 +45,11 @@ class Change:
         """Parameters that changed beyond doubt: name, value and deviation."""
         each = zip(self.names, self.values.tolist(), self.deviation.tolist())
         return [(name, x, sigma) for name, x, sigma in each if abs(x) > _CLEAR * sigma]
+
+    @property
+    def told(self) -> str:
+        """These parameters in words."""
+        return ", ".join(f"{name} {x:+.3g} ± {sigma:.1g}" for name, x, sigma in self.clear)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,31 +75,39 @@ class Recheck:
     @property
     def verdict(self) -> str:
         """``"still right"``, ``"changed"`` (and by what) or ``"no longer right"``."""
+        if not (self.errors.rmse > self.limit).any():
+            return RIGHT
         if self.change is None:
-            return WRONG if (self.errors.rmse > self.limit).any() else RIGHT
+            return WRONG
         enough = torch.maximum(self.limit, _REST * self.errors.rmse)
         return WRONG if (self.change.left > enough).any() else CHANGED
+
+    @property
+    def statement(self) -> str:
+        """The verdict, and what is not as it was although no joint's error says so."""
+        if self.change is None or self.verdict != RIGHT:
+            return self.verdict
+        look = "look" if self.change.what == "offsets" else "looks"
+        return f"{RIGHT}, though {self.change.what} {look} different by {self.change.told}"
 
     @property
     def reasons(self) -> list[str]:
         """Why, a sentence each."""
         worse = [
-            f"{name}: {ratio:.1f} times the largest error at the identification"
+            f"{name}: {ratio:.1f} times the largest {_BEFORE}"
             for name, ratio, more in zip(
                 self.joint_names, self.ratio.tolist(), (self.errors.rmse > self.limit).tolist()
             )
             if more
         ]
-        told = []
-        if self.change is not None:
-            listed = ", ".join(f"{name} {x:+.3g} ± {sigma:.1g}" for name, x, sigma in self.change.clear)
-            told.append(f"{self.change.what} changed: {listed}")
+        if self.verdict == RIGHT:
+            seen = "" if self.change else ", and no change of friction, offsets or load is seen"
+            error = f"mean nMSE {shown(self.errors.nmse_mean)}"
+            return [f"{error}; no joint has more than {_MORE:g} times its largest {_BEFORE}{seen}"]
+        told = [] if self.change is None else [f"{self.change.what} changed: {self.change.told}"]
         if self.verdict == WRONG:
             told.append("neither friction, offsets nor a load at the tip explain it: identify the arm anew")
-        return [*worse, *told] or [
-            f"mean nMSE {shown(self.errors.nmse_mean)}; no joint has more than {_MORE:g} times its largest "
-            "error at the identification, and no change of friction, offsets or load is seen"
-        ]
+        return [*worse, *told]
 
 
 def expected_error(worst: Tensor, then: int, now: int) -> Tensor:
@@ -111,7 +125,11 @@ def expected_error(worst: Tensor, then: int, now: int) -> Tensor:
 
 
 def recheck(
-    model: TorqueModel, parameters: Tensor, before: Tensor, measurements: list[Measurements]
+    model: TorqueModel,
+    parameters: Tensor,
+    covariance: Tensor,
+    before: Tensor,
+    measurements: list[Measurements],
 ) -> Recheck:
     """Whether a model with parameters (P,) is still right, by a fresh recording.
 
@@ -121,6 +139,7 @@ def recheck(
     Args:
         model: of the arm.
         parameters: that were identified, (P,).
+        covariance: of their errors, (P, P), which pass for changes.
         before: largest root mean square error of each joint in any stretch of the recordings that it was
             identified from and judged by [N·m or N], (J,).
         measurements: the fresh recording.
@@ -129,15 +148,29 @@ def recheck(
         ShapeError: when something does not fit the model.
     """
     errors = score(model, parameters, measurements)
-    names, groups = _columns(model)
-    left = [(x, residual_of(model, x, parameters)) for x in pieces(measurements)]
-    sums = reduce(Sums.plus, (sums_of(_regressor(model, x), r) for x, r in left))
-    all_at_once = restricted(sums, weights_of(sums, _nothing(names)), torch.arange(len(names)), _LEAST)
-    each = inflation_of(r - _regressor(model, x) @ all_at_once.parameters for x, r in left)
-    changes = [_change(what, sums, places, names, each) for what, places in groups.items()]
+    changes = possible_changes(model, parameters, covariance, measurements)
     likely = [one for one in changes if one.evidence > 0 and _worth(one, errors.rmse)]
     best = max(likely, key=lambda one: one.evidence, default=None)
     return Recheck(errors, before, best, model.arm.joint_names)
+
+
+def possible_changes(
+    model: TorqueModel, parameters: Tensor, covariance: Tensor, measurements: list[Measurements]
+) -> list[Change]:
+    """A change of friction, of offsets, and of the load, each as if it were the only one.
+
+    Arguments and errors are those of ``recheck``.
+    """
+    names, groups = _columns(model)
+    left = [(x, residual_of(model, x, parameters)) for x in pieces(measurements)]
+    both = reduce(Sums.plus, (sums_of(_with_known(model, x), r) for x, r in left))
+    sums, mixed = _parted(both, len(names))
+    all_at_once = restricted(sums, weights_of(sums, _nothing(names)), torch.arange(len(names)), _LEAST)
+    each = inflation_of(r - _regressor(model, x) @ all_at_once.parameters for x, r in left)
+    return [
+        _change(what, sums, places, names, each, (mixed[:, places], covariance))
+        for what, places in groups.items()
+    ]
 
 
 def _worth(change: Change, error: Tensor) -> bool:
@@ -170,13 +203,36 @@ def _regressor(model: TorqueModel, part: Measurements) -> Tensor:
     return torch.cat([*own, model.body.regressor(*part.states)[..., -LOAD:]], 2)
 
 
+def _with_known(model: TorqueModel, part: Measurements) -> Tensor:
+    """Columns of all changes, and behind them those of the model itself, (S, J, 3 J + 10 + P)."""
+    return torch.cat([_regressor(model, part), model.regressor(*part.inputs)], 2)
+
+
+def _parted(both: Sums, changes: int) -> tuple[Sums, Tensor]:
+    """Sums of the columns of changes alone, and their products with the model's, (J, changes, P)."""
+    inner = both.information[:, :changes, :changes]
+    own = both._replace(information=inner, moment=both.moment[:, :changes])
+    return own, both.information[:, :changes, changes:]
+
+
 def _nothing(names: list[str]) -> Tensor:
     """No change of any parameter."""
     return torch.zeros(len(names), dtype=torch.float64)
 
 
-def _change(what: str, sums: Sums, places: list[int], names: list[str], inflation: Tensor) -> Change:
-    """The change of some parameters that explains most, joints weighted by what it leaves."""
+def _change(
+    what: str,
+    sums: Sums,
+    places: list[int],
+    names: list[str],
+    inflation: Tensor,
+    known: tuple[Tensor, Tensor],
+) -> Change:
+    """The change of some parameters that explains most, joints weighted by what it leaves.
+
+    ``known`` holds their columns' products with the model's, (J, K, P), and the covariance of the model's
+    parameters, (P, P): an error of those makes the same change appear as it makes torque.
+    """
     weights = weights_of(sums, _nothing(names)) / inflation.sqrt()
     nothing = (sums.energy / sums.weight).sqrt()
     for _ in range(_ROUNDS):
@@ -186,5 +242,7 @@ def _change(what: str, sums: Sums, places: list[int], names: list[str], inflatio
     samples = sums.weight / inflation  # that tell as much as independent ones, (J,)
     likelier = 2 * float((samples * (nothing / left).log()).sum())
     evidence = likelier - len(places) * float(samples.sum().log())
-    deviation = fit.inverse.diagonal().clamp_min(0).sqrt()[places]
+    inverse, (mixed, covariance) = fit.inverse[places][:, places], known
+    passed = inverse @ torch.einsum("j,jkp->kp", fit.weights.square(), mixed)
+    deviation = (inverse + passed @ covariance @ passed.T).diagonal().clamp_min(0).sqrt()
     return Change(what, tuple(names[k] for k in places), fit.parameters[places], deviation, left, evidence)

@@ -35,6 +35,7 @@ _NAMED = 6  # parameters that a reason names at most
 _LITTLE = 0.25  # of a limit
 _MOST = 10.0  # a larger share says no more
 _CLEAR = 2.0  # deviations below zero, from which on a parameter is negative
+_MASSES = 10.0  # times the description's mass, or a part of it, from which it is hardly the same arm
 _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
 
 
@@ -64,6 +65,9 @@ class Trust:
     torque_deviation: Tensor
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
     next_runs: NextRuns | None  # what to run next; None without candidates
+    # mass [kg] of the links whose mass some torque tells, of the consistent model and of the description;
+    # None where it is not known
+    mass: tuple[float, float] | None = None
 
     @property
     def verdict(self) -> str:
@@ -92,7 +96,7 @@ class Trust:
     @cached_property
     def findings(self) -> list[Finding]:
         """What keeps the model from being good."""
-        return [*_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
+        return [*_scale(self), *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
 
     @property
     def judged(self) -> Score:
@@ -116,6 +120,16 @@ class Trust:
     def joint(self, j: int) -> str:
         """What to call joint j."""
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
+
+
+def _scale(trust: Trust) -> Iterator[Finding]:
+    if trust.mass is None:
+        return
+    found, described = trust.mass
+    if not described / _MASSES <= found <= described * _MASSES:
+        units = "recording.units.torque or recording.units.current, robot.gains"
+        text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
+        yield Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")
 
 
 def _held_out(trust: Trust) -> Iterator[Finding]:

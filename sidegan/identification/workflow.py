@@ -188,7 +188,14 @@ def identify_arm(
     runs = _candidates(model, chosen, training[0].grid.rate, settings)
     trusted = trust(model, chosen, held_out or None, turns.get(use), **runs)
     trusted = replace(trusted, train=trained[use], validation=tests[use] if held_out else None)
-    return IdentifiedArm(model, training, validation, kind, estimates, tests, trained, trusted, use, halves)
+    found = IdentifiedArm(model, training, validation, kind, estimates, tests, trained, trusted, use, halves)
+    return replace(found, trust=replace(trusted, mass=_masses(model, found.links)))
+
+
+def _masses(model: TorqueModel, links: Tensor) -> tuple[float, float]:
+    """Mass [kg] of those links, (J, 10), whose mass some torque tells, and the same of the description."""
+    told = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)
+    return float(links[told, 0].sum()), float(model.arm.inertial_parameters[told, 0].sum())
 
 
 def preferred(method: str, errors: Mapping[str, float]) -> str:

@@ -42,7 +42,7 @@ HEAD = """\
 """
 HEAD_LADDERS = """\
 # Written by `python -m sidegan.pipeline.dvc`; do not edit. From the paper's recipe to ours, and from poor
-# seeds to good ones, and what motions are worth on the LWR, at the paper's scale: `dvc repro ladders/dvc.yaml`.
+# seeds to good ones, and what motions are worth on the LWR, at its scale: `dvc repro ladders/dvc.yaml`.
 """
 
 

@@ -199,7 +199,7 @@ def explain(error: Exception) -> str:
     text = str(error)
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
-        return _unknown(unknown[1])
+        return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])
     listed = re.search(r"invalid literal for int\(\) with base 10: '([^']+)'", text)
     if listed:
         return f"{_argument(listed[1])}: what this would set is a list, and {listed[1]} names no entry of it"
@@ -216,15 +216,20 @@ def _argument(word: str) -> str:
     return next((name for name in names if word in name.split(".")), word)
 
 
-def _unknown(key: str) -> str:
-    """What is wrong with a setting that this command does not have."""
-    from sidegan.base.typed import suggest
+def _unknown(key: str, inner: str) -> str:
+    """What is wrong with a setting that this command does not have, or that is within the one it sets."""
+    from sidegan.base.typed import settings_of, suggest
     from sidegan.pipeline.settings import Config
 
-    suggestion = suggest(Config, key)
-    if suggestion == f"; did you mean {key}?":
-        return f"{key}: this is a setting of other experiments, choose one by +experiment=…"
-    return f"{key}: there is no such setting{suggestion}"
+    group, _, name = inner.rpartition(".")
+    beside = settings_of(Config, group)
+    if inner != key and beside and name not in beside:
+        near = suggest(Config, inner, beside)
+        return f"{group}: {name} is no setting of this group, which has {', '.join(beside)}{near}"
+    suggestion = suggest(Config, inner)
+    if suggestion == f"; did you mean {inner}?":
+        return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
+    return f"{inner}: there is no such setting{suggestion}"
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

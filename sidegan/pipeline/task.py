@@ -24,6 +24,7 @@ from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
+from sidegan.validity.home import refuse_degrees
 from sidegan.validity.pairs import tell_often
 
 log = logging.getLogger(__name__)
@@ -102,6 +103,7 @@ class Task:
     @cached_property
     def constraints(self) -> Constraints:
         """The arm in its workspace; the home position is checked."""
+        refuse_degrees(self.arm, self.trajectory.home or (), "trajectory.home")
         self._workspace.refuse_home(self.trajectory.home or ())
         return self._workspace
 

@@ -16,6 +16,7 @@ from sidegan.recording import plausibility
 from sidegan.recording.delay import Delay, delay_of
 from sidegan.recording.description import Agreement, Excitation, agreement_of, excitation_of
 from sidegan.recording.load import Source
+from sidegan.recording.overload import refuse_overload
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment, whole
 from sidegan.recording.segments import Grid, grid_for, preprocess
 from sidegan.recording.sent import Repeated, averaged, load_sent
@@ -121,6 +122,7 @@ class CheckedRecording:
             "jitter": raw.jitter,
             "duplicates": raw.duplicates,
             "gaps": [list(gap) for gap in raw.gaps],
+            "frozen": [one._asdict() for one in raw.frozen],
             "corrupt": {"count": len(raw.corrupt), "reasons": reasons},
             "corrupt_rows": [list(row) for row in raw.corrupt[:_LISTED]],
             "signals": signals,
@@ -214,14 +216,15 @@ def check_recording(
 
     Raises:
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
-            zero or constant, positions are in another unit than declared.
+            zero or constant, positions or torques are in another unit than declared.
     """
     statistics = statistics_of(recording, settings.gap, settings.bridged)
     joints = len(statistics.signals["position"].lower)
     if joints != arm.joints:
-        raise RecordingError(f"{statistics.name} has {joints} joints, {arm.name} has {arm.joints}")
-    plausibility.refuse_wrong_units(statistics, arm, angle)
-    plausibility.refuse_idle(statistics)
+        counted = plausibility.counted(joints, "joint")
+        raise RecordingError(f"{statistics.name} has {counted}, {arm.name} has {arm.joints}")
+    plausibility.refuse_wrong_units(statistics, arm, angle, settings.units)
+    plausibility.refuse_idle(statistics, arm)
     parts, repeated = _parts(recording, arm, settings, statistics)
     grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
 
@@ -236,6 +239,7 @@ def check_recording(
     warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
+    refuse_overload(statistics, arm, agreement, settings.units)
     noise = None if repeated is None else repeated.noise
     excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains, noise))
     warnings += agreement.warnings(arm) + excitation.warnings()

@@ -16,6 +16,8 @@ _SAMPLES_AT_ONCE = 4096
 _ROUNDING = 1e-13  # relative eigenvalue that is no information
 _SAMPLES = 20_000  # enough to tell a sign
 _CLEAR = 0.4  # correlation with the model that says something
+_STRANGE = 4  # times as many joints as agree: the description is hardly that of the arm
+_MOST = 0.99  # of the samples have less than the usual torque
 _LONGEST_LAG = 0.25  # [s]
 _BETTER = 0.8  # share of the squared residual that is left when a lag is believed
 _TINY = 1e-12
@@ -32,6 +34,11 @@ class Agreement(NamedTuple):
     friction: Tensor
     lag: float  # time by which torques are later than states [s]
     late: bool  # whether the lag is believed
+    usual: Tensor  # largest torque but for a hundredth of the samples [N·m or N], (J,)
+    needed: Tensor  # the same of what the description's links need [N·m or N], (J,)
+    # median of measured over needed torque, without what friction and rotor inertia can explain, of the
+    # joints whose sign is told; 1 where none is
+    heavier: float
 
     def warnings(self, arm: Arm) -> list[str]:
         """Joints whose torque looks reversed, or whose sign the motion does not tell, and the lag."""
@@ -47,6 +54,10 @@ class Agreement(NamedTuple):
             warnings.append(
                 f"the motion does not tell whether the sign of the torque of {arm.named(silent)} is right"
             )
+        if _STRANGE * int((self.sign > _CLEAR).sum()) <= arm.joints:
+            warnings.append(
+                "hardly any torque is as described: is this the arm, and are its joints in this order?"
+            )
         if self.late:
             when = "later" if self.lag > 0 else "earlier"
             warnings.append(f"torques look {abs(self.lag) * 1e3:.0f} ms {when} than the states")
@@ -55,26 +66,35 @@ class Agreement(NamedTuple):
 
 def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     """Agreement of segments with an arm's description."""
-    return Agreement(*_signs(body, segments), *_lag(body, segments))
-
-
-def _signs(body: RigidBody, segments: list[Segment]) -> tuple[Tensor, Tensor]:
-    """Correlation with the description, (J,), and share that friction dissipates, (J,); see ``Agreement``."""
     every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = (torch.cat([segment[k][::every] for segment in segments]) for k in range(1, 5))
     model = body.torque(q, v, a)
-    correlation, dissipated = torch.zeros(body.joints), torch.zeros(body.joints)
-    for j in range(body.joints):
+    sign, friction, slope = _signs(model, v, a, torque)
+    clear = slope[sign.abs() > _CLEAR].abs()
+    heavier = float(clear.median()) if len(clear) else 1.0
+    usual, needed = (x.abs().quantile(_MOST, 0) for x in (torque, model))
+    return Agreement(sign, friction, *_lag(body, segments), usual, needed, heavier)
+
+
+def _signs(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Correlation with the description, share that friction dissipates, and slope, (J,); see ``Agreement``.
+
+    The description's torque, velocity, acceleration and measured torque are (S, J) each.
+    """
+    joints = model.shape[1]
+    correlation, dissipated, slope = (torch.zeros(joints, dtype=torch.float64) for _ in range(3))
+    for j in range(joints):
         others = _other_columns(v[:, j], a[:, j])
         basis = _orthonormal(others)
         m, t = (x[:, j] - basis @ (basis.T @ x[:, j]) for x in (model, torque))
         size = (m.norm() * t.norm()).clamp_min(_TINY)
         correlation[j] = float(m @ t / size) if m.norm() > 1e-9 * model[:, j].norm().clamp_min(_TINY) else 0.0
+        slope[j] = float(m @ t / m.square().sum().clamp_min(_TINY**2))
         weights = torch.linalg.lstsq(torch.cat([model[:, j : j + 1], others], 1), torque[:, j]).solution
         friction = others[:, :2] @ weights[1:3]
         power = (torque[:, j].square().mean() * v[:, j].square().mean()).sqrt().clamp_min(_TINY)
         dissipated[j] = (friction * v[:, j]).mean() / power
-    return correlation, dissipated
+    return correlation, dissipated, slope
 
 
 def _lag(body: RigidBody, segments: list[Segment]) -> tuple[float, bool]:

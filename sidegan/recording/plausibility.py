@@ -1,20 +1,22 @@
 """What in a raw recording is hardly true: units, clock, ranges, saturation, signals that do not change."""
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
-from sidegan.recording.statistics import Statistics
+from sidegan.recording.settings import Units
+from sidegan.recording.statistics import SLOWEST, Statistics
 from sidegan.robot import Arm
 
 _DEGREES = 180 / math.pi
 _FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
 _TURN = 2.1 * math.pi  # [rad] that nothing moves from zero without a reason
 _TINY = 2 * math.pi / _DEGREES  # [rad] that a turn becomes when radians are taken for degrees
-_SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
+_USUAL = 0.15  # [s] between samples: the first unit of time by which they are no further apart is likely
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
 _NEAR = 0.3  # of the logarithm of a ratio
@@ -25,17 +27,19 @@ _LITTLE = 0.1  # of its range, that a joint moves through at least where much ca
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 
-def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str) -> None:
+def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str, units: Units) -> None:
     """Refuse positions and time stamps that make sense in another unit only.
+
+    ``angle`` is the unit that angles were declared in, ``units`` are those of the rest.
 
     Raises:
         RecordingError: naming the joint and the value.
     """
     name, position = statistics.name, statistics.signals["position"]
-    if statistics.step > _SLOWEST:
+    if statistics.step > SLOWEST:
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
-            "(recording.units.time=ms)"
+            f"(recording.units.time={_time_unit(statistics.step, units)})"
         )
     turning, reach = ~arm.prismatic, position.largest
     limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
@@ -54,8 +58,14 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str) -> None:
         )
 
 
-def refuse_idle(statistics: Statistics) -> None:
-    """Refuse a recording without motion or torque.
+def _time_unit(step: float, units: Units) -> str:
+    """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
+    raw, smaller = step / units.factor("time"), [replace(units, time=unit) for unit in ("ms", "us", "ns")]
+    return next((one.time for one in smaller if raw * one.factor("time") <= _USUAL), smaller[-1].time)
+
+
+def refuse_idle(statistics: Statistics, arm: Arm) -> None:
+    """Refuse a recording without motion or torque, or whose velocities are none.
 
     Raises:
         RecordingError: saying what does not change.
@@ -77,8 +87,20 @@ def refuse_idle(statistics: Statistics) -> None:
     if not signal.largest.max() > 0:
         raise RecordingError(f"{file}: every {name} is zero")
     if signal.constant.any():
-        joints = ", ".join(str(int(j) + 1) for j in signal.constant.nonzero()[:, 0])
-        raise RecordingError(f"{file}: the {name} of joint {joints} is constant over the whole recording")
+        joints = arm.named(signal.constant)
+        raise RecordingError(f"{file}: the {name} of {joints} is constant over the whole recording")
+    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
+        dead = signals[rate].constant & (span >= _HARDLY)
+        if dead.any():
+            raise RecordingError(
+                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; with "
+                f"recording.{rate}=null it is derived"
+            )
+
+
+def counted(count: int, noun: str) -> str:
+    """How many there are of something, in words: 1 gap, 2 gaps."""
+    return f"{count} {noun}" + "s" * (count != 1)
 
 
 def clock_warnings(statistics: Statistics) -> list[str]:
@@ -86,31 +108,25 @@ def clock_warnings(statistics: Statistics) -> list[str]:
     gaps, corrupt, warnings = statistics.gaps, statistics.corrupt, []
     if gaps:
         start, longest = max(gaps, key=lambda gap: gap[1])
-        warnings.append(
-            f"{len(gaps)} gaps, the longest {longest:.3g} s after {start:.6g} s; they are not crossed"
-        )
+        where = f"the longest {longest:.3g} s after {start:.6g} s"
+        warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not crossed")
     if statistics.bridged:
-        warnings.append(
-            f"{statistics.bridged} gaps of up to {statistics.gap * 1e3:.3g} ms are interpolated over"
-        )
+        found = counted(statistics.bridged, "gap")
+        warnings.append(f"{found} of up to {statistics.gap * 1e3:.3g} ms, interpolated over")
     if statistics.duplicates:
-        warnings.append(
-            f"{statistics.duplicates} samples have the time stamp of the one before; they are left out"
-        )
+        found = counted(statistics.duplicates, "sample")
+        warnings.append(f"{found} with the time stamp of the one before, left out")
     if statistics.jitter > _MOST_JITTER:
         warnings.append(f"the time between samples varies by {statistics.jitter:.0%}")
     if corrupt:
         row, reason = corrupt[0]
-        warnings.append(f"{len(corrupt)} corrupt rows are left out; the first is row {row}: {reason}")
+        found = counted(len(corrupt), "corrupt row")
+        warnings.append(f"{found}, left out; the first is row {row}: {reason}")
     return warnings
 
 
 def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
-    """What is odd about the ranges of the signals.
-
-    Raises:
-        RecordingError: when a velocity or acceleration is constant while its joint moves.
-    """
+    """What is odd about the ranges of the signals."""
     warnings, signals = [], statistics.signals
     position = signals["position"]
     if position.constant.any():
@@ -126,12 +142,6 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     )
     if outside.any():
         warnings.append(f"{arm.named(outside)} leaves its limits of position")
-    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
-        dead = signals[rate].constant & ~position.constant
-        if dead.any():
-            raise RecordingError(
-                f"{statistics.name}: the {rate} of {arm.named(dead)} is constant while it moves"
-            )
     for name in ("torque", "current"):
         if name in signals:
             signal = signals[name]
@@ -140,6 +150,12 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
                 warnings.append(f"the {name} of {arm.named(clipped)} looks saturated at an extreme")
             if coarse.any():
                 warnings.append(f"the {name} of {arm.named(coarse)} is coarsely quantised")
+    measured = "torque" if "torque" in signals else "current"
+    for joint, begin, end in statistics.frozen:
+        warnings.append(
+            f"the {measured} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
+            "though it moves: take these rows out of the file"
+        )
     if "torque" in signals:
         beyond = signals["torque"].largest > arm.torque_limit
         if beyond.any():

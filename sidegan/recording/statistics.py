@@ -10,10 +10,12 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
+from sidegan.recording.frozen import Frozen, Stays
 from sidegan.recording.overlap import Rows, joined, rows_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.tables import Numbers
 
+SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
 _GAP_STEPS = 5.0  # sampling steps that are still interpolated over
 _LEAST_SAMPLES = 10
 _HEAD = 120.0  # [s] of a recording from which the bandwidth is measured
@@ -60,7 +62,10 @@ class Statistics:
     gap: float  # time above which it is one [s]
     bridged: int  # shorter stretches without samples, over five steps long, that are interpolated over
     corrupt: tuple[tuple[int, str], ...]  # row and reason of what was left out
-    bandwidth: float  # frequency below which nearly all of the motion's energy lies [Hz]
+    # frequency below which nearly all of the motion's energy lies [Hz]; 0 where nothing moves, or the samples
+    # are further apart than those of any motion
+    bandwidth: float
+    frozen: tuple[Frozen, ...]  # the longest stretch of each joint whose torque or current stays as it is
     signals: dict[str, Signal]  # by name
     rows: Rows  # digests of some rows, by which another recording with the same samples is found
 
@@ -84,6 +89,7 @@ def statistics_of(
     corrupt: list[tuple[int, str]] = []
     tallies: dict[str, _Tally] = {}
     rows: list[Rows] = []
+    stays = Stays()
     head: list[Recording] = []  # from where the arm begins to move
     first: Tensor | None = None
     name = ""
@@ -94,6 +100,7 @@ def statistics_of(
             continue
         times.append(part.time.numpy())
         rows.append(rows_of(part))
+        stays.add(part)
         first = part.position[0] if first is None else first
         begun = bool(head) or bool(((part.position - first).abs() > _MOVED).any())
         if begun and float(part.time[0] - (head or [part])[0].time[-1]) < _HEAD:
@@ -106,14 +113,14 @@ def statistics_of(
             f"{name or 'the recording'} holds {samples} samples, expected {_LEAST_SAMPLES} or more"
         )
     clock = _clock(name, np.concatenate(times), gap)
-    bandwidth = bandwidth_of(head, clock["step"]) if head else 0.0
+    bandwidth = bandwidth_of(head, clock["step"]) if head and clock["step"] <= SLOWEST else 0.0
     if gap is None and bridged is not None and bandwidth:
         limit = max(clock["gap"], bridged(bandwidth))
         long = tuple(one for one in clock["gaps"] if one[1] > limit)
         clock |= {"gap": limit, "gaps": long, "bridged": len(clock["gaps"]) - len(long)}
     signals = {signal: tally.result() for signal, tally in tallies.items()}
     found: dict[str, Any] = {"bandwidth": bandwidth, "signals": signals, "rows": joined(rows)}
-    return Statistics(name, samples, **clock, corrupt=tuple(corrupt), **found)
+    return Statistics(name, samples, **clock, corrupt=tuple(corrupt), frozen=stays.frozen, **found)
 
 
 def _clock(name: str, time: Numbers, gap: float | None) -> dict[str, Any]:

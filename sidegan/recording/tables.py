@@ -5,6 +5,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 
 if TYPE_CHECKING:
+    import pandas as pd
     import pyarrow as pa
 
 Numbers = NDArray[np.float64]
@@ -22,6 +24,8 @@ Where = dict[str, list[str]]  # columns of time and of every signal; a single co
 
 _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
 _BUFFER = 2**20  # bytes
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+_LOOKED_AT = 100  # lines by which numbers with decimal commas are known
 
 
 @dataclass(frozen=True)
@@ -45,17 +49,19 @@ class Table:
 def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Table:
     """A text file whose columns are separated by commas, semicolons, tabs or spaces.
 
+    Between semicolons and tabs, numbers may have decimal commas.
+
     Raises:
         RecordingError: when it is empty, or has both or neither of a first line of column names and a header.
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        first = file.readline()
-    if not first.strip():
+        lines = list(islice(file, _LOOKED_AT))
+    if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty")
-    separator = max(",;\t ", key=first.count)
-    found = [name.strip() for name in next(csv.reader([first], delimiter=separator))]
+    separator, decimal = _format_of(lines)
+    found = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator))]
     found = [name or f"column {i + 1}" for i, name in enumerate(found)]
-    bare = all(map(_is_number, found))
+    bare = all(_is_number(name.replace(decimal, ".")) for name in found)
     if bare != (header is not None):
         wrong = "begins with numbers, expected a first line of column names"
         hint = '; say what they are: \'recording.header=[t,"q{index}","tau{index}"]\''
@@ -66,7 +72,18 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
         raise RecordingError(f"{path} has {len(found)} columns, recording.header has {len(names)}")
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
-    return Table(names, lambda columns: _text_pieces(path, names, separator, columns, rows, bare))
+    layout = separator, decimal
+    return Table(names, lambda columns: _text_pieces(path, names, layout, columns, rows, bare))
+
+
+def _format_of(lines: Sequence[str]) -> tuple[str, str]:
+    """Separator of a text's columns, and decimal mark of its numbers, from its first lines."""
+    for separator in ";\t":
+        fields = [field for line in lines for field in line.split(separator)]
+        commas = sum(_DECIMAL_COMMA.fullmatch(field) is not None for field in fields)
+        if separator in lines[0] and commas and not any("." in x and _is_number(x) for x in fields):
+            return separator, ","
+    return max(",;\t ", key=lines[0].count), "."
 
 
 def _is_number(text: str) -> bool:
@@ -79,13 +96,20 @@ def _is_number(text: str) -> bool:
 
 
 def _text_pieces(
-    path: Path, names: list[str], separator: str, columns: Sequence[str], rows: int, bare: bool
+    path: Path,
+    names: list[str],
+    layout: tuple[str, str],
+    columns: Sequence[str],
+    rows: int,
+    bare: bool,
 ) -> Iterator[Piece]:
+    """Pieces of a text whose layout is the separator of its columns and the decimal mark of its numbers."""
     import pandas as pd
 
     # All columns are read: with a choice of them pandas does not notice a line with too many fields.
     options: dict[str, Any] = {
-        "sep": separator,
+        "sep": layout[0],
+        "decimal": layout[1],
         "header": None,
         "names": names,
         "index_col": False,
@@ -105,8 +129,16 @@ def _text_pieces(
             skipped = _skipped(messages)
             lines = _line_numbers(line, len(frame), {row for row, _ in skipped})
             line = int(max([*lines[-1:], *(row for row, _ in skipped), line - 1])) + 1
-            numbers = {c: pd.to_numeric(frame[c], errors="coerce").to_numpy(np.float64) for c in columns}
-            yield Piece(numbers, lines, skipped)
+            yield Piece({c: _parsed(frame[c], layout[1]) for c in columns}, lines, skipped)
+
+
+def _parsed(column: "pd.Series[Any]", decimal: str) -> Numbers:
+    """Numbers of a column; pandas leaves it as text where one field is no number."""
+    import pandas as pd
+
+    if decimal == "," and not pd.api.types.is_numeric_dtype(column):
+        column = column.astype(str).str.replace(",", ".", regex=False)
+    return pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
 
 
 def _skipped(messages: list[warnings.WarningMessage]) -> list[tuple[int, str]]:

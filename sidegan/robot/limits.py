@@ -1,6 +1,9 @@
 """Limits of the joints that move: of the description, of a MoveIt file, and of the user."""
 
+import difflib
+import logging
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,7 +23,11 @@ _FILE = {  # MoveIt's names
 }
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # ranges to put where there is none
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
+_ROUNDED = 1e-3  # share of a limit by which another one may be wider without a word
+_TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
+_ALIKE = 0.8  # of two names from which on one may be meant by the other
 _Number = dict[str, float]
+_log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -73,13 +80,15 @@ def limits_of(
         RobotError: names all limits that are missing or impossible, with the settings that state them.
     """
     stated, told = _stated(tree, setup)
-    missing, found = _Missing(), {}
+    _refuse_degrees(tree, moving, stated, setup)
+    missing, found, wider = _Missing(), {}, []
     for joint in moving:
         lower, upper = _position(tree, joint, stated, missing, centre)
         speed = _velocity(tree, joint, stated, missing)
         effort = _effort(tree, joint, stated, missing)
         bound = [kind.get(joint.name, math.inf) for kind in (stated.acceleration, stated.jerk)]
         found[joint.name] = JointLimits(lower, upper, speed, effort, *bound)
+        wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
     if missing.why:
         lines = [
@@ -91,7 +100,68 @@ def limits_of(
         raise RobotError(
             f"{'; '.join([missing.why[0], *again])}; state what the arm can do, for example {' '.join(lines)}"
         )
+    if wider:
+        _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
     return found, [*told, *_tell(found, moving, stated)]
+
+
+def _refuse_degrees(tree: Tree, moving: tuple[Joint, ...], stated: _Stated, setup: Setup) -> None:
+    """Refuse ranges in degrees of joints whose own are in radians and within a turn."""
+    far = {}
+    for joint in moving:
+        span, own = stated.position.get(joint.name), _own_span(joint)
+        if joint.kind == "revolute" and span and own and _farthest(own) <= _TURN < _NEVER < _farthest(span):
+            far[joint.name] = joint
+    if far:
+        first, wanted = next(iter(far.values())), {name: _radians(stated.position[name]) for name in far}
+        raise RobotError(
+            f"{tree.at(first)}: position limits are {_to(stated.position[first.name])} rad, and in the "
+            f"description {_to(_own_span(first) or (0, 0))}: are these degrees? In radians they are "
+            f"{override('limits.position', wanted, setup.limits.position)}"
+        )
+
+
+def _farthest(span: tuple[float, float]) -> float:
+    return max(map(abs, span))
+
+
+def _radians(span: tuple[float, float]) -> tuple[float, float]:
+    return math.radians(span[0]), math.radians(span[1])
+
+
+def _to(span: tuple[float, float]) -> str:
+    return f"{span[0]:.4g} to {span[1]:.4g}"
+
+
+def _wider(joint: Joint, limits: JointLimits) -> list[str]:
+    """Which limits go beyond the description's own, with both numbers."""
+    length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
+    own, wider, span = _own_span(joint), [], _span(limits)
+    if own and joint.kind != "continuous":
+        slack = _ROUNDED * (own[1] - own[0])
+        if span[0] < own[0] - slack or span[1] > own[1] + slack:
+            wider.append(f"position of {joint.name} {_to(span)} instead of {_to(own)} {length}")
+    for kind, unit in (("velocity", f"{length}/s"), ("effort", force)):
+        limit, usual = getattr(limits, kind), _own(joint, kind)
+        if usual > 0 and limit > usual * (1 + _ROUNDED):
+            wider.append(f"{kind} of {joint.name} {limit:.4g} instead of {usual:.4g} {unit}")
+    return wider
+
+
+def _own_span(joint: Joint) -> tuple[float, float] | None:
+    """Lower and upper limit [rad or m] of the description, where these are such."""
+    span = _own(joint, "lower"), _own(joint, "upper")
+    return span if span[0] < span[1] else None
+
+
+def _own(joint: Joint, key: str) -> float:
+    """A limit of the description; zero where it states none that can be read."""
+    limit = joint.element.find("limit")
+    try:
+        value = float("0" if limit is None else limit.get(key, "0"))
+    except ValueError:
+        return 0.0
+    return value if math.isfinite(value) else 0.0
 
 
 def _tell(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: _Stated) -> list[str]:
@@ -220,7 +290,14 @@ def _read_file(tree: Tree, path: Path, stated: _Stated) -> list[str]:
     for name in known:
         _read_joint(f"{path}: joint {name!r}", name, joints[name], stated)
     rest = [str(name) for name in joints if name not in tree.joints]
-    return [f"{path.name} limits {listed(rest)}, which are not there"] if rest else []
+    return [_tell_absent(path.name, rest, tree.joints.keys() - set(known))] if rest else []
+
+
+def _tell_absent(file: str, names: list[str], free: Iterable[str]) -> str:
+    """That a file limits joints that are not there, and which of the free ones it may mean."""
+    close = [near for name in names for near in difflib.get_close_matches(name, free, 1, _ALIKE)]
+    told = f"{file} limits {listed(names)}, which {'is' if len(names) == 1 else 'are'} not there"
+    return f"{told}; did you mean {listed(list(dict.fromkeys(close)))}?" if close else told
 
 
 def _read_joint(at: str, name: str, values: dict[str, object], stated: _Stated) -> None:

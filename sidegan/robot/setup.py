@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from shlex import quote
 from typing import Annotated
 
-from sidegan.base.typed import Bound, Positive
+from sidegan.base.typed import Bound, Positive, Text
 
 Pieces = Annotated[int, Bound("≥", 1), Bound("≤", 64)]
 
@@ -26,7 +26,7 @@ class Limits:
 class Setup:
     """Which part of a description is the arm, where the rest stands, and what overrides its limits."""
 
-    args: dict[str, str] | None = None  # arguments of a xacro file
+    args: dict[str, Text] | None = None  # arguments of a xacro file
     base: str | None = None  # link from which on joints move; null: the first
     tip: str | None = None  # link up to which joints move; null: the end of the only chain
     locked: dict[str, float] | None = None  # where joints stand that do not move [rad or m]

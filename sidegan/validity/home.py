@@ -21,7 +21,7 @@ _TURN = 2.1 * math.pi  # [rad] that no home is away from zero without a reason
 _STATE = "state where it can rest, 'trajectory.home=[…]', or "
 _REMEDIES = {
     "torque": "give it more torque, robot.effort=… or 'robot.limits.effort={…}'",
-    "collision": "let links touch, 'robot.may_touch=[[…]]', or come as near as they like, workspace.clearance=0",
+    "collision": "let links touch, 'robot.may_touch=[[…]]', or keep no distance, workspace.clearance=0",
     "keep_out": "leave out what it cannot keep, workspace=free",
 }
 
@@ -68,10 +68,10 @@ def _nowhere(constraints: Constraints, rooms: dict[str, Tensor]) -> str:
     name = [*rooms][int((alone * failed.shape[1] + failed.sum(1)).argmax())]
     share = (rooms[name] <= 0).double().mean(0)
     worst = int(share.argmax())
+    blamed = f"{name} of {constraints.labels[name][worst]} does not hold in {float(share[worst]):.0%} of them"
     return (
-        f"the zero position of {constraints.arm.name} is not feasible, and none of {failed.shape[1]:,} others "
-        f"is: {name} of {constraints.labels[name][worst]} does not hold in {float(share[worst]):.0%} of them; "
-        f"{_STATE}{_REMEDIES.get(name, 'widen the range, robot.limits.position')}"
+        f"the zero position of {constraints.arm.name} is not feasible, and none of {failed.shape[1]:,} "
+        f"others is: {blamed}; {_STATE}{_REMEDIES.get(name, 'widen the range, robot.limits.position')}"
     )
 
 
@@ -89,8 +89,8 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
         j = int((q.abs() * beyond).argmax())
         raise ConfigError(
-            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, which goes from {float(lower[j]):.4g} to "
-            f"{float(upper[j]):.4g} rad: are these degrees? In radians they are "
+            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, which goes from {float(lower[j]):.4g} "
+            f"to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
             f"'{setting}=[{', '.join(f'{x:.4g}' for x in turned.tolist())}]'"
         )
 

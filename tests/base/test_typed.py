@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, build, suggest
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Text, build, settings_of, suggest
 from sidegan.errors import ConfigError
 
 
@@ -33,6 +33,11 @@ class Outer:
     inner: Inner
     many: dict[str, Inner]
     home: list[float] | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Spoken:
+    words: dict[str, Text]
 
 
 GOOD = {
@@ -98,6 +103,21 @@ def test_an_unknown_key_comes_with_what_may_be_meant():
         ConfigError, match=r"inner.cuont: there is no such setting; did you mean inner.count\?"
     ):
         build(Outer, {**GOOD, "inner": {**GOOD["inner"], "cuont": 3}})
+
+
+def test_what_is_meant_is_looked_for_in_the_same_group_first():
+    groups = {**GOOD, "many": {"first": {"count": 3, "kidn": "large", "kind": "large"}}}
+    with pytest.raises(ConfigError, match=r"many.first.kidn: .*; did you mean many.first.kind\?"):
+        build(Outer, groups)
+    assert suggest(Outer, "inner.kid", ["kind"]) == "; did you mean inner.kind?"
+    assert settings_of(Outer, "inner") == ["count", "kind", "optional"] and settings_of(Outer, "seed") == []
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.2, "0.2"), (3, "3"), (True, "true"), ("a b", "a b")])
+def test_a_text_may_be_written_as_a_number(value, text):
+    assert build(Spoken, {"words": {"one": value}}).words == {"one": text}
+    with pytest.raises(ConfigError, match=r"words.one is \[1\], expected text or a number"):
+        build(Spoken, {"words": {"one": [1]}})
 
 
 def test_all_problems_are_told_at_once():

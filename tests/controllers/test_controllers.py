@@ -9,7 +9,16 @@ import pytest
 import torch
 import yaml
 
-from sidegan.controllers import Course, csv_text, goal_text, knots, run_of, script_text, write_mcap
+from sidegan.controllers import (
+    Course,
+    csv_text,
+    goal_text,
+    knots,
+    run_of,
+    script_text,
+    slower,
+    write_mcap,
+)
 from sidegan.errors import ShapeError, StorageError
 from sidegan.motion.trajectory import Trajectory
 from tests.recording.conftest import load_recording, of_file
@@ -37,6 +46,20 @@ def test_more_points_are_on_the_same_motion():
     fine, drawn = course(rate=100), course().sampled(100)
     for name, most in (("position", 1e-6), ("velocity", 1e-5), ("acceleration", 1e-4)):
         assert (getattr(drawn, name) - getattr(fine, name)).abs().max() < most
+
+
+def test_a_table_of_a_short_way_has_points_enough_to_follow_it():
+    assert len(course().sampled(1e-3).time) == 21
+
+
+@pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])
+def test_a_slower_family_has_the_motion_of_a_slower_course(speed):
+    c = torch.randn(1, *FAMILY.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    family, slow = slower(FAMILY, c, speed)
+    once = Course.of(NAMES, FAMILY.roll_out(c, FAMILY.times(20))).slowed(speed)
+    again = Course.of(NAMES, family.roll_out(slow, family.times(20 * speed)))
+    for name in ("time", "position", "velocity", "acceleration"):
+        torch.testing.assert_close(getattr(again, name), getattr(once, name))
 
 
 @pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])

@@ -84,7 +84,9 @@ def test_fitnesses_are_ratios_of_extremes() -> None:
     excitation = Excitation(spectrum, diagonal)
     torch.testing.assert_close(excitation.eigenvalue_fitness, torch.tensor([4.0, 1e9], dtype=torch.float64))
     assert excitation.diagonal_fitness.tolist() == [5.0, 2.0]
-    torch.testing.assert_close(excitation.spectrum.sum(1), torch.tensor([13.0, 2.0 + 1e-9], dtype=torch.float64))
+    torch.testing.assert_close(
+        excitation.spectrum.sum(1), torch.tensor([13.0, 2.0 + 1e-9], dtype=torch.float64)
+    )
 
 
 @pytest.mark.parametrize("low", [0.0, -1e-18, 4e-16])

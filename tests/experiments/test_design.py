@@ -1,11 +1,15 @@
 """The experiment of designs: from a library or from a generator, each made by a stage of its own."""
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
 
-from experiments.design import _meant
-from sidegan.errors import ArtifactError, ConfigError
+from experiments.design import _SINGULAR, Answer, Question, _meant
+from sidegan.designer import Aim
+from sidegan.errors import ArtifactError, ConfigError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.known import Known
@@ -22,7 +26,8 @@ def test_designs_start_from_either(outputs, tmp_path, begin):
 
 
 def test_every_part_of_a_situation_can_be_asked_for_in_words():
-    said = "{name: fast, home: [0.1, 0.2], velocity: 0.5, torque: 0.9, period: 8, clearance: 0.01, noise: [1, 2]}"
+    said = "{name: fast, home: [0.1, 0.2], velocity: 0.5, torque: 0.9, period: 8, clearance: 0.01"
+    said += ", noise: [1, 2]}"
     asked = tiny(f"design.ask={said}", experiment="design").design.ask
     assert asked == Asked("fast", [0.1, 0.2], None, 0.5, 0.9, 8.0, 0.01, noise=[1.0, 2.0])
     words = "{aim: variance, links: {link_2: 1}, regions: [{plane: {normal: [0, 0, 1], offset: -1}}]}"
@@ -71,3 +76,51 @@ def test_a_folder_without_a_model_is_told(outputs, tmp_path):
     config = tiny(f"outputs={outputs}", f"known={tmp_path}", "stages=[table]", experiment="design")
     with pytest.raises(ConfigError, match="expected the folder of a run"):
         run_stages(config, tmp_path / "run", "design")
+
+
+def refused(tmp_path, *options, content=None):
+    """The message of a question that is refused before anything is made."""
+    file = tmp_path / "situations.yaml"
+    if content is not None:
+        file.write_text(content)
+        options = (*options, f"design.file={file}")
+    config = tiny(f"outputs={tmp_path}", *options, experiment="design")
+    with pytest.raises((ConfigError, ShapeError)) as told:
+        run_stages(config, tmp_path / "run", "design")
+    assert not [*tmp_path.glob("starts*")] and "\n" not in str(told.value)
+    return str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            "[{velocty: 1}]",
+            "situations[0].velocty: there is no such setting; did you mean situations[0].velocity?",
+        ),
+        ("a: [1", "situations.yaml: while parsing"),
+        ("{}", "holds no list of situations"),
+        ("[{name: one}, {name: one}]", "has situations of one name"),
+        ("[{}, {period: 0.05}]", "situation-2: period is 0.05 s, expected 0.6 or more: tables of 100 Hz"),
+        ("[{name: far, home: [0, 90]}]", "far: home has 90 for elbow"),
+        ("[{name: far, home: [0, 1, 2]}]", "far: home [0.0, 1.0, 2.0] must be 2 finite joint positions"),
+    ],
+)
+def test_questions_are_read_before_anything_is_made(tmp_path, content, message):
+    assert message in refused(tmp_path, content=content)
+
+
+def test_a_file_of_questions_that_is_not_there_is_told_in_a_line(tmp_path):
+    told = refused(tmp_path, f"design.file={tmp_path}/none.yaml")
+    assert told == f"there is no file design.file={tmp_path}/none.yaml"
+
+
+def test_what_is_proven_but_tells_nothing_is_no_design():
+    place, aim = _meant(Asked(), None, 100.0)
+    design = SimpleNamespace(
+        coefficients=torch.zeros(2, 3, 2), criteria=SimpleNamespace(condition=math.inf), blocked=()
+    )
+    answer = Answer(Question("still", Asked(), place, aim), design)
+    assert answer.blocked == (_SINGULAR,)
+    known = Answer(Question("still", Asked(), place, Aim("determinant", np.eye(4))), design)
+    assert known.blocked == ()

@@ -4,7 +4,7 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ConfigError, RecordingError, ShapeError
 from sidegan.identification import Measurements
 from sidegan.identification.drive_gains import drive_gains
 from tests.identification.recordings import model_of
@@ -30,12 +30,38 @@ def test_gains_come_back_within_their_deviations(arm, load):
     found = drive_gains(model_of(arm), [currents(arm, 0 * load, 0)], [currents(arm, load, 1)], load)
     assert ((found.gains - TRUE).abs() < 4 * found.deviation + 1e-3 * TRUE).all()
     assert (found.deviation < 0.05 * TRUE).all()
+    assert found.certain.all() and not found.doubts(arm)
 
 
 def test_without_noise_they_are_exact(arm, load):
     clean = [currents(arm, 0 * load, 0, 0.0)], [currents(arm, load, 1, 0.0)]
     found = drive_gains(model_of(arm), *clean, load)
     torch.testing.assert_close(found.gains, TRUE, rtol=1e-4, atol=0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_load_that_was_not_there_is_refused(arm, load, seed):
+    free, again = currents(arm, 0 * load, seed), currents(arm, 0 * load, 10 + seed)
+    with pytest.raises(RecordingError, match=r"the load is not seen in the currents: its part .* in loaded"):
+        drive_gains(model_of(arm), [free], [again], load)
+
+
+def test_a_gain_that_is_uncertain_is_told(arm, load):
+    free, laden = currents(arm, 0 * load, 0, 2.0), currents(arm, load, 1, 2.0)
+    found = drive_gains(model_of(arm), [free], [laden], load)
+    (doubt,) = found.doubts(arm)
+    assert found.certain.tolist() == 6 * [True] + [False]
+    assert "not seen in the current of joint_7: the gain has a σ of more than 20% of it" in doubt
+
+
+def test_a_current_that_is_counted_the_other_way_round_is_told(arm, load):
+    data = [currents(arm, 0 * load, 0), currents(arm, load, 1)]
+    turned = torch.tensor([1, 1, 1, -1, 1, 1, 1])
+    free, laden = (Measurements(*x.states, turned * x.torque) for x in data)
+    found = drive_gains(model_of(arm), [free], [laden], load)
+    assert found.certain.tolist() == [True, True, True, False, True, True, True]
+    (doubt,) = found.doubts(arm)
+    assert "gain of joint_4 is below zero" in doubt and "recording.reverse=[joint_4]" in doubt
 
 
 def test_a_load_that_does_nothing_is_refused(planar, load):

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from sidegan.identification import Measurements, estimate, score
-from sidegan.identification.recheck import CHANGED, RIGHT, WRONG, expected_error, recheck
+from sidegan.identification.recheck import CHANGED, RIGHT, WRONG, expected_error, possible_changes, recheck
 from sidegan.identification.score import worst
 from tests.identification.recordings import model_of
 from tests.identification.test_payload import load, runs  # noqa: F401
@@ -15,10 +15,11 @@ NOISE = 0.3
 
 @pytest.fixture(scope="module")
 def known(arm):
-    """A model, its parameters, and its errors on a recording that was held out, (J,)."""
+    """A model, its parameters, their covariance, and its errors on what was held out, (J,)."""
     model, nothing = model_of(arm), np.zeros(10)
-    found = estimate("weighted", model, [runs(arm, nothing, 0, NOISE)]).parameters
-    return model, found, score(model, found, [runs(arm, nothing, 1, NOISE)]).rmse
+    found = estimate("weighted", model, [runs(arm, nothing, 0, NOISE)])
+    before = score(model, found.parameters, [runs(arm, nothing, 1, NOISE)]).rmse
+    return model, found.parameters, found.covariance, before
 
 
 def today(arm, seed=7, change=0.0, **options):
@@ -29,7 +30,7 @@ def today(arm, seed=7, change=0.0, **options):
 
 def test_the_worst_stretch_counts(arm, known):
     """Of recordings in stretches of 100 samples and more, one of which is off at joint 3."""
-    model, parameters, _ = known
+    model, parameters, *_ = known
     data = today(arm)
     off = torch.zeros_like(data.torque)
     off[200:300, 2] = 5.0
@@ -44,11 +45,12 @@ def test_the_worst_stretch_counts(arm, known):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mean_over_fewer_repetitions_may_have_more_noise(arm, known, seed):
     """Identified from means over four executions, judged by one."""
-    model, found, _ = known
+    model, found, covariance, _ = known
     mean = runs(arm, np.zeros(10), 1, NOISE / 2)
     before = worst(model, found, [mean], len(mean))
-    assert recheck(model, found, before, [today(arm, 20 + seed)]).verdict == WRONG
-    assert recheck(model, found, expected_error(before, 4, 1), [today(arm, 20 + seed)]).verdict == RIGHT
+    fresh = [today(arm, 20 + seed)]
+    assert recheck(model, found, covariance, before, fresh).verdict == WRONG
+    assert recheck(model, found, covariance, expected_error(before, 4, 1), fresh).verdict == RIGHT
     torch.testing.assert_close(expected_error(before, 1, 4), before)
 
 
@@ -68,6 +70,30 @@ def test_more_friction_is_told_with_its_joint(arm, known):
     (name, value, sigma), *others = sorted(result.change.clear, key=lambda one: -abs(one[1] / one[2]))
     assert name == "coulomb of joint_3" and abs(value - 0.8) < 4 * sigma and not others
     assert "friction changed: coulomb of joint_3" in "; ".join(result.reasons)
+
+
+def test_what_is_within_the_limits_is_still_right_but_told(arm, known):
+    """Friction that grew by less than the errors at the identification."""
+    data = today(arm)
+    extra = torch.zeros_like(data.velocity)
+    extra[:, 2] = 0.25 * torch.tanh(data.velocity[:, 2] / known[0].terms.sign_width)
+    result = recheck(*known, [Measurements(*data.states, data.torque + extra)])
+    assert (result.ratio < 1.5).all() and result.change.what == "friction"
+    assert result.verdict == RIGHT and "times its largest error" in result.reasons[0]
+    words = "still right, though friction looks different by coulomb of joint_3 +0.2"
+    assert result.statement.startswith(words)
+
+
+def test_what_was_never_certain_has_not_changed(arm, known):
+    """By models of few noisy samples an arm that is as it was differs by about a deviation."""
+    model, data, sure, unsure = known[0], [today(arm)], [], []
+    for seed in range(30, 42):
+        found = estimate("weighted", model, [runs(arm, np.zeros(10), seed, 3.0, 150)])
+        for covariance, ratios in ((found.covariance, unsure), (0 * found.covariance, sure)):
+            changes = possible_changes(model, found.parameters, covariance, data)
+            ratios += [change.values / change.deviation for change in changes]
+    sure, unsure = (torch.cat(ratios).square().mean().sqrt() for ratios in (sure, unsure))
+    assert 0.5 < unsure < 1.5 and sure > 2
 
 
 def test_evidence_is_the_bayesian_information_criterion_of_white_residuals(arm, known):

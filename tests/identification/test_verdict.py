@@ -144,6 +144,13 @@ def test_what_no_joint_has_is_told(flawless, name, words, deviations, told):
     assert result.reasons[0].startswith("joint 2 (elbow)") == told
 
 
+@pytest.mark.parametrize(("found", "told"), [(19.9, False), (20.1, True), (0.201, False), (0.199, True)])
+def test_links_of_another_weight_are_told(flawless, found, told):
+    result = replace(flawless, mass=(found, 2.0))
+    assert result.verdict == (USABLE if told else GOOD)
+    assert ("the links weigh" in result.reasons[0] and "2 kg" in result.reasons[0]) == told
+
+
 def test_what_may_be_negative_is_not_told(flawless):
     found = flawless.estimate
     parameters = found.parameters.clone()

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
+import torch
 import yaml
 
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.library import Library
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import excite
@@ -65,6 +67,72 @@ def test_a_first_run_is_slower(outputs, folder, tmp_path):
     assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
     assert abs(2 * slow.dq_elbow[::2].to_numpy() - once.dq_elbow.to_numpy()).max() < 1e-7
     assert (tmp_path / "trajectories" / "all.mcap").is_file()
+    told = tmp_path / "set.md"
+    assert told.read_text().startswith("6 trajectories of 16 s,") and "50% of the speed" in told.read_text()
+    fast, table = pd.read_csv(folder / "set.csv"), pd.read_csv(tmp_path / "set.csv")
+    arm, body = load_robot("planar2"), RigidBody(load_robot("planar2"))
+    for column, factor in (("acceleration [rad/s²]", 4), ("jerk [rad/s³]", 8)):
+        assert (factor * table[f"peak {column}"]).to_list() == pytest.approx(fast[f"peak {column}"], rel=0.01)
+    for k, row in table.iterrows():
+        frame = pd.read_csv(tmp_path / "trajectories" / f"{k + 1}.csv")
+        names = [f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in ("shoulder", "elbow")]
+        states = torch.tensor(frame[names].to_numpy()).split(2, 1)
+        torque, velocity = body.torque(*states), states[1]
+        assert percent(row["peak velocity"]) == pytest.approx(most(velocity, arm.velocity_limit), abs=0.6)
+        assert percent(row["peak torque"]) == pytest.approx(most(torque, arm.torque_limit), abs=0.6)
+        work = torch.trapezoid((torque * velocity).abs().sum(1), torch.tensor(frame.time.to_numpy()))
+        assert row["energy [J]"] == pytest.approx(float(work), rel=0.01)
+
+
+def percent(cell):
+    return float(cell.rstrip("%"))
+
+
+def most(x, limit):
+    """Largest share of a limit, in per cent."""
+    return 100 * float((x.abs() / limit).max())
+
+
+def test_one_trajectory_is_told_as_one(outputs, tmp_path):
+    config = tiny(f"outputs={outputs}", "selection.count=1", experiment="excite")
+    run_stages(config, tmp_path, "excite")
+    assert (tmp_path / "set.md").read_text().startswith("1 trajectory of 8 s,")
+
+
+def refused(tmp_path, *options):
+    """The message of what is refused before anything is made."""
+    config = tiny(f"outputs={tmp_path}", *options, experiment="excite")
+    with pytest.raises(ConfigError) as told:
+        run_stages(config, tmp_path / "run", "excite")
+    assert not [*tmp_path.glob("*seeds*")]
+    return str(told.value)
+
+
+@pytest.mark.parametrize(("speed", "least"), [(1, "7.5"), (0.25, "1.875")])
+def test_a_table_that_cannot_describe_the_motion_is_refused_with_the_least_rate(tmp_path, speed, least):
+    told = refused(tmp_path, f"controllers.speed={speed}", "controllers.rate=1.8")
+    assert f"controllers.rate is 1.8 Hz, expected {least} or more: 20 points per period" in told
+    enough = (f"controllers.speed={speed}", f"controllers.rate={least}", "stages=[excite]", "excite=[gold]")
+    assert "excite names 'gold'" in refused(tmp_path, *enough)
+    assert "excite names 'gold'" in refused(
+        tmp_path, *enough, "controllers.rate=1", "controllers.formats=[ros2]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (
+            "controllers.start=[0,0,0]",
+            "controllers.start is [0.0, 0.0, 0.0], expected the positions of 2 joints",
+        ),
+        ("controllers.start=[0,90]", "controllers.start has 90 for elbow, which goes from"),
+        ("trajectory.home=[0,90]", "trajectory.home has 90 for elbow, which goes from"),
+    ],
+)
+@pytest.mark.parametrize("effort", ["null", "0.5"])
+def test_places_that_are_none_are_refused_before_any_work(tmp_path, option, message, effort):
+    assert message in refused(tmp_path, option, f"robot.effort={effort}")
 
 
 def test_the_way_from_where_the_arm_is_to_home_and_back(outputs, tmp_path):
@@ -76,7 +144,7 @@ def test_the_way_from_where_the_arm_is_to_home_and_back(outputs, tmp_path):
     assert back[["q_shoulder", "q_elbow"]].iloc[-1].tolist() == pytest.approx([0.4, -0.6])
     assert (tmp_path / "trajectories" / "approach.yaml").is_file()
     with pytest.raises(InfeasibleError, match="bring the arm closer to home"):
-        far = tiny(f"outputs={outputs}", "controllers.start=[0,9]", experiment="excite")
+        far = tiny(f"outputs={outputs}", "controllers.start=[0,4]", experiment="excite")
         run_stages(far, tmp_path / "run", "excite")
 
 

@@ -378,6 +378,26 @@ def test_no_other_artifact_depends_on_these_settings(tmp_path):
     assert not any(one.cfg.has(group) for group in ("model", "recording", "identify"))
 
 
+def test_an_arm_of_a_thousandth_of_its_weight_is_not_good(files, tmp_path):
+    """Torques in N·m that were declared to be in mN·m."""
+    a, b, _ = files
+    given = (f"recordings=[{a}]", f"validation=[{b}]", "recording.units.torque=mNm")
+    verdict, _ = identified(tmp_path, "robot=planar2", *given)
+    assert verdict["verdict"] == "usable" and verdict["validation"]["nmse_mean"] < 5e-3
+    assert any("is the unit of the torques another one?" in reason for reason in verdict["reasons"])
+
+
+def test_gains_by_a_load_that_was_not_there_are_no_setting(files, tmp_path, caplog):
+    for path in files[:2]:
+        table = pd.read_csv(path).rename(columns={"tau1": "i1", "tau2": "i2"})
+        table.assign(i1=table.i1 / 5, i2=table.i2 / 5).to_csv(tmp_path / path.name, index=False)
+    given = (f"recordings=[{tmp_path / 'a.csv'}]", f"loaded=[{tmp_path / 'b.csv'}]", "load.mass=1")
+    words = ("+experiment=gains", "tracking=off", f"outputs={tmp_path}", "robot=planar2", *given)
+    with pytest.raises(RecordingError, match="the load is not seen in the currents"):
+        run_stages(validate(composed(*words, "load.centre=[0.05,0,0]")), tmp_path / "run", "gains")
+    assert "robot.gains=[" not in caplog.text and not (tmp_path / "run" / "gains.json").exists()
+
+
 def test_the_command_works_as_it_is_told(files, tmp_path, monkeypatch):
     a, b, c = files
     words = ["+experiment=identify", "robot=planar2", f"recordings=[{a},{b}]", f"validation=[{c}]"]

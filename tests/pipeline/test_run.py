@@ -153,6 +153,11 @@ def test_whoever_starts_elsewhere_finds_the_results_there(command, tmp_path):
         (["gan=eigne"], "Could not find 'gan/eigne'"),
         (["experiment=exp1"], "use +experiment=exp1"),
         (["recordings=[a.csv]"], "recordings: this is a setting of other experiments"),
+        (
+            ["robot.limits={joint_1: 1}"],
+            "error: robot.limits: joint_1 is no setting of this group, which has position, velocity, accel",
+        ),
+        (["robot={limits: {velocit: {a: 1}}}"], "did you mean robot.limits.velocity?"),
         (["+experiment=exp99"], "Could not find 'experiment/exp99'"),
         (["seed=0,1"], "To sweep over it, add --multirun"),
         (["seed=="], "Error parsing override 'seed=='"),

@@ -148,8 +148,11 @@ def test_regions_are_planes_and_boxes():
 
 
 def test_an_impossible_home_is_refused_before_any_work(tmp_path):
-    task = Task(tiny("trajectory.home=[0, 9]"), Store(tmp_path))
+    task = Task(tiny("trajectory.home=[0, 4]"), Store(tmp_path))
     with pytest.raises(InfeasibleError, match="position of elbow"):
+        task.constraints  # noqa: B018
+    task = Task(tiny("trajectory.home=[0, 90]"), Store(tmp_path))
+    with pytest.raises(ConfigError, match="are these degrees"):
         task.constraints  # noqa: B018
 
 

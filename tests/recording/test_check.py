@@ -1,5 +1,6 @@
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,8 @@ import torch
 from sidegan.errors import RecordingError
 from sidegan.recording.check import check_recording, split
 from sidegan.recording.recording import Recording
-from sidegan.robot import load_robot
+from sidegan.recording.statistics import statistics_of
+from sidegan.robot import Limits, Setup, load_robot
 from tests.recording.conftest import load_recording, of_file, real, recorded
 
 GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)
@@ -42,6 +44,86 @@ def test_degrees_for_radians_are_noticed(planar, clock):
         check_recording(turned, planar, of_file())
 
 
+@pytest.mark.parametrize(("unit", "size"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_time_stamps_in_another_unit_are_noticed(planar, clock, unit, size):
+    """In seconds they would be hours apart; what is said makes them right, whatever was declared."""
+    recording = recorded(planar, clock)
+    for declared, factor in (("s", 1.0), ("ms", 1e-3)):
+        read = replace(recording, time=recording.time * size * factor)
+        settings = of_file(units={"time": declared})
+        if unit != declared:
+            with pytest.raises(RecordingError, match=rf"another unit\? \(recording\.units\.time={unit}\)"):
+                check_recording(read, planar, settings)
+
+
+def test_currents_in_milliamperes_are_noticed(planar, clock):
+    recording = recorded(planar, clock, ("position", "velocity", "current"))
+    wrong = replace(recording, current=1e3 * recording.current)
+    for arm, words in ((planar, "its limit"), (without_limits(planar), "what the description's links need")):
+        assert check_recording(recording, arm, of_file(), (2.0, 2.0)).agreement.heavier == pytest.approx(
+            1.0, abs=0.01
+        )
+        with pytest.raises(RecordingError, match=rf"times {words}: .*\(recording\.units\.current=mA\)"):
+            check_recording(wrong, arm, of_file(), (2.0, 2.0))
+        with pytest.raises(RecordingError, match=r"are the gains \(robot\.gains\)"):
+            check_recording(wrong, arm, of_file(units={"current": "mA"}), (2.0, 2.0))
+        with pytest.raises(RecordingError, match=r"are the gains \(robot\.gains\)"):
+            check_recording(recording, arm, of_file(), (2e5, 2e5))
+
+
+def test_torques_in_another_unit_are_noticed_and_can_be_insisted_on(planar, clock):
+    recording = recorded(planar, clock)
+    wrong = replace(recording, torque=1e3 * recording.torque)
+    with pytest.raises(RecordingError, match=r"\(recording\.units\.torque=mNm\)") as error:
+        check_recording(wrong, planar, of_file())
+    limits = re.findall(r"(\w+): (\d+)", str(error.value).partition("robot.limits.effort={")[2])
+    strong = load_robot("planar2", Setup(limits=Limits(effort={name: float(x) for name, x in limits})))
+    assert check_recording(wrong, strong, of_file()).kept
+    with pytest.raises(RecordingError, match="is it in N·m, and in this order"):
+        check_recording(replace(recording, torque=1e7 * recording.torque), planar, of_file())
+
+
+def test_limits_that_the_arms_own_links_exceed_are_none(planar, clock):
+    weak = replace(planar, torque_limit=torch.full((2,), 1e-3, dtype=torch.float64))
+    assert "the torque of shoulder, elbow is beyond the arm's limit" in joined_warnings(
+        recorded(planar, clock), weak
+    )
+
+
+def without_limits(arm):
+    return replace(arm, torque_limit=torch.full_like(arm.torque_limit, torch.inf))
+
+
+def test_a_torque_that_stays_the_same_while_its_joint_moves_is_told(planar, clock):
+    recording = recorded(planar, clock)
+    stuck = recording.torque.clone()
+    stuck[600:1900, 1] = stuck[600, 1]
+    frozen = replace(recording, torque=stuck)
+    words = "the torque of elbow stays the same from 6.00 s to 18.99 s, though it moves"
+    assert words in joined_warnings(frozen, planar)
+    halves = [part_of(frozen, 0, 1000), part_of(frozen, 1000, 2000)]
+    assert statistics_of(halves).frozen == statistics_of(frozen).frozen
+    rows = torch.tensor([k for k in range(2000) if not 600 <= k < 1900])
+    assert "stays the same" not in joined_warnings(part_of(frozen, rows), planar)
+    resting = replace(recording, position=torch.where(stuck == stuck[600, 1], 0.3, recording.position))
+    assert "stays the same" not in joined_warnings(resting, planar)
+
+
+def part_of(recording, first, last=None):
+    """Some samples of a recording, from one number to another or those that are listed."""
+    rows = slice(first, last) if last else first
+    signals = {name: x[rows] for name, x in recording.signals().items()}
+    return replace(recording, time=recording.time[rows], **signals)
+
+
+def test_another_arm_is_asked_for(planar, clock):
+    recording = recorded(planar, clock)
+    torque = torch.sin(recording.time[:, None] * torch.tensor([3.1, 4.3]))
+    words = "is this the arm, and are its joints in this order?"
+    assert words in joined_warnings(replace(recording, torque=torque), planar)
+    assert words not in joined_warnings(recording, planar)
+
+
 def test_a_wrong_sign_is_noticed(planar, clock):
     recording = recorded(planar, clock)
     flipped = replace(recording, torque=recording.torque * torch.tensor([1.0, -1.0]))
@@ -69,14 +151,15 @@ def test_what_cannot_be_used_is_refused(planar, clock):
         check_recording(replace(recording, torque=torch.zeros_like(recording.torque)), planar, of_file())
     stuck = recording.torque.clone()
     stuck[:, 1] = 3.0
-    with pytest.raises(RecordingError, match="torque of joint 2 is constant"):
+    with pytest.raises(RecordingError, match="torque of elbow is constant"):
         check_recording(replace(recording, torque=stuck), planar, of_file())
     with pytest.raises(RecordingError, match="neither torque nor current"):
         check_recording(recorded(planar, clock, ("position",)), planar, of_file())
-    with pytest.raises(RecordingError, match="is constant while it moves"):
-        check_recording(replace(recording, velocity=torch.ones_like(recording.velocity)), planar, of_file())
+    for dead in (torch.ones_like(recording.velocity), torch.zeros_like(recording.velocity)):
+        with pytest.raises(RecordingError, match=r"velocity of shoulder, elbow is constant.*velocity=null"):
+            check_recording(replace(recording, velocity=dead), planar, of_file())
     one = Recording("one", ("a",), recording.time, recording.position[:, :1], torque=recording.torque[:, :1])
-    with pytest.raises(RecordingError, match="has 1 joints, planar2 has 2"):
+    with pytest.raises(RecordingError, match="has 1 joint, planar2 has 2"):
         check_recording(one, planar, of_file())
 
 
@@ -89,10 +172,10 @@ def test_what_a_person_should_look_at_is_a_warning(planar, clock):
     odd = replace(recording, time=time, torque=cut, corrupt=((7, "no number in q1"),))
     warnings = joined_warnings(odd, planar)
     for part in (
-        "1 gaps, the longest 2",
-        "1 samples have the time stamp",
+        "1 gap, the longest 2",
+        "1 sample with the time stamp",
         "looks saturated",
-        "row 7: no number",
+        "1 corrupt row, left out; the first is row 7: no number",
     ):
         assert part in warnings
     still = recording.position.clone()

@@ -339,6 +339,29 @@ def test_a_text_without_names_is_read(made, tmp_path, separator):
         load_recording(write_parquet(made, tmp_path), of_file(header=header), made.joint_names)
 
 
+@pytest.mark.parametrize("names", [True, False])
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read(made, tmp_path, separator, names):
+    """A line of text among them costs no more than itself."""
+    lines = frame(made).to_csv(index=False, header=names, sep=separator, decimal=",").splitlines()
+    lines[50] = "stopped"
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    header = None if names else ["t", "q{index}", "qd{index}", "tau{index}"]
+    parts = list(Source(tmp_path / "a.csv", of_file(header=header), made.joint_names, rows=64))
+    ((row, _),) = [row for part in parts for row in part.corrupt]
+    left_out = row - (2 if names else 1)
+    for name, x in {"time": made.time, **made.signals()}.items():
+        kept = torch.cat([x[:left_out], x[left_out + 1 :]])
+        torch.testing.assert_close(torch.cat([getattr(part, name) for part in parts]), kept)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_comma_in_a_name_makes_no_decimal_comma(made, tmp_path, separator):
+    frame(made).assign(**{"note 1,5": 1.5}).to_csv(tmp_path / "a.csv", index=False, sep=separator)
+    loaded = load_recording(tmp_path / "a.csv", of_file(), made.joint_names)
+    torch.testing.assert_close(loaded.torque, made.torque)
+
+
 def test_a_text_without_names_may_begin_with_what_is_no_number(made, tmp_path):
     """A logger's first row, before its filters are filled."""
     table = frame(made)

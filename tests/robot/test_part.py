@@ -264,7 +264,7 @@ class TestLimits:
         arm = self.load(tmp_path, text, limits=limits)
         assert arm.velocity_limit.tolist() == [1, 1]
 
-    def test_the_user_overrides_the_file_and_the_file_the_description(self, tmp_path):
+    def test_the_user_overrides_the_file_and_the_file_the_description(self, tmp_path, caplog):
         (tmp_path / "joint_limits.yaml").write_text(
             "joint_limits:\n"
             "  first: {has_velocity_limits: true, max_velocity: 1.1, has_acceleration_limits: true,\n"
@@ -283,7 +283,34 @@ class TestLimits:
         assert arm.position_lower.tolist() == [-1.5, -math.pi / 2]
         assert arm.acceleration_limit.tolist() == [3.5, math.inf]
         assert arm.jerk_limit.tolist() == [50, math.inf]
-        assert "joint_limits.yaml limits finger, which are not there" in arm.told
+        assert "joint_limits.yaml limits finger, which is not there" in arm.told
+        assert "position of second -1.571 to 1 instead of -1.5 to 2 rad" in caplog.text
+        assert "velocity of" not in caplog.text and "effort of" not in caplog.text
+
+    def test_a_misspelt_joint_of_the_file_is_told_with_what_is_meant(self, tmp_path):
+        file = tmp_path / "joint_limits.yaml"
+        file.write_text("joint_limits: {secnd: {max_velocity: 1}, first: {max_velocity: 1}, hand: {}}")
+        arm = self.load(tmp_path, two_joints(), limits_file=str(file))
+        assert "limits secnd, hand, which are not there; did you mean second?" in arm.told[-1]
+
+    def test_limits_wider_than_the_descriptions_are_told_with_both_numbers(self, tmp_path, caplog):
+        wide = Limits(velocity={"second": 90.0}, effort={"first": 41.0}, position={"first": (-1.5, 2.5)})
+        self.load(tmp_path, two_joints(), limits=wide)
+        (told,) = [record.getMessage() for record in caplog.records]
+        assert "velocity of second 90 instead of 2.5 rad/s" in told
+        assert "effort of first 41 instead of 40 N·m" in told
+        assert "position of first -1.5 to 2.5 instead of -1.5 to 2 rad" in told
+        caplog.clear()
+        self.load(tmp_path, two_joints(), limits=Limits(velocity={"second": 2.5}, effort={"first": 3.0}))
+        assert not caplog.records
+
+    def test_ranges_in_degrees_are_refused_with_what_they_are_in_radians(self, tmp_path):
+        degrees = Limits(position={"first": (-80.0, 80.0), "second": (-1.0, 1.0)})
+        with pytest.raises(RobotError, match=r"'first': .*are these degrees\?") as told:
+            self.load(tmp_path, two_joints(), limits=degrees)
+        assert "'robot.limits.position={first: [-1.39626, 1.39626], second: [-1, 1]}'" in str(told.value)
+        turning = one_joint(kind="continuous", limit='<limit velocity="1" effort="2"/>')
+        assert self.load(tmp_path, turning, limits=Limits(position={"turn": (-80.0, 80.0)})).joints == 1
 
     def test_higher_limits_are_in_the_digest_where_there_are_any(self, tmp_path):
         bare, same = (self.load(tmp_path, two_joints()) for _ in range(2))

@@ -6,10 +6,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
+from sidegan.validity.home import refuse_degrees
 
 
 @pytest.fixture
@@ -47,10 +48,35 @@ def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same(be
     assert default_home(Constraints(bent, regions)) == home
 
 
-def test_where_no_position_is_free_that_is_told_with_what_may_help(bent):
+def test_where_no_position_is_held_torque_is_named_with_what_allows_more(bent):
     weak = replace(bent, torque_limit=1e-9 * bent.torque_limit)
-    with pytest.raises(InfeasibleError, match=r"trajectory\.home=.*workspace=free"):
-        default_home(Constraints(weak))
+    with pytest.raises(
+        InfeasibleError, match=r"torque of shoulder .*trajectory\.home=.*robot\.effort"
+    ) as told:
+        default_home(Constraints(weak, [Plane((0, 0, 1), -0.5)]))
+    assert "workspace" not in str(told.value)
+
+
+def test_where_no_position_is_free_the_region_is_named_with_what_drops_it(bent):
+    between = [Plane((0, 0, 1), 0.7), Plane((0, 0, -1), -0.75)]  # each of which leaves room
+    with pytest.raises(InfeasibleError, match=r"keep_out of \w+ in region \d .*workspace=free"):
+        default_home(Constraints(bent, between))
+
+
+@pytest.mark.parametrize("positions", [[0.0, -90.0, 90.0, 0.0, 45.0, 0.0, 0.0], [120.0] + 6 * [0.0]])
+def test_positions_in_degrees_are_refused_with_what_they_are_in_radians(arm, positions):
+    with pytest.raises(ConfigError, match=r"has -?\d+ for .* are these degrees\?") as told:
+        refuse_degrees(arm, positions, "trajectory.home")
+    said = str(told.value).rpartition("trajectory.home=[")[2].removesuffix("]'")
+    refuse_degrees(arm, radians := [float(x) for x in said.split(",")], "trajectory.home")
+    assert radians == pytest.approx([math.radians(x) for x in positions], abs=1e-3)
+    with pytest.raises(ConfigError, match="are these degrees"):
+        usual_effort(arm, positions)
+
+
+@pytest.mark.parametrize("positions", [[0.0, 4.0], [400.0, 0.0], [1.0], [0.0, 0.0, 90.0]])
+def test_other_positions_are_left_to_those_who_take_them(planar, positions):
+    refuse_degrees(planar, positions, "trajectory.home")
 
 
 def holding(planar: Arm, share: float) -> Arm:

@@ -1,14 +1,14 @@
 """Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
 
 import logging
-from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 
 import pandas as pd
 import torch
 from torch import Tensor
 
-from sidegan.controllers import SCRIPTED, approach, deliver
+from sidegan.controllers import POINTS, SCRIPTED, approach, deliver, least_rate, slower
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
 from sidegan.design.sequence import designed
@@ -16,7 +16,7 @@ from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
 from sidegan.identification.uncertain import Uncertain, unmeasured, usual_torque, wanted_of
 from sidegan.library import Library
 from sidegan.library.measure import measured
-from sidegan.motion.trajectory import Motion
+from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
@@ -28,11 +28,13 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
 from sidegan.robot import HIGHER, words
 from sidegan.validity import check
+from sidegan.validity.home import refuse_degrees
 
 FOLDER, VIEW, SHAPES, GOAL = "trajectories", "view.html", "shapes.npz", "goal"
 _EXECUTE = "Execute them, at a quarter of the speed first (controllers.speed=0.25 writes that):"
 _LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
+_PRINTED = 1e-4  # by how much a rate that a message names may be rounded
 _POWERS = {2: "²", 3: "³"}
 log = logging.getLogger(__name__)
 
@@ -45,23 +47,22 @@ def _show(task: Task, tracker: Tracker) -> None:
     times = task.trajectory.times(cfg.identification.rate)
     if cfg.controllers.gentle:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
-    motion = task.trajectory.roll_out(chosen.coefficients, times)
-    _require_slow(task, chosen)
+    family, run = _as_run(task, chosen)
     chosen.save(folder / LIBRARY)
     _keep_shapes(task, folder)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
-    information = information_of(task.body, task.trajectory, chosen.coefficients)
-    criteria = criteria_of(information.stacked(torch.arange(len(chosen))))
+    information = information_of(task.body, family, run.coefficients)
+    criteria = criteria_of(information.stacked(torch.arange(len(run))))
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
     caption = (
-        f"{len(chosen)} trajectories of {task.trajectory.period:g} s, condition of the set "
+        f"{_counted(len(run))} of {family.period:g} s, condition of the set "
         f"{criteria.condition:.3g}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
     caption += f"{_goal(task, aim, tracker)}; checked: {task.constraints.described()}"
     caption += f"; effort {task.effort:.0%}" if task.effort < 1 else ""
-    table = _table(task, chosen, motion)
-    caption += _view(task, chosen, table, tracker)
+    table = _table(task, family, run)
+    caption += _view(task, family, run, table, tracker)
     publish(table, folder / "set", caption, tracker)
     if cfg.controllers.rehearse:
         friction = "servos, friction and rotors of plant"
@@ -78,8 +79,8 @@ def _picked(task: Task) -> Library:
     """Trajectories from the configured pools."""
     cfg, pool = task.cfg, _pool(task)
     if cfg.selection.count > len(pool):
-        held = f"{', '.join(cfg.excite)} hold {len(pool)}"
-        raise ConfigError(f"selection.count is {cfg.selection.count}, but {held} trajectories")
+        held = f"{', '.join(cfg.excite)} hold {_counted(len(pool))}"
+        raise ConfigError(f"selection.count is {cfg.selection.count}, but {held}")
     return pool.take(pick(task, pool))
 
 
@@ -118,40 +119,48 @@ def _goal(task: Task, aim: Uncertain | None, tracker: Tracker) -> str:
     rows = pd.DataFrame(shown, index=pd.Index(aim.goal.names, name="wanted"))
     publish(rows, task.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
-    return f"; {aim.goal.said(aim.deviations, aim.before)}, beside {of}"
+    planned = "" if task.cfg.controllers.speed == 1 else ", at the whole speed"
+    return f"; {aim.goal.said(aim.deviations, aim.before)}{planned}, beside {of}"
 
 
-def _require_slow(task: Task, chosen: Library) -> None:
-    """Refuse a set that cannot be run slower: accelerations may help to hold an arm that is too weak.
+def _as_run(task: Task, chosen: Library) -> tuple[Trajectory, Library]:
+    """The set at the chosen speed, as its files have it, and the family that it then is of.
+
+    What cannot be run slower is refused: accelerations may help to hold an arm that is too weak.
 
     Raises:
         InfeasibleError: with the trajectory, and what it would violate.
     """
     speed = task.cfg.controllers.speed
     if speed == 1:
-        return
-    family = replace(task.trajectory, period=task.trajectory.period / speed)
-    found = check(task.constraints, family, speed * chosen.coefficients)
+        return task.trajectory, chosen
+    family, c = slower(task.trajectory, chosen.coefficients, speed)
+    found = check(task.constraints, family, c)
     if not found.valid.all():
         first = int((~found.valid).nonzero()[0])
         raise InfeasibleError(
             f"trajectory {first + 1} cannot be run at {speed:.0%} of the speed: {found.failures(first)[0]}; "
             "plan a slower one: robot.effort or trajectory.period"
         )
+    return family, measured(task.constraints, family, c, "excite")
+
+
+def _counted(count: int) -> str:
+    return f"{count} {'trajectory' if count == 1 else 'trajectories'}"
 
 
 def _slow(speed: float) -> str:
     return "" if speed == 1 else f", at {speed:.0%} of the speed"
 
 
-def _view(task: Task, chosen: Library, table: pd.DataFrame, tracker: Tracker) -> str:
+def _view(task: Task, family: Trajectory, run: Library, table: pd.DataFrame, tracker: Tracker) -> str:
     """Write the page on which the arm moves along the set; where it is, for the caption."""
     from sidegan.report.viewer import view_of, write_view
 
     path = task.store.run_folder / VIEW
-    titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(chosen.fitness.tolist(), 1)]
+    titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(run.fitness.tolist(), 1)]
     try:
-        view = view_of(task.constraints, task.trajectory, chosen.coefficients, titles, task.whole_arm)
+        view = view_of(task.constraints, family, run.coefficients, titles, task.whole_arm)
         write_view(view, path, table, _steps(task))
     except ArtifactError as error:  # the trajectories are there, which is what counts
         log.warning("there is no %s: %s", VIEW, error)
@@ -200,47 +209,37 @@ def _energy(task: Task, motion: Motion) -> Tensor:
     return torch.trapezoid(power, motion.time, dim=1)
 
 
-def _table(task: Task, chosen: Library, motion: Motion) -> pd.DataFrame:
-    """What each trajectory asks of the arm."""
-    arm = task.whole_arm
+def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
+    """What each trajectory asks of the arm, as its files have it."""
+    arm, times = task.whole_arm, family.times(task.cfg.identification.rate)
+    motion = family.roll_out(run.coefficients, times)
     torque = task.body.torque(*motion[1:])
-    nearest = _nearest(task, chosen)
+    nearest = _nearest(task, family, run)
     return pd.DataFrame(
         {
-            "trajectory": range(1, len(chosen) + 1),
-            "cond(YᵀY)": [f"{x:.3g}" for x in chosen.fitness.tolist()],
+            "trajectory": range(1, len(run) + 1),
+            "cond(YᵀY)": [f"{x:.3g}" for x in run.fitness.tolist()],
             "peak velocity": _percent((motion.velocity.abs() / arm.velocity_limit).amax((1, 2))),
-            **_higher_peaks(task, chosen),
+            **_higher_peaks(task, family, run),
             "peak torque": _percent((torque.abs() / arm.torque_limit).amax((1, 2))),
-            "clearance [m]": ["—" if x != x else f"{x:.3f}" for x in nearest.tolist()],
+            "clearance [m]": [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()],
             "energy [J]": [f"{x:.3g}" for x in _energy(task, motion).tolist()],
         }
     ).set_index("trajectory")
 
 
-def _nearest(task: Task, chosen: Library) -> Tensor:
-    """Smallest distance [m] that is kept along each trajectory, (N,); not a number where nothing is near.
-
-    Margins are lower bounds where capsules with hulls inside settled the check: distances are then looked at
-    along the way.
-    """
-    margins, kept = chosen.margins, task.constraints.kept
-    nearest = [margins[name] + x.amin() for name, x in kept.items() if name in margins and len(x)]
-    if task.constraints.pieces.finer.any():
-        times = task.trajectory.times(_LOOKED_AT)
-        q = task.trajectory.derivative(chosen.coefficients, times, 0)
-        along = task.constraints.at_rest(q.flatten(0, 1))
-        beside = {name: along[name] + x for name, x in kept.items() if name in along and len(x)}
-        nearest = [x.reshape(len(q), -1).amin(1) for x in beside.values()]
-    return torch.stack(nearest).amin(0) if nearest else torch.full((len(chosen),), torch.nan)
+def _nearest(task: Task, family: Trajectory, run: Library) -> Tensor:
+    """Smallest distance [m] along each trajectory, (N,), as ``Constraints.nearest`` has it."""
+    q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
+    return task.constraints.nearest(q.flatten(0, 1)).view(len(q), -1).amin(1)
 
 
-def _higher_peaks(task: Task, chosen: Library) -> dict[str, list[str]]:
+def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, list[str]]:
     """Largest accelerations and jerks of a joint: as shares of their limits where there are any."""
-    times = task.trajectory.times(task.cfg.identification.rate)
+    times = family.times(task.cfg.identification.rate)
     peaks, limits = {}, task.arm.higher_limits
     for name, order in HIGHER.items():
-        x = task.trajectory.derivative(chosen.coefficients, times, order).abs()
+        x = family.derivative(run.coefficients, times, order).abs()
         if name in limits:
             peaks[f"peak {name}"] = _percent((x / limits[name]).amax((1, 2)))
         else:
@@ -253,11 +252,36 @@ def _percent(share: Tensor) -> list[str]:
     return [f"{x:.0%}" for x in share.tolist()]
 
 
+def _require_rate(task: Task) -> None:
+    """Refuse tables of too few points for the highest harmonic."""
+    settings, family = task.cfg.controllers, task.cfg.trajectory
+    least = settings.speed * least_rate(family.harmonics, family.period)
+    if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
+        raise ConfigError(
+            f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
+            f"period of the highest of trajectory.harmonics={family.harmonics}"
+        )
+
+
+def _require_places(task: Task) -> None:
+    """Refuse a start that is in degrees, for another arm, or with no way to home."""
+    arm, settings = task.whole_arm, task.cfg.controllers
+    if settings.start is None:
+        return
+    if len(settings.start) != arm.joints:
+        raise ConfigError(
+            f"controllers.start is {settings.start}, expected the positions of {arm.joints} joints, "
+            f"{', '.join(arm.joint_names)}"
+        )
+    refuse_degrees(arm, settings.start, "controllers.start")
+    approach(task.constraints, settings.start, tuple(task.trajectory.home or ()), settings.careful)
+
+
 def _check(task: Task) -> None:
     require_rehearsal(task)
+    _require_rate(task)
+    _require_places(task)
     _aim(task)
-    if task.cfg.controllers.start is not None:
-        approach(task.constraints, task.cfg.controllers.start, tuple(task.trajectory.home or ()), 1.0)
     if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:
         raise ConfigError(
             f"controllers.formats has urscript, which moves {SCRIPTED} joints; "

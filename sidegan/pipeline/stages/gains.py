@@ -20,19 +20,23 @@ log = logging.getLogger(__name__)
 
 
 def _show(task: Task, tracker: Tracker) -> None:
-    """Find the gains, and leave them in the run's folder, as a setting too."""
+    """Find the gains, and leave them in the run's folder; as a setting too, if all are certain."""
     cfg, arm, folder = task.cfg, recorded_arm(task.cfg), task.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
     found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
     each = {"gain": found.gains.tolist(), "deviation": found.deviation.tolist()}
-    write_json(folder / RESULT, {"joints": list(arm.joint_names), **each})
+    told = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
+    write_json(folder / RESULT, {**told, **each})
     shown = pd.DataFrame(
         {"gain [N·m/A]": [f"{x:.4g}" for x in each["gain"]], "σ": [f"{x:.2g}" for x in each["deviation"]]},
         index=pd.Index(arm.joint_names, name="joint"),
     )
     publish(shown, folder / "gains", f"Drive gains of {arm.name}, by a load of {cfg.load.mass:g} kg", tracker)
-    log.info("robot.gains=[%s]", ",".join(f"{x:.4g}" for x in each["gain"]))
+    for doubt in (doubts := found.doubts(arm)):
+        log.warning("no setting robot.gains: %s", doubt)
+    if not doubts:
+        log.info("robot.gains=[%s]", ",".join(f"{x:.4g}" for x in each["gain"]))
 
 
 def _check(task: Task) -> None:

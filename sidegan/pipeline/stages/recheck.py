@@ -31,14 +31,15 @@ def _show(task: Task, tracker: Tracker) -> None:
     fresh = read_and_check(cfg.recordings, "validation", arm, cfg.recording, cfg.robot.gains, width)
     once = min(one.repetitions[0] for one in fresh)
     before = expected_error(known.worst, known.repetitions, once)
-    found = recheck(known.model, known.parameters, before, measurements_of(fresh))
+    found = recheck(known.model, known.parameters, known.covariance, before, measurements_of(fresh))
     change = None if found.change is None else {"what": found.change.what, "clear": found.change.clear}
-    numbers = {"verdict": found.verdict, "reasons": found.reasons, "change": change}
+    told = {"verdict": found.verdict, "statement": found.statement}
+    numbers = {**told, "reasons": found.reasons, "change": change}
     numbers |= {"nmse": found.errors.nmse.tolist(), "rmse": found.errors.rmse.tolist()}
     write_json(task.store.run_folder / RESULT, numbers | {"ratio": found.ratio.tolist()})
     caption = f"The model in {cfg.known}, today"
     publish(_table(found), task.store.run_folder / "recheck", caption, tracker)
-    log.info("the model of %s is %s", arm.name, found.verdict)
+    log.info("the model of %s is %s", arm.name, found.statement)
     for reason in found.reasons:
         log.info("  %s", reason)
 

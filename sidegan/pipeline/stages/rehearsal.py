@@ -1,10 +1,11 @@
 """The set as an arm in MuJoCo executes it, under servos and with friction, before anything moves."""
 
-from dataclasses import replace
+import math
 
 import pandas as pd
 from torch import Tensor
 
+from sidegan.controllers import slower
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.task import Task
 from sidegan.plant import Executed, Plant
@@ -20,12 +21,11 @@ def rehearsed(task: Task, coefficients: Tensor) -> pd.DataFrame:
         InfeasibleError: when a joint does not follow a trajectory.
         RobotError: when a link is not physically consistent.
     """
-    speed = task.cfg.controllers.speed
-    family = replace(task.trajectory, period=task.trajectory.period / speed)
+    family, slow = slower(task.trajectory, coefficients, task.cfg.controllers.speed)
     plant = Plant(task.whole_arm, task.cfg.plant)
     times = family.times(plant.settings.rate)
     rows = []
-    for c in (speed * coefficients).split(1):
+    for c in slow.split(1):
         planned = family.roll_out(c, times)
         rows.append(_facts(task, planned, plant.follow(planned)))
     return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))
@@ -37,12 +37,11 @@ def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
     worst, joint = error.amax(0).max(0)
     share = (executed.torque.abs() / task.whole_arm.torque_limit).amax(0)
     stride = max(1, round(_EVERY * task.cfg.plant.rate))
-    margins = task.constraints.at_rest(executed.position[::stride])
-    nearest = [float(margins[name].min()) for name in ("collision", "keep_out") if name in margins]
+    nearest = float(task.constraints.nearest(executed.position[::stride]).min())
     return {
         "tracking error [rad]": f"{float(worst):.2g} ({task.arm.joint_names[int(joint)]})",
         "largest torque": f"{float(share.max()):.0%} ({task.arm.joint_names[int(share.argmax())]})",
-        "closest [m]": f"{min(nearest):.3f}" if nearest else "—",
+        "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
     }
 
 

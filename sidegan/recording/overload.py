@@ -1,0 +1,56 @@
+"""Torques that no drive of the arm gives: another unit, other gains, or another arm."""
+
+import math
+
+import torch
+from torch import Tensor
+
+from sidegan.errors import RecordingError
+from sidegan.recording.description import Agreement
+from sidegan.recording.settings import Units
+from sidegan.recording.statistics import Statistics
+from sidegan.robot import Arm
+
+_STRONG = 3.0  # times a torque limit: no drive is overloaded that much for a hundredth of the time
+_HEAVY = 30.0  # times what the description's links need; their masses may be a guess, but not that bad a one
+_THOUSANDTH = {"torque": "mNm", "current": "mA"}
+
+
+def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, units: Units) -> None:
+    """Refuse torques far beyond the arm's limits; without limits, far beyond what its description needs.
+
+    Limits that the description's own links exceed in the same motion stand for none.
+
+    Raises:
+        RecordingError: naming the joint, its torque, and the setting that is likely to be wrong.
+    """
+    limited = bool(arm.torque_limit.isfinite().any() and (agreement.needed <= arm.torque_limit).all())
+    most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description's links need")
+    heavier = torch.full_like(agreement.usual, agreement.heavier)
+    share = agreement.usual / arm.torque_limit if limited else heavier
+    if not (share > most).any():
+        return
+    j, measured = int(share.argmax()), "torque" if "torque" in statistics.signals else "current"
+    joint, unit = arm.joint_names[j], "N" if arm.prismatic[j] else "N·m"
+    reached = f"the torque of {joint} reaches {agreement.usual[j]:.4g} {unit}, {share[j]:.3g} times {than}"
+    thousandth = _HEAVY < float(share[j]) <= 1e3 * most
+    raise RecordingError(
+        f"{statistics.name}: {reached}: {_suspicion(measured, units, thousandth)}; if the arm does that, set "
+        f"its limits: 'robot.limits.effort={{{_limits(arm, agreement.usual, share > most)}}}'"
+    )
+
+
+def _suspicion(measured: str, units: Units, thousandth: bool) -> str:
+    """What may be wrong about a measured torque or current, of which a thousandth would be usual or not."""
+    smaller = _THOUSANDTH[measured]
+    if thousandth and getattr(units, measured) != smaller:
+        return f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
+    if measured == "current":
+        return "are the gains (robot.gains) and the order of the joints those of this arm?"
+    return "is it in N·m, and in this order of the joints? (a current is named by recording.current)"
+
+
+def _limits(arm: Arm, usual: Tensor, far: Tensor) -> str:
+    """Limits of some joints, (J,), as a setting that lets their usual torque [N·m or N] pass, (J,)."""
+    each = zip(arm.joint_names, usual.tolist(), far.tolist())
+    return ", ".join(f"{name}: {math.ceil(x)}" for name, x, is_far in each if is_far)
