@@ -128,18 +128,17 @@ class _Reader:
 
     def _fields(self, kind: type, values: Mapping[str, Any], path: str) -> dict[str, Any]:
         hints = get_type_hints(kind, include_extras=True)
-        for key in values:
-            if key not in hints:
-                unknown = _join(path, key)
-                meant = suggest(self.root, unknown, hints)
-                self.problems.append(f"{unknown}: there is no such setting{meant}")
+        strange = [_join(path, key) for key in values if key not in hints]
+        for unknown in strange:
+            meant = suggest(self.root, unknown, hints)
+            self.problems.append(f"{unknown}: there is no such setting{meant}")
         found = {}
         for field in dataclasses.fields(kind):
             key = _join(path, field.name)
             if field.name in values:
                 with suppress(_Wrong):  # go on, so that all problems are told at once
                     found[field.name] = self.value(hints[field.name], values[field.name], key)
-            elif field.default is dataclasses.MISSING:
+            elif field.default is dataclasses.MISSING and not strange:  # else it may be the misspelt one
                 self.problems.append(f"{key} is missing, expected {_expected(hints[field.name])}")
         return found
 

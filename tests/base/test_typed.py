@@ -105,6 +105,12 @@ def test_an_unknown_key_comes_with_what_may_be_meant():
         build(Outer, {**GOOD, "inner": {**GOOD["inner"], "cuont": 3}})
 
 
+def test_a_misspelt_setting_is_one_mistake_and_not_a_missing_one_too():
+    with pytest.raises(ConfigError) as error:
+        build(Outer, {**GOOD, "inner": {"cuont": 3, "kind": "small"}})
+    assert str(error.value) == "inner.cuont: there is no such setting; did you mean inner.count?"
+
+
 def test_what_is_meant_is_looked_for_in_the_same_group_first():
     groups = {**GOOD, "many": {"first": {"count": 3, "kidn": "large", "kind": "large"}}}
     with pytest.raises(ConfigError, match=r"many.first.kidn: .*; did you mean many.first.kind\?"):
