@@ -51,7 +51,7 @@ def test_a_launcher_whose_plugin_is_missing_is_told(name, monkeypatch):
 
 def sweep(tmp_path, launcher):
     """A sweep over two jobs, one of which is refused; its exit code, output and statuses by job."""
-    arguments = ["+experiment=exp1", *TINY, "stages=[seeds]", "seeds.count=4", "trajectory.home=[0,0],[9,0]"]
+    arguments = ["+experiment=exp1", *TINY, "stages=[seeds]", "seeds.count=4", "trajectory.home=[0,0],[4,0]"]
     arguments += [f"outputs={tmp_path / 'outputs'}", f"hydra/launcher={launcher}"]
     done = subprocess.run(
         [sys.executable, "-m", "sidegan.run", "-m", *arguments],
