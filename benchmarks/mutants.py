@@ -113,9 +113,8 @@ def tests_of(file: str, root: Path) -> list[list[str]]:
     _, *room, name = Path(file).with_suffix("").parts
     whole = [_folder(room, root), *([_STAGES] if room[:2] == ["pipeline", "stages"] else [])]
     whole += [one for one in _used_in(file, root) if one not in whole]
-    every, module = sorted((root / "tests").rglob("test_*.py")), file.removesuffix(".py").replace("/", ".")
-    imports = re.compile(rf"^(?:from|import) {re.escape(module)}\b", re.MULTILINE)
-    named = [x for x in every if x.stem == f"test_{name}" or imports.search(x.read_text(encoding="utf-8"))]
+    every = sorted((root / "tests").rglob("test_*.py"))
+    named = [path for path in every if path.stem == f"test_{name}" or file in imported(path, root)]
     others = [path for one in whole for path in sorted((root / one).rglob("test_*.py")) if path not in named]
     times = {path: len(re.findall(rf"\b{name}\b", path.read_text(encoding="utf-8"))) for path in others}
     telling = sorted((path for path in others if times[path]), key=lambda path: -times[path])

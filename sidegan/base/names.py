@@ -1,4 +1,4 @@
-"""Names from settings and files: as names of files and folders, and listed for people."""
+"""Names from settings and files: as names of files and folders, and listed and counted for people."""
 
 import hashlib
 import re
@@ -24,3 +24,8 @@ def listed(names: Sequence[str], most: int = 8) -> str:
     """The first of some names, and how many there are beside them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+def counted(count: int, noun: str, several: str = "") -> str:
+    """How many there are of something, in words: 1 gap, 2 gaps; ``several`` is an irregular plural."""
+    return f"{count} {noun if count == 1 else several or noun + 's'}"

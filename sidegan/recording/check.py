@@ -10,6 +10,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
@@ -221,8 +222,7 @@ def check_recording(
     statistics = statistics_of(recording, settings.gap, settings.bridged)
     joints = len(statistics.signals["position"].lower)
     if joints != arm.joints:
-        counted = plausibility.counted(joints, "joint")
-        raise RecordingError(f"{statistics.name} has {counted}, {arm.name} has {arm.joints}")
+        raise RecordingError(f"{statistics.name} has {counted(joints, 'joint')}, {arm.name} has {arm.joints}")
     plausibility.refuse_wrong_units(statistics, arm, angle, settings.units)
     plausibility.refuse_idle(statistics, arm)
     parts, repeated = _parts(recording, arm, settings, statistics)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
 from sidegan.recording.settings import Units
@@ -96,11 +97,6 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
                 f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; with "
                 f"recording.{rate}=null it is derived"
             )
-
-
-def counted(count: int, noun: str) -> str:
-    """How many there are of something, in words: 1 gap, 2 gaps."""
-    return f"{count} {noun}" + "s" * (count != 1)
 
 
 def clock_warnings(statistics: Statistics) -> list[str]:

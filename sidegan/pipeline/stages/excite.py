@@ -8,6 +8,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
+from sidegan.base.names import counted
 from sidegan.controllers import POINTS, SCRIPTED, approach, deliver, least_rate, slower
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
@@ -34,6 +35,7 @@ FOLDER, VIEW, SHAPES, GOAL = "trajectories", "view.html", "shapes.npz", "goal"
 _EXECUTE = "Execute them, at a quarter of the speed first (controllers.speed=0.25 writes that):"
 _LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
+_TRAJECTORY = "trajectory", "trajectories"
 _PRINTED = 1e-4  # by how much a rate that a message names may be rounded
 _POWERS = {2: "²", 3: "³"}
 log = logging.getLogger(__name__)
@@ -55,7 +57,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     criteria = criteria_of(information.stacked(torch.arange(len(run))))
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
     caption = (
-        f"{_counted(len(run))} of {family.period:g} s, condition of the set "
+        f"{counted(len(run), *_TRAJECTORY)} of {family.period:g} s, condition of the set "
         f"{criteria.condition:.3g}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
@@ -79,7 +81,7 @@ def _picked(task: Task) -> Library:
     """Trajectories from the configured pools."""
     cfg, pool = task.cfg, _pool(task)
     if cfg.selection.count > len(pool):
-        held = f"{', '.join(cfg.excite)} hold {_counted(len(pool))}"
+        held = f"{', '.join(cfg.excite)} hold {counted(len(pool), *_TRAJECTORY)}"
         raise ConfigError(f"selection.count is {cfg.selection.count}, but {held}")
     return pool.take(pick(task, pool))
 
@@ -143,10 +145,6 @@ def _as_run(task: Task, chosen: Library) -> tuple[Trajectory, Library]:
             "plan a slower one: robot.effort or trajectory.period"
         )
     return family, measured(task.constraints, family, c, "excite")
-
-
-def _counted(count: int) -> str:
-    return f"{count} {'trajectory' if count == 1 else 'trajectories'}"
 
 
 def _slow(speed: float) -> str:
