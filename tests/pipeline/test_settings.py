@@ -114,6 +114,17 @@ def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
     assert dataclasses.replace(rungs[-2], least_valid=rungs[-1].least_valid) == rungs[-1]
 
 
+def test_the_column_of_the_smallest_repair_is_the_ladders_last_rung():
+    column = configured(experiment="reproduction").columns["repaired"]
+    rung = configured("gan=[eigen,paper]", experiment="ladder").ladder["repaired"]
+    assert column.gan["eigen"] == rung
+    ours = configured("gan=all").gan["diagonal"].weights
+    assert column.gan["diagonal"] == dataclasses.replace(rung, features="diagonal", weights=ours)
+    vanilla = configured("gan=paper").gan["vanilla_paper"]
+    assert column.gan["vanilla"] == dataclasses.replace(vanilla, body=rung.body, scaling=rung.scaling)
+    assert column.surrogates.negatives == {"vanilla": column.gan["vanilla"]}
+
+
 def test_the_scale_reaches_the_other_groups_whatever_their_choice():
     config = configured("scale=paper", "gan=eigen")
     assert list(config.gan) == ["eigen"]
