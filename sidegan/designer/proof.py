@@ -109,16 +109,18 @@ class Prover:
         shape, free = (1, len(CONSTRAINTS)), np.zeros((2, 0, 0))
         smallest = self._kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, int), np.zeros(shape))
         index, basis = np.arange(count), self._grid(count, 0)
+        asked = self._kernel.everything(model, count)
         for level in range(LEVELS):
             half = period / count / 2
             times = (index + 0.5) * (2 * half)
             motions = self._cells.Motions(c[None], jerk[None], free, basis * orders, times, half)
-            undecided = np.empty(len(index), bool)
+            undecided = np.empty(asked.shape, bool)
             which = np.zeros(len(index), int)
             last = level == LEVELS - 1
-            cells = self._kernel.Cells(which, np.arange(len(index)), last, undecided)
+            cells = self._kernel.Cells(which, np.arange(len(index)), last, asked, undecided)
             self._kernel.visit(model, self._work, motions, cells, smallest)
-            left = index[undecided]
+            open_ = undecided.any(1)
+            left, asked = index[open_], undecided[open_].repeat(SPLIT, 0)
             if last or not len(left) or not (smallest.margin[0] >= 0).all():
                 break
             index = (left[:, None] * SPLIT + np.arange(SPLIT)).reshape(-1)

@@ -15,7 +15,6 @@ from torch import Tensor
 from sidegan.motion.compiled.formulas import carried_bounds, cell_bounds, link_bounds, wrench_bounds
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity.capsules import frames_of
 
 if TYPE_CHECKING:
     from sidegan.validity.constraints import Constraints
@@ -65,11 +64,10 @@ class Slack:
         first, second = link[constraints.pairs].unbind(1)
         outer = torch.where(first > second, constraints.pairs[:, 0], constraints.pairs[:, 1])
         joints = torch.arange(self.arm.joints)
-        between = joints[None] > torch.minimum(first, second)[:, None]
-        self.pair_reach = reach[outer] * between
-        self.inner, self.outer = torch.minimum(first, second), outer
-        self.around = constraints.pieces.around
-        self.piece_reach = piece_reach(self.arm)[outer] * between
+        far = torch.maximum(first, second)[:, None]
+        self.between = (joints[None] > torch.minimum(first, second)[:, None]) & (joints[None] <= far)
+        self.pair_reach = reach[outer] * self.between
+        self.piece_reach = piece_reach(self.arm)[outer] * self.between
         self.region_reach = reach[constraints.guarded[:, 1]]
 
     def of(self, motion: CellMotion, half: float) -> dict[str, Tensor]:
@@ -80,40 +78,6 @@ class Slack:
         slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
         slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
         return slack
-
-    def here(self, q: Tensor, asked: Tensor, motion: CellMotion) -> tuple[Tensor, Tensor]:
-        """Closer bounds of the change of some distances, (M,): of capsules, and of what is inside of them.
-
-        In the frame of a joint, a point's distance from its axis changes only as far as the joints further
-        out move it there: the levers at the sample, and this motion, bound all levers in the cell.
-
-        Args:
-            q: positions at the samples, (N, J).
-            asked: sample and pair of each question, (M, 2).
-            motion: in the samples' cells.
-        """
-        n, p = asked.unbind(1)
-        capsules, arm = self.arm.capsules, self.arm
-        inner, outer = self.inner[p], self.outer[p]
-        turns, places = frames_of(arm, q.T.contiguous())
-        frame = capsules.link[outer] + 1
-        ends = [
-            places[frame, n] + torch.einsum("mij,mj->mi", turns[frame, n], x[outer])
-            for x in (capsules.a, capsules.b)
-        ]
-        beside, changes = self.around[outer], motion.position_change[n]
-        outside, inside = torch.zeros_like(beside), torch.zeros_like(beside)
-        for j in reversed(range(arm.joints)):
-            between = (j > inner) & (j <= capsules.link[outer])
-            axis, origin = turns[j + 1, n] @ arm.axis[j], places[j + 1, n]
-            lever = torch.stack([torch.linalg.cross(axis, x - origin).norm(dim=1) for x in ends]).amax(0)
-            if arm.prismatic[j]:
-                lever = torch.full_like(lever, torch.inf)
-            one = torch.minimum(self.pair_reach[p, j], lever + outside)
-            two = torch.minimum(self.piece_reach[p, j], lever + beside + inside)
-            outside = outside + torch.where(between, changes[:, j] * one, 0.0)
-            inside = inside + torch.where(between, changes[:, j] * two, 0.0)
-        return outside, inside
 
 
 def _travel(arm: Arm) -> Tensor:

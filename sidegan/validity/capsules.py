@@ -56,7 +56,17 @@ def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:
 
     The nearest points are found without gradient and the distance taken between them: by the
     envelope theorem its gradient is exact. Good to 1e-7 of a length in the worst case, two segments
-    that nearly coincide. Source: Ericson 2005, section 5.1.9.
+    that nearly coincide.
+    """
+    one, two = nearest_on_segments(a1, b1, a2, b2)
+    gap = one - two
+    return (gap * gap).sum(0).clamp_min(_TOUCHING**2).sqrt()
+
+
+def nearest_on_segments(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> tuple[Tensor, Tensor]:
+    """The nearest points [m], (3, …) each, of segments with end points (3, …).
+
+    Source: Ericson 2005, section 5.1.9.
     """
     with torch.no_grad():
         tiny = torch.finfo(a1.dtype).tiny
@@ -68,5 +78,4 @@ def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:
         s = torch.where(crossing, (uv * vr - ur * vv) / determinant.clamp_min(tiny), 0.0).clamp(0, 1)
         t = ((uv * s + vr) / vv.clamp_min(tiny)).clamp(0, 1)
         s = ((uv * t - ur) / uu.clamp_min(tiny)).clamp(0, 1)
-    gap = torch.lerp(a1, b1, s) - torch.lerp(a2, b2, t)
-    return (gap * gap).sum(0).clamp_min(_TOUCHING**2).sqrt()
+    return torch.lerp(a1, b1, s), torch.lerp(a2, b2, t)

@@ -19,6 +19,7 @@ from sidegan.validity.constraints import Constraints
 from sidegan.validity.search import Result, Search
 
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
+_ROUNDING = 1e-9  # [m] by which balls around links are larger than they need be
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
 _models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
@@ -37,8 +38,12 @@ class FusedSearch(Search):
         self.columns = {name: NAMES.index(name) for name in constraints.labels}
         self.orders = 5 if constraints.higher else 3
 
-    def visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
-        """Update the margins from cells (N, 2) of (trajectory, index); those undecided come back."""
+    def everything(self, cells: int) -> Tensor:
+        """That all constraints are asked about in so many cells, (N, 7) bool."""
+        return torch.from_numpy(kernel.everything(self.model, cells))
+
+    def visit(self, cells: Tensor, asked: Tensor, count: int, last: bool) -> Tensor:
+        """Update the margins from cells (N, 2) of (trajectory, index); see ``Search.visit``."""
         which, index = cells.T.contiguous()
         if count <= len(cells):
             used, rows = torch.arange(count), index
@@ -51,17 +56,17 @@ class FusedSearch(Search):
             array, (self.c.flatten(2), self.jerk, self.drifts, torch.stack(functions, 1), centres)
         )
         motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
-        undecided = np.empty(len(cells), dtype=bool)
+        wanted, undecided = asked.numpy(), np.empty(asked.shape, dtype=bool)
         cuts = _cuts(which)
 
         def work(k: int) -> None:
             part = slice(cuts[k], cuts[k + 1])
-            mine = kernel.Cells(which.numpy()[part], rows.numpy()[part], last, undecided[part])
+            mine = kernel.Cells(which.numpy()[part], rows.numpy()[part], last, wanted[part], undecided[part])
             kernel.visit(self.model, kernel_cells.work_space(self.model), motions, mine, self.smallest)
 
         each(work, len(cuts) - 1)
         self.valid = torch.from_numpy((self.smallest.margin[:, list(self.columns.values())] >= 0).all(1))
-        return cells[torch.from_numpy(undecided)]
+        return torch.from_numpy(undecided)
 
     @cached_property
     def drifts(self) -> Tensor:
@@ -99,15 +104,32 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "higher": constraints.higher_rows,
         "pair_reach": slack.pair_reach,
         "piece_reach": slack.piece_reach,
-        "pair_most": largest_reach(slack.pair_reach),
         "region_reach": slack.region_reach,
         "region_most": largest_reach(slack.region_reach),
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
+    shapes, links = constraints.shapes, _links_of(constraints, slack)
     return kernel_cells.Model(
-        constraints.body.chain, constraints.shapes, constraints.pieces.hulls(), **arrays
+        constraints.body.chain, shapes, constraints.pieces.hulls(), links=links, **arrays
     )
+
+
+def _links_of(constraints: Constraints, slack: Slack) -> kernel_cells.Links:
+    """The pairs of capsules, two links at a time."""
+    capsules, pairs = constraints.arm.capsules, constraints.pairs
+    balls = torch.zeros(constraints.arm.joints + 1, 4, dtype=torch.float64)
+    for f in torch.unique(capsules.link + 1).tolist():
+        mine = capsules.link + 1 == f
+        ends = torch.stack([capsules.a[mine], capsules.b[mine]])
+        balls[f, :3] = (ends.amin((0, 1)) + ends.amax((0, 1))) / 2
+        balls[f, 3] = ((ends - balls[f, :3]).norm(dim=2) + capsules.radius[mine]).max() + _ROUNDING
+    frames, group = torch.unique((capsules.link[pairs] + 1).sort(1).values, dim=0, return_inverse=True)
+    start = torch.searchsorted(group.sort().values, torch.arange(len(frames) + 1))
+    most = torch.zeros(len(frames), constraints.arm.joints, dtype=torch.float64)
+    for k in range(len(frames)):
+        most[k] = slack.pair_reach[group == k].amax(0)
+    return kernel_cells.Links(*map(array, (balls, frames, most, torch.argsort(group, stable=True), start)))
 
 
 def largest_reach(reach: Tensor) -> Tensor:

@@ -8,14 +8,16 @@ from torch import Tensor
 from sidegan.motion.compiled.formulas import drift
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity.bounds import CellMotion, Slack, cell_motion, derivative_bound, jerk_bound
+from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound
 from sidegan.validity.constraints import Constraints
+from sidegan.validity.moving import Moving
 
 Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
 
 COARSE = 0.1  # [s] longest cell of the first pass
 SPLIT = 4  # parts that a cell is cut into where it cannot be decided
 LEVELS = 6  # passes: the last one's cells are 0.1 s / 4⁵ = 0.1 ms long
+_TOGETHER = (("position", "velocity"), tuple(HIGHER))  # constraints that are asked about together
 _STATES_AT_ONCE = 8_192  # bounds the memory of a pass to about 100 MB for seven joints
 
 
@@ -44,25 +46,38 @@ class Search:
         return Slack(self.constraints)
 
     def run(self) -> None:
-        """Visit cells until every trajectory is settled, or the finest level is done."""
+        """Visit cells until every trajectory is settled, or the finest level is done.
+
+        A part of a cell is asked only what its whole could not decide.
+        """
         count, device = coarse_cells(self.trajectory), self.c.device
         grid = torch.arange(len(self.c), device=device), torch.arange(count, device=device)
         cells = torch.cartesian_prod(*grid).reshape(-1, 2)
+        asked = self.everything(len(cells))
         for level in range(LEVELS):
-            cells = self.visit(cells, count, level == LEVELS - 1)
-            cells = cells[self.valid[cells[:, 0]]]
+            undecided = self.visit(cells, asked, count, level == LEVELS - 1)
+            open_ = undecided.any(1) & self.valid[cells[:, 0]]
+            cells, asked = cells[open_], undecided[open_]
             if not len(cells):
                 break
             finer = cells[:, 1:] * SPLIT + torch.arange(SPLIT, device=device)
             cells = torch.stack([cells[:, :1].expand_as(finer), finer], -1).reshape(-1, 2)
+            asked = asked.repeat_interleave(SPLIT, 0)
             count *= SPLIT
 
-    def visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
-        """Update the margins from cells (N, 2) of (trajectory, index); those undecided come back."""
-        parts = cells.split(_STATES_AT_ONCE)
-        return torch.cat([cells[:0], *(self._visit(part, count, last) for part in parts)])
+    def everything(self, cells: int) -> Tensor:
+        """That all constraints are asked about in so many cells, (N, G) bool."""
+        return torch.ones(cells, len(self.margins), dtype=torch.bool, device=self.c.device)
 
-    def _visit(self, cells: Tensor, count: int, last: bool) -> Tensor:
+    def visit(self, cells: Tensor, asked: Tensor, count: int, last: bool) -> Tensor:
+        """Update the margins from cells (N, 2) of (trajectory, index).
+
+        Asked is about which constraints, (N, G) bool; those of them come back that leave a cell undecided.
+        """
+        parts = zip(cells.split(_STATES_AT_ONCE), asked.split(_STATES_AT_ONCE))
+        return torch.cat([asked[:0], *(self._visit(*part, count, last) for part in parts)])
+
+    def _visit(self, cells: Tensor, asked: Tensor, count: int, last: bool) -> Tensor:
         which, index = cells.unbind(1)
         half = self.trajectory.period / count / 2
         used, rows = torch.unique(index, return_inverse=True)
@@ -73,35 +88,44 @@ class Search:
         slack = self.slack.of(motion, half)
         for name, bound in self.bounds.items():
             slack[name] = drift(states[HIGHER[name] + 1], bound[which], half)
-        if self.constraints.pieces.finer.any():
-            self._look_inside(states[0], margins, slack, motion)
-        open_ = torch.zeros_like(which, dtype=torch.bool)
-        for name, margin in margins.items():
-            unsure = ~(margin >= slack[name])
-            open_ |= unsure.any(1)
+        names = list(margins)
+        if "collision" in margins:
+            pairs = Moving(self.constraints.pieces, self.slack, states[0], states[1], motion, half)
+            self._look_closer(pairs, asked[:, names.index("collision")], margins, slack)
+        undecided = torch.zeros_like(asked)
+        for k, (name, margin) in enumerate(margins.items()):
+            here = asked[:, k, None]
+            unsure = ~(margin >= slack[name]) & here
+            undecided[:, k] = unsure.any(1)
             if last:
                 margin = torch.where(unsure & (margin >= 0), margin - slack[name], margin)
-            self._record(name, margin, which, times[rows])
-        return cells[open_]
+            self._record(name, torch.where(here, margin, torch.inf), which, times[rows])
+        for group in _TOGETHER:
+            columns = [names.index(name) for name in group if name in names]
+            undecided[:, columns] = undecided[:, columns].any(1, keepdim=True)
+        return undecided
 
-    def _look_inside(
-        self, q: Tensor, margins: dict[str, Tensor], slack: dict[str, Tensor], motion: CellMotion
+    def _look_closer(
+        self, pairs: Moving, here: Tensor, margins: dict[str, Tensor], slack: dict[str, Tensor]
     ) -> None:
-        """Let what is inside of capsules decide where they do not, if it guarantees more."""
+        """Let how pairs move decide where reach does not, and what is inside of them where it says more."""
         margin, most = margins["collision"], slack["collision"]
-        pieces = self.constraints.pieces
-        asked = torch.nonzero(~(margin >= most) & pieces.finer)
-        outside, inside = self.slack.here(q, asked, motion)
-        slack["collision"] = most = most.index_put(tuple(asked.T), outside)
-        still = margin[tuple(asked.T)] < outside
-        asked, inside = asked[still], inside[still]
+        open_ = ~(margin >= most) & here[:, None]
+        asked = torch.nonzero(open_ & (margin > 0))
         where = tuple(asked.T)
-        inner = pieces.lower(q, asked)
-        guaranteed = torch.maximum(inner - inside, margin[where] - most[where])
+        most = most.index_put(where, torch.minimum(most[where], margin[where] - pairs.capsules(asked)))
+        inside = self.constraints.pieces
+        asked = torch.nonzero(open_ & ~(margin >= most) & inside.finer)
+        where = tuple(asked.T)
+        inner = inside.lower(pairs.q, asked)
         better = inner > margin[where]
-        where = tuple(asked[better].T)
-        margins["collision"] = margin.index_put(where, inner[better])
-        slack["collision"] = most.index_put(where, (inner - guaranteed)[better])
+        asked, inner, where = asked[better], inner[better], tuple(asked[better].T)
+        reach = (pairs.motion.position_change[where[0]] * self.slack.piece_reach[where[1]].to(inner)).sum(1)
+        least = torch.maximum(margin[where] - most[where], inner - reach)
+        if len(asked):
+            least = torch.maximum(least, pairs.inside(asked))
+        margins["collision"] = margin.index_put(where, inner)
+        slack["collision"] = most.index_put(where, inner - least)
 
     def _state(self, which: Tensor, rows: Tensor, times: Tensor, order: int) -> Tensor:
         if len(which) == len(self.c) * len(times):  # every trajectory on one grid: a single matrix product

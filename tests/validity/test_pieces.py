@@ -10,6 +10,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
+from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -17,9 +18,11 @@ from sidegan.robot.arm import Pieces
 from sidegan.validity import Constraints, check
 from sidegan.validity.bounds import Slack, cell_motion, jerk_bound
 from sidegan.validity.hulls import apart
+from sidegan.validity.moving import Moving
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain, random_states
 
+from .critical import only
 from .test_fused import assert_same, moderate
 
 seeds = st.integers(0, 10**6)
@@ -84,7 +87,7 @@ def test_compiled_distance_is_the_plain_one(seed: int) -> None:
     zeros, starts = np.zeros(2), np.array([0, len(one), len(one) + len(other)])
     hulls = kernel.Hulls(np.concatenate([one, other]), starts, zeros, zeros, np.array([True]))
     for turn, place, distance in zip(turns, places, expected):
-        matrix, room = tuple(map(tuple, turn)), np.zeros((5, 4))
+        matrix, room = tuple(map(tuple, turn)), np.zeros((6, 4))
         found = kernel.apart(hulls, (0, 1), matrix, tuple(place), tuple(-place), np.inf, room)
         assert np.isfinite(found) == np.isfinite(distance)
         if np.isfinite(found):
@@ -127,32 +130,57 @@ def test_pieces_are_never_nearer_than_their_capsules(seed: int) -> None:
         assert torch.equal(margins["collision"][:, still], of_capsules["collision"][:, still])
 
 
-@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
-@pytest.mark.parametrize("seed", range(4))
-def test_no_distance_changes_by_more_than_its_bound_here(seed: int, half: float) -> None:
+def in_cell(seed: int, half: float, centre: float) -> tuple[Moving, Tensor, Tensor, Tensor]:
+    """Pairs of a random arm in a cell, which are asked about, and how near capsules and pieces come."""
     arm = filled(random_chain(5, seed)[0], seed)
-    constraints = constrained(arm, ())
-    trajectory = Trajectory(5, 3, 3.0)
+    constraints, trajectory = constrained(arm, ()), Trajectory(5, 3, 3.0)
     c = 0.5 * moderate(arm, trajectory, 6, seed)
-    slack, jerk = Slack(constraints), jerk_bound(trajectory, c, 30)
+    q, dq, ddq = (x[:, 0] for x in trajectory.roll_out(c, torch.tensor([centre], dtype=torch.float64))[1:])
+    motion = cell_motion(dq, ddq, jerk_bound(trajectory, c, 30), half)
+    pairs = Moving(constraints.pieces, Slack(constraints), q, dq, motion, half)
     asked = torch.cartesian_prod(torch.arange(6), torch.nonzero(constraints.pieces.finer)[:, 0])
+    times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
+    capsules, pieces = [], []
+    for q in trajectory.roll_out(c, times).position.unbind(1):
+        still = torch.zeros_like(q)
+        margins = constraints.capsule_margins(q, still, still)["collision"]
+        capsules.append(margins[tuple(asked.T)])
+        pieces.append(constraints.pieces.lower(q, asked))
+    return pairs, asked, torch.stack(capsules), torch.stack(pieces)
+
+
+@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
+@pytest.mark.parametrize("seed", range(6))
+def test_no_pair_comes_nearer_in_a_cell_than_its_bound(seed: int, half: float) -> None:
+    sharp = []
     for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
-        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
-        q, dq, ddq = trajectory.roll_out(c, times[10:11])[1:]
-        motion = cell_motion(dq[:, 0], ddq[:, 0], jerk, half)
-        outside, inside = slack.here(q[:, 0], asked, motion)
-        assert (outside <= slack.of(motion, half)["collision"][tuple(asked.T)] + 1e-12).all()
-        samples = trajectory.roll_out(c, times).position
-        capsules, pieces = [], []
-        for t in range(len(times)):
-            still = torch.zeros_like(samples[:, t])
-            margins = constraints.capsule_margins(samples[:, t], still, still)["collision"]
-            capsules.append(margins[tuple(asked.T)])
-            pieces.append(constraints.pieces.lower(samples[:, t], asked))
-        for bound, seen in ((outside, torch.stack(capsules)), (inside, torch.stack(pieces))):
+        pairs, asked, capsules, pieces = in_cell(seed, half, centre)
+        for bound, seen in ((pairs.capsules(asked), capsules), (pairs.inside(asked), pieces)):
             clear = seen.isfinite().all(0)
-            change = (seen - seen[10]).abs().amax(0)
-            assert (change[clear] <= bound[clear] + 1e-7).all()
+            assert clear.any() and (bound[clear] <= seen.amin(0)[clear] + 1e-7).all()
+        apart = capsules[10] > 0.02
+        change = (pairs.motion.position_change[asked[:, 0]] * pairs.slack.pair_reach[asked[:, 1]]).sum(1)
+        sharp.append(((capsules[10] - pairs.capsules(asked)) / change)[apart & (change > 0)])
+    if half < 0.01:  # what is left is how paths bend, and what joints' motion does not do along the line
+        assert torch.cat(sharp).median() < 0.5
+
+
+@pytest.mark.parametrize("angle", [1.0, 1.5, 2.0, 2.3, 2.5, -1.0, -2.4])
+def test_a_turning_forearm_comes_hardly_nearer(angle: float, planar: Arm) -> None:
+    """Against the distances at both ends of the cell: it turns evenly, and the base rests."""
+    constraints = Constraints(replace(planar, capsules=only(planar.capsules, torch.tensor([0, 2]))))
+    half, speed = 1e-4, 1.5
+    q, dq = (torch.tensor([[0.0, x]], dtype=torch.float64) for x in (angle, speed))
+    motion = cell_motion(dq, torch.zeros_like(dq), torch.zeros_like(dq), half)
+    pairs = Moving(constraints.pieces, Slack(constraints), q, dq, motion, half)
+    bound = float(pairs.capsules(torch.tensor([[0, 0]])))
+    now, *ends = (
+        float(constraints.at_rest(torch.tensor([[0.0, there]], dtype=torch.float64))["collision"])
+        for there in (angle, angle + speed * half, angle - speed * half)
+    )
+    assert bound <= min(ends)
+    if abs(angle) < 1.6:  # the elbow is nearest, and rests too: what is left is the bend of the path
+        assert bound == pytest.approx(now, abs=1e-8)
 
 
 @given(st.integers(2, 6), seeds)

@@ -14,6 +14,7 @@ from sidegan.motion.compiled.formulas import (
     dot,
     link_bounds,
     moved,
+    to_parent,
     wrench_bounds,
     wrench_of,
 )
@@ -33,6 +34,16 @@ from sidegan.motion.compiled.links import (
 )
 
 
+class Links(NamedTuple):
+    """Pairs of capsules, taken together where they are of the same two of F frames."""
+
+    balls: Array  # centre, in the frame, and radius of a ball around a frame's capsules [m], (F, 4)
+    frames: Array  # two of them, (L, 2) int
+    most: Array  # how far the motion of a joint moves any two capsules of both against each other, (L, J)
+    pairs: Array  # all pairs, those of the same frames one after another, (P,) int
+    start: Array  # where those of two frames begin, (L + 1,) int
+
+
 class Model(NamedTuple):
     """An arm in its workspace as arrays, float64 where nothing else is said."""
 
@@ -48,7 +59,7 @@ class Model(NamedTuple):
     higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
     pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
     piece_reach: Array  # how far it moves what is inside of them, (P, J)
-    pair_most: Array  # the largest of all pairs, (1, J)
+    links: Links  # the same pairs, two links at a time
     region_reach: Array  # how far the motion of a joint moves a capsule, (K, J)
     region_most: Array  # the largest of all, (1, J)
     travel: Array  # upper bound of the distance between a joint's frame and its parent's, (J,) [m]
@@ -85,14 +96,20 @@ class Work(NamedTuple):
     rate: Array  # bound of the torques' rates in a cell, (J,)
     cap: Array  # the same for all cells of a trajectory, (J,)
     ends: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
-    search: Array  # for the distance of two hulls, (5, 4)
+    twist: Array  # angular velocity of a frame, and the velocity at the origin, (2, J + 1, 3)
+    middles: Array  # of the balls around links, in the world, (F, 3)
+    search: Array  # for the distance of two hulls, (6, 4)
 
 
 def work_space(model: Model) -> Work:
     """Arrays that one thread needs for a model."""
     j = len(model.home)
     shapes = {"state": (3, j), "turn": (j, 9), "ends": (3, len(model.shapes.frame), 3)}
-    shapes["search"] = (5, 4)
+    shapes |= {
+        "middles": (j + 1, 3),
+        "twist": (2, j + 1, 3),
+        "search": (6, 4),
+    }
     shapes |= dict.fromkeys(("motion", "most", "sums"), (4, j))
     shapes |= dict.fromkeys(("shift", "force", "moment"), (j, 3))
     shapes |= dict.fromkeys(("torque", "rate", "cap"), (j,))
@@ -129,6 +146,14 @@ def place_joints(model: Model, work: Work) -> None:
         set_matrix(work.turn, i, r)
         set_row(work.shift, i, shift)
         locate(work.world, i, r, shift)
+
+
+@inline
+def place_balls(model: Model, work: Work) -> None:
+    """Middles of the balls around links."""
+    for f in range(len(model.links.balls)):
+        middle = to_parent(matrix(work.world.turn, f), row(model.links.balls, f))
+        set_row(work.middles, f, add(row(work.world.place, f), middle))
 
 
 @inline

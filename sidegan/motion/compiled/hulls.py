@@ -55,7 +55,7 @@ def _transposed(m: Matrix) -> Matrix:
 
 
 @kernel
-def _farthest(corners: Array, first: int, last: int, x: float, y: float, z: float) -> int:
+def farthest(corners: Array, first: int, last: int, x: float, y: float, z: float) -> int:
     """The corner that lies farthest in a direction."""
     best, found = -np.inf, first
     for i in range(first, last):
@@ -78,20 +78,24 @@ def apart(
         place: its origin there [m].
         start: a direction from the second to the first, of any length above zero.
         need: bound that is enough: where it is reached, the search ends.
-        room: to work in, (5, 4).
+        room: to work in, (6, 4); in its last row the direction, from the second to the first, that gave the
+            bound stays behind.
     """
     i, k = pair
-    points, weights = room[:4, :3], room[4]
+    points, weights, best = room[:4, :3], room[4], room[5]
     back = _transposed(turn)
     round_ = hulls.radius[i] + hulls.radius[k]
     v, bound, count = start, -np.inf, 0
     size = math.sqrt(dot(v, v))
     for _ in range(_ROUNDS):
         w = to_parent(back, v)
-        one = _farthest(hulls.corners, hulls.start[i], hulls.start[i + 1], -v[0], -v[1], -v[2])
-        two = _farthest(hulls.corners, hulls.start[k], hulls.start[k + 1], w[0], w[1], w[2])
+        one = farthest(hulls.corners, hulls.start[i], hulls.start[i + 1], -v[0], -v[1], -v[2])
+        two = farthest(hulls.corners, hulls.start[k], hulls.start[k + 1], w[0], w[1], w[2])
         new = less(row(hulls.corners, one), add(place, to_parent(turn, row(hulls.corners, two))))
-        bound = max(bound, dot(v, new) / size - round_)
+        here = dot(v, new) / size - round_
+        if here > bound:
+            bound = here
+            best[0], best[1], best[2] = v
         if bound >= need or (count > 0 and size - (bound + round_) <= _CLOSE):
             return bound
         for n in range(count):
@@ -199,7 +203,7 @@ def between_pieces(at: Placed, p: int, need: float, room: Array) -> float:
 
 
 class Place(NamedTuple):
-    """Room for an arm's frames and its capsules' ends, (3, C, 3), and for a search, (5, 4)."""
+    """Room for an arm's frames and its capsules' ends, (3, C, 3), and for a search, (6, 4)."""
 
     world: Frames
     ends: Array
@@ -208,7 +212,7 @@ class Place(NamedTuple):
 
 def place_for(shapes: Shapes, joints: int) -> Place:
     """Room to work in; not to be shared among threads."""
-    return Place(frames(joints), np.zeros((3, len(shapes.frame), 3)), np.zeros((5, 4)))
+    return Place(frames(joints), np.zeros((3, len(shapes.frame), 3)), np.zeros((6, 4)))
 
 
 @kernel

@@ -2,7 +2,8 @@
 
 The compiled twin of the torch code in ``sidegan.validity``, which remains the reference: the same margins,
 the same bounds of their change within a cell, the same smallest margins. What can neither be its
-trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test that proves as much.
+trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test that proves as much, and
+a part of a cell is asked only what its whole could not decide.
 """
 
 from typing import NamedTuple
@@ -10,22 +11,25 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.motion.compiled.cells import (
+    Links,
     Model,
     Motions,
     Work,
     bound_motion,
     bound_torque_rates,
     cap_torque_rates,
+    place_balls,
     place_joints,
     roll_out,
     torques,
 )
-from sidegan.motion.compiled.chain import Array
+from sidegan.motion.compiled.chain import Array, Shapes
 from sidegan.motion.compiled.distances import between_segments, to_region
-from sidegan.motion.compiled.formulas import dot, drift, less
-from sidegan.motion.compiled.hulls import Bodies, Placed, between_pieces, outer_of, reached
+from sidegan.motion.compiled.formulas import Vector, dot, drift, less, times, to_parent
+from sidegan.motion.compiled.hulls import Bodies, Placed, between_pieces, direction
 from sidegan.motion.compiled.jit import inline, kernel
-from sidegan.motion.compiled.links import place_capsules, row
+from sidegan.motion.compiled.links import matrix, place_capsules, row
+from sidegan.motion.compiled.moving import bend, frames_between, least_gap, place_twists
 
 POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK = range(7)  # columns of the margins
 
@@ -44,7 +48,8 @@ class Cells(NamedTuple):
     which: Array  # trajectory of each, (N,) int; equal ones follow each other
     rows: Array  # centre of each, a row of the basis, (N,) int
     last: bool  # whether what is undecided counts with its guaranteed margin
-    undecided: Array  # written, (N,) bool
+    asked: Array  # which constraints are looked at, (N, 7) bool; positions and velocities go together
+    undecided: Array  # written: which of them leave the cell undecided, (N, 7) bool
 
 
 class Here(NamedTuple):
@@ -134,52 +139,129 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
     return undecided
 
 
-@kernel
-def _look_inside(model: Model, work: Work, p: int, margin: float, best: float) -> tuple[float, float]:
-    """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
-
-    That of the capsules is bounded more closely before others are looked at. What is inside is not looked at
-    more closely than is needed to see that it is at least ``best`` and settled.
-    """
-    bodies, moves = Bodies(model.chain, model.shapes, model.hulls), work.motion[0]
-    at = Placed(bodies, work.world, work.ends)
-    slack = reached(at, p, moves, model.pair_reach, 0.0)
-    if margin >= slack:
-        return margin, slack
-    beside = model.hulls.around[outer_of(model.shapes, p)]
-    most = reached(at, p, moves, model.piece_reach, beside)
-    inner = between_pieces(at, p, max(best, most), work.search)
-    if not inner > margin:
-        return margin, slack
-    return inner, min(most, inner - (margin - slack))  # the better of both guarantees
+@inline
+def _unit(x: Vector) -> Vector:
+    return times(1.0 / np.sqrt(dot(x, x)), x)
 
 
 @inline
-def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
+def _look_closer(
+    model: Model, work: Work, p: int, known: tuple[float, float, bool], half: float
+) -> tuple[float, float]:
+    """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
+
+    Known are the capsules' margin, the smallest so far, and whether nothing else matters.
+
+    First by how far joints move in any direction, then by how the bodies move along the line between them.
+    What is inside is looked at no more closely than it takes to see that it is at least ``best``.
+    """
+    margin, best, sure = known
+    bodies, motion = Bodies(model.chain, model.shapes, model.hulls), work.motion
+    at = Placed(bodies, work.world, work.ends)
+    slack = _reached(model.pair_reach, p, motion)
+    if margin >= slack:
+        return margin, slack
+    i, k, _, _ = frames_between(model.shapes, p)
+    if margin > 0:
+        a, b = work.ends[0], work.ends[1]
+        normal = _unit(direction(row(a, k), row(b, k), row(a, i), row(b, i)))
+        least = least_gap(at, work.twist, p, normal, half, False)
+        least -= bend(model.shapes, p, model.pair_reach, motion, half)
+        slack = min(slack, margin - least)
+    if margin >= slack or not model.hulls.finer[p]:
+        return margin, slack
+    most = _reached(model.piece_reach, p, motion)
+    inner = between_pieces(at, p, max(best, 0.0 if sure else most), work.search)
+    if not inner > margin:
+        return margin, slack
+    least = max(margin - slack, inner - most)  # the best of all guarantees
+    if least < 0:
+        first = model.shapes.pairs[p, 0]
+        normal = to_parent(matrix(work.world.turn, model.shapes.frame[first]), row(work.search, 5))
+        normal = _unit(times(-1.0, normal) if first == i else normal)
+        moving = least_gap(at, work.twist, p, normal, half, True)
+        least = max(least, moving - bend(model.shapes, p, model.piece_reach, motion, half))
+    return inner, inner - least
+
+
+@inline
+def _balls_apart(shapes: Shapes, work: Work, p: int, need: float) -> bool:
+    """Whether a pair's margin is surely at least ``need``, since the balls around its capsules are."""
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    apart, far = less(row(work.ends[2], i), row(work.ends[2], k)), need + shapes.size[i] + shapes.size[k]
+    return dot(apart, apart) >= far * far
+
+
+@inline
+def _links_apart(links: Links, work: Work, group: int, need: float) -> bool:
+    """The same of all pairs of two links."""
+    f, g = links.frames[group, 0], links.frames[group, 1]
+    apart = less(row(work.middles, f), row(work.middles, g))
+    far = need + links.balls[f, 3] + links.balls[g, 3]
+    return dot(apart, apart) >= far * far
+
+
+@inline
+def _margin_of_capsules(shapes: Shapes, work: Work, p: int) -> float:
+    a, b, i, k = work.ends[0], work.ends[1], shapes.pairs[p, 0], shapes.pairs[p, 1]
+    distance = between_segments(row(a, i), row(b, i), row(a, k), row(b, k))
+    return distance - (shapes.radius[i] + shapes.radius[k])
+
+
+@kernel
+def _nearest_pair(shapes: Shapes, work: Work) -> int:
+    """The pair whose capsules are nearest to each other."""
+    nearest, least = 0, np.inf
+    for p in range(len(shapes.pairs)):
+        if not _balls_apart(shapes, work, p, least):
+            margin = _margin_of_capsules(shapes, work, p)
+            if margin < least:
+                nearest, least = p, margin
+    return nearest
+
+
+@inline
+def _check_pair(
+    model: Model, work: Work, cell: tuple[Here, float], p: int, most: float, smallest: Smallest
+) -> bool:
+    """Take a pair into account; whether it leaves the cell undecided."""
+    here, half = cell
+    best = smallest.margin[here.n, COLLISION]
+    margin = _margin_of_capsules(model.shapes, work, p)
+    if margin >= max(best, most):
+        return False
+    margin, slack = _look_closer(model, work, p, (margin, best, most == -np.inf), half)
+    return _settle(margin, slack, here, COLLISION, p, smallest)
+
+
+@inline
+def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Smallest) -> bool:
     """The same for pairs of capsules: only those whose balls are near enough to matter.
 
-    Where capsules leave the cell undecided, what is inside of them decides, where that is known.
+    Where capsules leave the cell undecided, what is inside of them decides, where that is known. At first the
+    nearest pair is looked at, so that others need not be.
     """
-    shapes, a, b, middle = model.shapes, work.ends[0], work.ends[1], work.ends[2]
-    most = _reached(model.pair_most, 0, work.motion)
+    links, shapes = model.links, model.shapes
+    place_balls(model, work)
+    place_twists(model.chain, work.world, work.state[1], work.twist)
+    sure = False
     for k in range(smallest.margin.shape[1]):
-        if smallest.margin[here.n, k] < 0:
-            most = -np.inf  # nothing that this cell leaves undecided is looked at again
+        sure |= (
+            smallest.margin[here.n, k] < 0 and not here.last
+        )  # what it leaves undecided is not looked at again
+    first = _nearest_pair(shapes, work) if smallest.margin[here.n, COLLISION] == np.inf else -1
     undecided = False
-    for p in range(len(shapes.pairs)):
-        i, j = shapes.pairs[p, 0], shapes.pairs[p, 1]
-        need = max(smallest.margin[here.n, COLLISION], most)
-        far = need + shapes.size[i] + shapes.size[j]
-        apart = less(row(middle, i), row(middle, j))
-        if dot(apart, apart) >= far * far:
-            continue
-        distance = between_segments(row(a, i), row(b, i), row(a, j), row(b, j))
-        margin = distance - (shapes.radius[i] + shapes.radius[j])
-        if not margin >= need:
-            slack = _reached(model.pair_reach, p, work.motion)
-            if model.hulls.finer[p] and not margin >= slack:
-                margin, slack = _look_inside(model, work, p, margin, smallest.margin[here.n, COLLISION])
-            undecided |= _settle(margin, slack, here, COLLISION, p, smallest)
+    for group in range(0 if first < 0 else -1, len(links.frames)):
+        start, stop, most = 0, 1, np.inf
+        if group >= 0:
+            most = -np.inf if sure else _reached(links.most, group, work.motion)
+            if _links_apart(links, work, group, max(smallest.margin[here.n, COLLISION], most)):
+                continue
+            start, stop = links.start[group], links.start[group + 1]
+        for at in range(start, stop):
+            p = links.pairs[at] if group >= 0 else first
+            if not _balls_apart(shapes, work, p, max(smallest.margin[here.n, COLLISION], most)):
+                undecided |= _check_pair(model, work, (here, half), p, most, smallest)
     return undecided
 
 
@@ -203,30 +285,44 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
 
 @kernel
 def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Smallest) -> None:
-    """Update the smallest margins of trajectories, and write which cells are undecided."""
-    which, rows = cells.which, cells.rows
-    limited = False
-    for j in range(len(model.home)):
-        limited |= model.torque[j] < np.inf
-    shapes = len(model.shapes.pairs) + len(model.shapes.guarded) > 0
+    """Update the smallest margins of trajectories; write which constraints leave which cells undecided."""
+    which, rows, asked, unsure = cells.which, cells.rows, cells.asked, cells.undecided
     stop = 0
     while stop < len(which):
-        start, n = stop, which[stop]
+        start, n, limited = stop, which[stop], False
         while stop < len(which) and which[stop] == n:
+            limited |= asked[stop, TORQUE]
             stop += 1
         if limited:
             cap_torque_rates(model, work, motions, n, rows[start:stop])
         for cell in range(start, stop):
-            here = Here(n, motions.times[rows[cell]], cells.last)
+            here, wanted = Here(n, motions.times[rows[cell]], cells.last), asked[cell]
             roll_out(model.home, motions, n, rows[cell], work.state)
             bound_motion(work.state, motions, n, work.motion)
-            unsure = _check_limits(model, work, here, smallest)
-            unsure |= _check_higher(model, work, motions, rows[cell], here, smallest)
+            unsure[cell] = False
+            if wanted[POSITION]:
+                unsure[cell, POSITION] = _check_limits(model, work, here, smallest)
+            if wanted[ACCELERATION]:
+                unsure[cell, ACCELERATION] = _check_higher(model, work, motions, rows[cell], here, smallest)
+            if not (wanted[TORQUE] or wanted[COLLISION] or wanted[KEEP_OUT]):
+                continue
             place_joints(model, work)
-            if limited:
-                unsure |= _check_torques(model, work, motions, here, smallest)
-            if shapes:
+            if wanted[TORQUE]:
+                unsure[cell, TORQUE] = _check_torques(model, work, motions, here, smallest)
+            if wanted[COLLISION] or wanted[KEEP_OUT]:
                 place_capsules(model.shapes, work.world, work.ends)
-                unsure |= _check_pairs(model, work, here, smallest)
-                unsure |= _check_regions(model, work, here, smallest)
-            cells.undecided[cell] = unsure
+            if wanted[COLLISION]:
+                unsure[cell, COLLISION] = _check_pairs(model, work, here, motions.half, smallest)
+            if wanted[KEEP_OUT]:
+                unsure[cell, KEEP_OUT] = _check_regions(model, work, here, smallest)
+
+
+def everything(model: Model, cells: int) -> Array:
+    """That all constraints of a model are looked at in some cells, (N, 7) bool."""
+    wanted = np.zeros((cells, 7), dtype=bool)
+    wanted[:, [POSITION, VELOCITY]] = True
+    wanted[:, [ACCELERATION, JERK]] = model.higher.shape[1] > 0
+    wanted[:, TORQUE] = np.isfinite(model.torque).any()
+    wanted[:, COLLISION] = len(model.shapes.pairs) > 0
+    wanted[:, KEEP_OUT] = len(model.shapes.guarded) > 0
+    return wanted
