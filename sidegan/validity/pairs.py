@@ -18,6 +18,7 @@ from sidegan.validity.proof import never_touching
 
 SAMPLES = 4_000  # random configurations that capsules are tried in
 _INSIDE = 1_000  # of them that what is inside of capsules is tried in
+_AT_ONCE = 256  # pairs: bounds the memory to some hundred megabytes
 _FEW = 3  # pairs that may all touch always: a short arm has no others
 _OFTEN = 0.5  # share of the configurations from which on touching is suspicious
 _SHOWN = 6  # pairs of links that a message names
@@ -75,10 +76,12 @@ def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
 def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
     """Distances [m], (P, N), of pairs of capsules (P, 2) at positions (N, J)."""
     a, b = capsule_axes(arm, q.T.contiguous())
-    first, second = pairs.unbind(1)
-    radius = arm.capsules.radius.to(a)
-    apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
-    return apart - (radius[first] + radius[second])[:, None]
+    radius, found = arm.capsules.radius.to(a), q.new_empty(len(pairs), len(q))
+    for part, out in zip(pairs.split(_AT_ONCE), found.split(_AT_ONCE)):
+        first, second = part.unbind(1)
+        apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
+        out.copy_(apart - (radius[first] + radius[second])[:, None])
+    return found
 
 
 def usual_gaps(arm: Arm) -> dict[Links, float]:
@@ -150,16 +153,18 @@ class _Touching:
     """In which share of random configurations pairs of links touch."""
 
     def __init__(self, arm: Arm, pairs: Tensor, of: list[Links]) -> None:
-        self.arm, self.pairs, self.of = arm, pairs, of
+        self.arm = arm
+        self.mine: dict[Links, list[int]] = {}
+        for k, links in enumerate(of):
+            self.mine.setdefault(links, []).append(k)
         self.q = sampled(arm)
         self.inside = PieceDistances(arm, pairs)
-        none = torch.zeros(0, SAMPLES, dtype=torch.bool)
-        self.capsules = capsule_distances(arm, self.q, pairs) if len(pairs) else none.double()
-        self.apart = self.capsules > 0
+        distances = capsule_distances(arm, self.q, pairs) if len(pairs) else torch.zeros(0, SAMPLES)
+        self.apart, self.capsules = distances > 0, distances[:, :_INSIDE].clone()
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""
-        mine = [k for k, pair in enumerate(self.of) if pair == links]
+        mine = self.mine[links]
         apart = self.apart[mine].all(0)
         if not self.inside.finer[mine].any():
             return float((~apart).double().mean())
@@ -179,8 +184,7 @@ class _Touching:
     def often(self, links: Iterable[Links]) -> Iterator[Exemption]:
         """Those of some pairs of links that touch in most configurations."""
         for pair in links:
-            mine = [k for k, one in enumerate(self.of) if one == pair]
-            if float((~self.apart[mine].all(0)).double().mean()) < _OFTEN:
+            if float((~self.apart[self.mine[pair]].all(0)).double().mean()) < _OFTEN:
                 continue
             share = self.share(pair)
             if share >= _OFTEN:
@@ -188,12 +192,11 @@ class _Touching:
 
     def gap(self, links: Links) -> float:
         """Distance of two links that half of the configurations exceed [m]."""
-        mine = [k for k, pair in enumerate(self.of) if pair == links]
-        count = min(_INSIDE, SAMPLES)
-        nearest = torch.full((count,), torch.inf, dtype=torch.float64)
-        rows = torch.arange(count)
+        mine = self.mine[links]
+        nearest = torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
+        rows = torch.arange(_INSIDE)
         for k in mine:
-            found = self.capsules[k, :count]
+            found = self.capsules[k]
             if self.inside.finer[k]:
                 asked = torch.stack([rows, torch.full_like(rows, k)], 1)
                 found = torch.maximum(found, self.inside.lower(self.q, asked))
@@ -202,7 +205,7 @@ class _Touching:
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
-        mine = [k for k, pair in enumerate(self.of) if pair == links]
+        mine = self.mine[links]
         return not bool(self.apart[mine].all(0).any()) and self.share(links) == 1.0
 
 
