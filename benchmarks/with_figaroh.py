@@ -33,6 +33,7 @@ from figaroh.utils.cubic_spline import CubicSpline, calc_torque
 _WAYPOINTS, _SEGMENT, _SEGMENTS = 5, 2.0, 2  # FIGAROH's defaults: 2 times 4 moves of 2 s
 _RATE = 20  # Hz at which it looks; its default of 100 takes five times as long
 _ATTEMPTS = 3  # at a segment, whose search may end where a limit is violated
+_MOST = 5  # times as many attempts as trajectories
 _SHRINK, _TRIES = 0.97, 4000  # of guesses that violate something
 _MARGIN, _SCREEN = 0.01, 0.03  # [m]
 _DESK = 4.0  # [m] edge of the box that is the desk
@@ -212,9 +213,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         config.write_text(yaml.safe_dump(config_of(robot, options.iterations)), encoding="utf-8")
         base: tuple[Any, Any] | None = None
         home = np.array(options.home or np.zeros(robot.model.nq))
-        for seed in range(options.count):
+        began, seed = time.process_time(), -1
+        while len(made) < options.count and (seed := seed + 1) < _MOST * options.count:
             np.random.seed(seed)
-            began = time.process_time()
             optimiser = Optimiser(robot, list(robot.model.names)[1:], str(config))
             optimiser.identif_config["act_idxv"] = list(range(robot.model.nv))
             optimiser.identif_config["act_idxq"] = list(range(robot.model.nq))
@@ -223,14 +224,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 base = optimiser.idx_e, optimiser.idx_b
             else:  # the same for all
                 optimiser.begin(*base)
-            points = optimiser.closed(home, _SEGMENTS)
+            try:
+                points = optimiser.closed(home, _SEGMENTS)
+            except RuntimeError as error:  # what it took counts with the next one
+                sys.stderr.write(f"{seed}: {error}\n")
+                continue
             took = time.process_time() - began
+            began = time.process_time()
             made.append({"seconds": round(took, 3), "waypoints": np.round(points, 6).tolist()})
             last = optimiser.results["iteration_data"][-1]
             sys.stderr.write(f"{seed}: {took:.0f} s, condition {last['obj_values'][-1]:.4g}\n")
             text = json.dumps({"step": _SEGMENT, "trajectories": made}, indent=1)
             options.file.write_text(text + "\n", encoding="utf-8")
-    return 0
+    return 0 if len(made) == options.count else 1
 
 
 if __name__ == "__main__":

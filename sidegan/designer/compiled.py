@@ -36,7 +36,7 @@ class CompiledDescents:
         self._chain, self._subspace = body.chain, array(body.base.subspace)
         self._parameters = array(arm.inertial_parameters.flatten())
         self._basis = numbers.basis(grid.samples, 3)
-        self._fine = numbers.basis(grid.samples * grid.refine, 2)
+        self._fine = numbers.basis(grid.samples * grid.refine, 2 + len(numbers.limits))
         self._room: plans.Room | None = None
 
     def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "CompiledDescent":
@@ -60,7 +60,7 @@ class CompiledDescents:
         plan = plans.Plan(
             self._chain, scene.shapes, self._columns, self._subspace, scene.home, numbers.turn, scene.size,
             numbers.stretched(self._basis, scene.period), numbers.stretched(self._fine, scene.period),
-            torques, bounds, 0.0, 0.0, aim.roots_of(joints), goal,
+            torques, bounds, numbers.limits, 0.0, 0.0, aim.roots_of(joints), goal,
         )  # fmt: skip
         return self.penalised(plan, penalties)
 

@@ -17,7 +17,6 @@ from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.situation import Aim, Situation
 from sidegan.motion.compiled import compiled
 from sidegan.motion.threads import each
-from sidegan.robot import Arm
 from sidegan.seeds.result import SeedBatch, collect
 
 Array = np.ndarray
@@ -55,9 +54,9 @@ class Compiled:
     threads: int
 
     @staticmethod
-    def serves(arm: Arm) -> bool:
-        """Whether there are kernels for everything that limits an arm: not for accelerations and jerks."""
-        return compiled() and not arm.higher_limits
+    def serves() -> bool:
+        """Whether there are kernels."""
+        return compiled()
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""

@@ -34,7 +34,8 @@ class PlainDescents:
     def __init__(self, numbers: ArmNumbers, grid: Grid) -> None:
         self.numbers, self.grid = numbers, grid
         self._basis = torch.from_numpy(numbers.basis(grid.samples, 3))
-        self._fine = torch.from_numpy(numbers.basis(grid.samples * grid.refine, 2))
+        orders = 2 + len(numbers.limits)
+        self._fine = torch.from_numpy(numbers.basis(grid.samples * grid.refine, orders))
 
     def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "PlainDescent":
         """A descent in a scene."""
@@ -42,8 +43,8 @@ class PlainDescents:
 
     def objective(self, scene: Scene, aim: Aim, penalties: Penalties) -> Objective:
         """Goal and penalty, 0-dimensional each, at points (J, K)."""
-        orders = torch.tensor([[[scene.period ** (1.0 - r)]] for r in range(3)], dtype=torch.float64)
-        basis, fine = self._basis * orders, self._fine * orders[:2]
+        orders = torch.tensor([[[scene.period ** (1.0 - r)]] for r in range(4)], dtype=torch.float64)
+        basis, fine = self._basis * orders[:3], self._fine * orders[: len(self._fine)]
         turn, size, home = (torch.from_numpy(x) for x in (self.numbers.turn, scene.size, scene.home))
         goal, cost = self._goal(aim, scene.period), self._cost(scene, penalties)
 
@@ -51,8 +52,8 @@ class PlainDescents:
             c = (x * size) @ turn.T
             q, dq, ddq = (c @ b for b in basis)
             states = tuple(s.T for s in (home[:, None] + q, dq, ddq))
-            position, velocity = home[:, None] + c @ fine[0], c @ fine[1]
-            return goal(states), cost(states, position.T, velocity.T)
+            position, *rest = ((c @ b).T for b in fine)
+            return goal(states), cost(states, home + position, rest)
 
         return function
 
@@ -84,16 +85,17 @@ class PlainDescents:
 
     def _cost(
         self, scene: Scene, penalties: Penalties
-    ) -> Callable[[tuple[Tensor, ...], Tensor, Tensor], Tensor]:
+    ) -> Callable[[tuple[Tensor, ...], Tensor, list[Tensor]], Tensor]:
         numbers, weight = self.numbers, penalties.weight
         upper, lower = torch.from_numpy(numbers.upper), torch.from_numpy(numbers.lower)
-        speed, torque = torch.from_numpy(scene.speed), torch.from_numpy(scene.torque)
+        limits = [torch.from_numpy(limit) for limit in (scene.speed, *numbers.limits)]
+        torque = torch.from_numpy(scene.torque)
         body = numbers.constraints.body
         constraints = numbers.among(scene)
 
-        def function(states: tuple[Tensor, ...], q: Tensor, dq: Tensor) -> Tensor:
+        def function(states: tuple[Tensor, ...], q: Tensor, rest: list[Tensor]) -> Tensor:
             uses = [2 * (q - (upper + lower) / 2).abs() / (upper - lower) + penalties.reserve]
-            uses.append(dq.abs() / speed + penalties.reserve)
+            uses += [x.abs() / limit + penalties.reserve for x, limit in zip(rest, limits)]
             total = torch.stack([((use - 1).clamp_min(0) ** 2).sum() / len(q) for use in uses]).sum()
             if bool(torch.isfinite(torque).any()):
                 used = body.torque(*states).abs() / torque + penalties.torque

@@ -59,6 +59,9 @@ class ArmNumbers:
         self.torque = torque if constraints.torque else np.full_like(torque, np.inf)
         self.unit = Trajectory(arm.joints, trajectory.harmonics, 1.0)
         self.higher = {HIGHER[name]: array(limit) for name, limit in constraints.higher.items()}
+        orders = range(2, max([1, *self.higher]) + 1)
+        free = np.full(arm.joints, np.inf)
+        self.limits = np.array([self.higher.get(order, free) for order in orders]).reshape(-1, arm.joints)
         self.peaks = self.basis(_PEAKS, max([2, *(order + 1 for order in self.higher)]))
         self._keeping = {constraints.clearance: constraints}
         self.moving = array(arm.capsules.link >= 0).nonzero()[0]

@@ -9,12 +9,14 @@ import torch
 from sidegan.design.problem import Problem
 from sidegan.designer import Compiled
 from sidegan.motion.compiled import VARIABLE
+from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.seeds import Gradient
 from sidegan.validity import Box, Constraints, check
 from tests.tiny import tiny
+from tests.validity.critical import DESK, limited
 
 pytest.importorskip("numba")
 
@@ -68,16 +70,26 @@ def test_the_diagonal_fitness_is_optimised_when_asked(problem, found):
     assert ratio < 0.8 * others
 
 
-def test_it_serves_where_there_are_kernels(arm, monkeypatch):
-    assert Compiled.serves(arm)
-    assert not Compiled.serves(replace(arm, acceleration_limit=torch.ones(7, dtype=torch.float64)))
+@pytest.mark.parametrize("names", [["acceleration"], ["jerk"], ["acceleration", "jerk"]])
+def test_limits_of_accelerations_and_jerks_are_designed_for(arm, names):
+    tight = limited(arm, names, 0.1)
+    problem = Problem(Constraints(tight, [DESK]), Trajectory(7), samples=40)
+    batch = Compiled(60, 5, reserve=0.05, threads=2).optimise(problem, 6, SEED)
+    assert len(batch) == 6
+    assert check(problem.constraints, problem.trajectory, batch.coefficients).valid.all()
+    other = Gradient(60, 5, reserve=0.05).optimise(replace(problem, samples=60), 6, SEED)
+    assert batch.fitness.median() < 1.3 * other.fitness.median()
+
+
+def test_it_serves_where_there_are_kernels(monkeypatch):
+    assert Compiled.serves()
     monkeypatch.setenv(VARIABLE, "torch")
-    assert not Compiled.serves(arm)
+    assert not Compiled.serves()
 
 
-def test_the_stage_falls_back_to_the_batch(tmp_path):
-    store = Store(tmp_path)
-    limited = tiny("robot.limits.acceleration={shoulder: 2.0, elbow: 3.0}", experiment="excite")
-    makers = [seed_set(Task(config, store)).maker for config in (tiny(experiment="excite"), limited)]
-    assert makers == ["compiled_seeds", "seeds"]
-    assert tiny(experiment="excite").seeds.count == 4 * tiny(experiment="excite").selection.count
+def test_the_stage_falls_back_to_the_batch(tmp_path, monkeypatch):
+    store, config = Store(tmp_path), tiny(experiment="excite")
+    assert seed_set(Task(config, store)).maker == "compiled_seeds"
+    monkeypatch.setenv(VARIABLE, "torch")
+    assert seed_set(Task(config, store)).maker == "seeds"
+    assert config.seeds.count == 4 * config.selection.count

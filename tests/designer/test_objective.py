@@ -11,6 +11,7 @@ from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
+from tests.validity.critical import limited
 
 from .conftest import BOX, SITUATIONS, WALLS
 
@@ -102,6 +103,19 @@ def test_plain_torch_gives_the_same_value_and_gradient(designer, settings, regio
     x = point(designer.numbers, scene, 3)
     for aim in aims(designer.numbers).values():
         assert_plain_torch_agrees(designer.numbers, settings, scene, x, aim)
+
+
+@pytest.mark.parametrize("names", [["acceleration"], ["jerk"], ["acceleration", "jerk"]])
+def test_limits_of_accelerations_and_jerks_cost(arm, settings, names):
+    numbers = ArmNumbers(Constraints(limited(arm, names, 0.1)), Trajectory(7))
+    scene = numbers.scene(Situation(period=14.0))
+    x = point(numbers, scene, 4)
+    assert_plain_torch_agrees(numbers, settings, scene, x, Aim())
+    descent = compiled_of(numbers, settings).descent(scene, Aim(), PENALTIES)
+    assert_gradient(descent, x)
+    free = ArmNumbers(Constraints(arm), Trajectory(7))
+    unlimited = compiled_of(free, settings).descent(free.scene(Situation(period=14.0)), Aim(), PENALTIES)
+    assert descent.evaluate(x, np.zeros_like(x))[1] > unlimited.evaluate(x, np.zeros_like(x))[1]
 
 
 def test_an_arm_of_two_joints_and_few_parameters(planar, settings):

@@ -34,9 +34,11 @@ class Plan(NamedTuple):
     turn: Array  # (K, K)
     size: Array  # (J, K)
     basis: Array  # derivatives 0 to 2 of the K basis functions at T samples, (3, K, T)
-    fine: Array  # derivatives 0 and 1 at S finer ones, of which every (S / T)-th is one of those, (2, K, S)
+    # derivatives 0, 1 and what ``higher`` limits at S finer ones, some of them the same, (2 + L, K, S)
+    fine: Array
     torques: Limits  # what torques cost, at the samples
-    bounds: Limits  # what positions and velocities cost, at the finer samples
+    bounds: Limits  # what positions, velocities and what is higher cost, at the finer samples
+    higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
     close: float  # weight of what small distances lack, at the finer samples [1/m²]
     reach: float  # smallest distance that costs nothing [m]
     roots: Array  # of the weight of each joint's torques, (J,)
@@ -49,13 +51,14 @@ class Room(NamedTuple):
     c: Array  # coefficients, (J, K)
     states: Array  # (5, 1, J, T)
     fine: Array  # the same at the finer samples, without accelerations, (5, 1, J, S)
+    line: Array  # one derivative at the finer samples, (J, S)
     lanes: lanes.Room
     y: Array  # regressor
     gram: Array  # (p, p)
     goal: goals.Room
     sets: Array  # parameter vectors of the directions, (p, 10 J)
     slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
-    push: Array  # in positions and velocities at the finer samples, (2, 1, J, S)
+    push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
     near: apart.Room
     back: Array  # slope in the coefficients, (J, K)
 
@@ -68,13 +71,14 @@ def room(plan: Plan) -> Room:
         np.zeros((joints, functions)),
         lanes.aligned(5, 1, joints, samples),
         lanes.aligned(5, 1, joints, finer),
+        lanes.aligned(joints, finer),
         lanes.room(joints),
         lanes.aligned(size, joints * regressor.SPAN),
         np.zeros((size, size)),
         goals.room(size, plan.goal.smooth),
         np.zeros((size, 10 * joints)),
         lanes.aligned(3, 1, joints, samples),
-        lanes.aligned(2, 1, joints, finer),
+        lanes.aligned(len(plan.fine), 1, joints, finer),
         apart.room(len(plan.shapes.frame), joints),
         np.zeros((joints, functions)),
     )
@@ -115,18 +119,31 @@ def _roll_out(plan: Plan, work: Room) -> None:
 
 
 @kernel
-def _bound(bounds: Limits, fine: Array, push: Array) -> float:
-    """What positions and velocities cost; writes their slopes."""
+def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: float, slope: Array) -> float:
+    """What a signal costs that leaves its range; writes its slopes."""
     total = 0.0
+    for n in range(len(x)):
+        excess = beyond(x[n] - middle, limit, reserve)
+        slope[n] = 2.0 * weight / limit * excess
+        total += excess * excess
+    return weight * total
+
+
+@kernel
+def _bound(plan: Plan, work: Room) -> float:
+    """What positions, velocities and higher derivatives cost; writes their slopes."""
+    bounds, fine, push, total = plan.bounds, work.fine, work.push, 0.0
+    weight, reserve = bounds.weight, bounds.reserve
     for j in range(len(bounds.room)):
-        middle, room, speed = bounds.middle[j], bounds.room[j], bounds.speed[j]
-        for n in range(fine.shape[3]):
-            q = beyond(fine[Q, 0, j, n] - middle, room, bounds.reserve)
-            dq = beyond(fine[DQ, 0, j, n], speed, bounds.reserve)
-            push[0, 0, j, n] = 2.0 * bounds.weight / room * q
-            push[1, 0, j, n] = 2.0 * bounds.weight / speed * dq
-            total += q * q + dq * dq
-    return bounds.weight * total
+        total += _cost_of(fine[Q, 0, j], bounds.middle[j], bounds.room[j], reserve, weight, push[0, 0, j])
+        total += _cost_of(fine[DQ, 0, j], 0.0, bounds.speed[j], reserve, weight, push[1, 0, j])
+    for r in range(len(plan.higher)):
+        for j in range(len(work.line)):
+            clear(work.line[j])
+        combine(work.c, plan.fine[2 + r], 0, work.line.shape[1], work.line, 0)
+        for j in range(len(work.line)):
+            total += _cost_of(work.line[j], 0.0, plan.higher[r, j], reserve, weight, push[2 + r, 0, j])
+    return total
 
 
 @kernel
@@ -139,7 +156,7 @@ def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
             total = 0.0
             for r in range(3):
                 total += product(work.slope[r, 0, j], plan.basis[r, k], samples)
-            for r in range(2):
+            for r in range(len(plan.fine)):
                 total += product(work.push[r, 0, j], plan.fine[r, k], finer)
             work.back[j, k] = total
     for j in range(joints):
@@ -174,7 +191,7 @@ def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float,
     cost = weighted_slopes(
         plan.chain, plan.torques, work.states, plan.roots, directions, work.slope, work.lanes
     )
-    cost += _bound(plan.bounds, work.fine, work.push)
+    cost += _bound(plan, work)
     cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
     _pull_back(plan, gradient, work)
     return value, cost

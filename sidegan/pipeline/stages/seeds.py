@@ -13,9 +13,9 @@ from sidegan.seeds import Method, Seeds, Tasks, make_seeds
 
 
 def method_settings(task: Task) -> Seeds:
-    """The settings of the seed set, by gradients of a batch where kernels do not serve this arm."""
+    """The settings of the seed set, by gradients of a batch where there are no kernels."""
     settings = task.cfg.seeds
-    if settings.method == "compiled" and not Compiled.serves(task.arm):
+    if settings.method == "compiled" and not Compiled.serves():
         return replace(settings, method="gradient")
     return settings
 
