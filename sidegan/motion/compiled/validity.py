@@ -150,10 +150,9 @@ def _look_closer(
 ) -> tuple[float, float]:
     """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
 
-    Known are the capsules' margin, the smallest so far, and whether nothing else matters.
-
-    First by how far joints move in any direction, then by how the bodies move along the line between them.
-    What is inside is looked at no more closely than it takes to see that it is at least ``best``.
+    Known are the capsules' margin, the smallest so far, and whether the cell is settled anyway. First by how far
+    joints move in any direction, then by how the bodies move along the line between them. What is inside is
+    looked at no more closely than it takes to see that it is at least ``best``.
     """
     margin, best, sure = known
     bodies, motion = Bodies(model.chain, model.shapes, model.hulls), work.motion
@@ -244,11 +243,10 @@ def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Sm
     links, shapes = model.links, model.shapes
     place_balls(model, work)
     place_twists(model.chain, work.world, work.state[1], work.twist)
-    sure = False
+    invalid = False
     for k in range(smallest.margin.shape[1]):
-        sure |= (
-            smallest.margin[here.n, k] < 0 and not here.last
-        )  # what it leaves undecided is not looked at again
+        invalid |= smallest.margin[here.n, k] < 0
+    sure = invalid and not here.last  # what this cell leaves undecided is not looked at again
     first = _nearest_pair(shapes, work) if smallest.margin[here.n, COLLISION] == np.inf else -1
     undecided = False
     for group in range(0 if first < 0 else -1, len(links.frames)):
