@@ -150,9 +150,9 @@ def _look_closer(
 ) -> tuple[float, float]:
     """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
 
-    Known are the capsules' margin, the smallest so far, and whether the cell is settled anyway. First by how far
-    joints move in any direction, then by how the bodies move along the line between them. What is inside is
-    looked at no more closely than it takes to see that it is at least ``best``.
+    Known are the capsules' margin, the smallest so far, and whether the cell is settled anyway. First by how
+    far joints move in any direction, then by how the bodies move along the line between them. What is inside
+    is looked at no more closely than it takes to see that it is at least ``best``.
     """
     margin, best, sure = known
     bodies, motion = Bodies(model.chain, model.shapes, model.hulls), work.motion
