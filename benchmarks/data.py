@@ -8,7 +8,7 @@ from benchmarks.timing import Result, medians, timed
 from sidegan.design.criteria import DETERMINANT
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal, exchange
+from sidegan.design.optimal import a_optimal, d_optimal
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import recursive
 from sidegan.identification.gather import gather
@@ -57,12 +57,7 @@ def design(setting: Setting) -> Result:
     problem = setting.problem
     c = setting.start(setting.size(_LIBRARY))
     information = information_of(problem.body, problem.trajectory, c, _STATES)
-    best, few = d_optimal(information, _SET), slice(0, _EVALUATED)
-    others = {
-        "exchange after it": lambda: exchange(information, best, DETERMINANT),
-        "exchange from chance": lambda: exchange(information, torch.arange(_SET), DETERMINANT),
-        "A-optimal": lambda: a_optimal(information, _SET),
-    }
+    few, others = slice(0, _EVALUATED), {"A-optimal": lambda: a_optimal(information, _SET)}
     mean = information.mean
     evaluation = timed(lambda: DETERMINANT.value(mean + information.matrices(few)))
     share = len(information.packed[few]) / len(information)

@@ -8,10 +8,10 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from sidegan.design.criteria import DETERMINANT, criteria_of, variance
+from sidegan.design.criteria import criteria_of
 from sidegan.design.greedy import greedy
 from sidegan.design.information import Information, information_of
-from sidegan.design.optimal import a_optimal, ceiling, d_optimal, exchange
+from sidegan.design.optimal import a_optimal, ceiling, d_optimal
 from sidegan.errors import ShapeError
 from sidegan.identification import StudySettings, study
 from sidegan.motion.dynamics import RigidBody
@@ -105,9 +105,7 @@ def methods(
     return {
         "greedy": lambda count: greedy(diagonals, count),
         "D": lambda count: d_optimal(plain, count),
-        "D, exchanged": lambda count: exchange(plain, d_optimal(plain, count), DETERMINANT),
         "A": lambda count: a_optimal(plain, count),
-        "A, exchanged": lambda count: exchange(plain, a_optimal(plain, count), variance()),
         "D, by noise": lambda count: d_optimal(weighted, count),
         "A, by noise": lambda count: a_optimal(weighted, count),
         "prediction": lambda count: a_optimal(weighted, count, target=weighted.mean),

@@ -47,29 +47,6 @@ def a_optimal(
     return _greedy(information, count, prior, variance(target), submodular=False)
 
 
-def exchange(
-    information: Information,
-    chosen: Tensor,
-    criterion: Criterion = DETERMINANT,
-    prior: Tensor | None = None,
-    swaps: int = 1000,
-) -> Tensor:
-    """Indices of a set that no swap of one trajectory improves, (count,), from the set ``chosen``.
-
-    The best of all swaps of a member for a candidate is made, until none improves the criterion by more than
-    rounding or ``swaps`` are made; who comes takes the place of who goes. Never worse than ``chosen``.
-
-    Source: Fedorov 1972, Theory of optimal experiments.
-    """
-    start, members = _set(information, chosen, prior)
-    for _ in range(swaps):
-        swap = _best_swap(information, members, start + information.stacked(members), criterion)
-        if swap is None:
-            break
-        members[swap[0]] = swap[1]
-    return members
-
-
 def ceiling(
     information: Information, chosen: Tensor, criterion: Criterion = DETERMINANT, prior: Tensor | None = None
 ) -> tuple[float, float]:
@@ -122,39 +99,6 @@ def _reach(information: Information, total: Tensor, latest: Tensor, criterion: C
 
 def _with_one(criterion: Criterion, information: Information, total: Tensor, indices: Tensor) -> Tensor:
     return criterion.value(total + information.matrices(indices))
-
-
-def _best_swap(
-    information: Information, members: Tensor, total: Tensor, criterion: Criterion
-) -> tuple[int, int] | None:
-    """Place of the member that goes and index of the candidate that comes; None when no swap is better."""
-    weight, bound = criterion.tangent(total)
-    traces, whole = information.products(weight[None])[:, 0], (weight * total).sum()
-    candidates = torch.ones_like(traces, dtype=torch.bool)
-    candidates[members] = False
-    count, slack = len(information), _slack(information, total)
-    if not candidates.any():
-        return None
-
-    def values(pairs: Tensor) -> Tensor:
-        goes, comes = members[pairs // count], pairs % count
-        return criterion.value(total - information.matrices(goes) + information.matrices(comes))
-
-    now = float(criterion.value(total[None]))
-    likely = traces[members].argmin() * count + traces.masked_fill(~candidates, -torch.inf).argmax()
-    least = max(now, float(values(likely[None]))) - _TIE  # rules out most others before they are listed
-    pairs, reaches = [], []
-    for place, member in enumerate(members):
-        reach = bound(whole - traces[member] + traces) + slack
-        promising = (candidates & (reach >= least)).nonzero()[:, 0]
-        pairs.append(place * count + promising)
-        reaches.append(reach[promising])
-    listed = torch.cat(pairs)
-    seen, reached = _evaluate(torch.cat(reaches), lambda part: values(listed[part]))
-    if not len(reached) or float(reached.max()) <= now + _TIE:
-        return None
-    best = _first_largest(listed[seen], reached)
-    return best // count, best % count
 
 
 def _evaluate(bounds: Tensor, value: Callable[[Tensor], Tensor]) -> tuple[Tensor, Tensor]:

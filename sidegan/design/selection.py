@@ -9,7 +9,7 @@ from torch import Tensor
 from sidegan.base.typed import Count, Positive
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal, exchange
+from sidegan.design.optimal import a_optimal, d_optimal
 from sidegan.errors import ConfigError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -20,7 +20,7 @@ class Selection:
     """How many trajectories are picked from a pool, and by what."""
 
     count: Count
-    method: Literal["greedy", "d_optimal", "a_optimal", "d_exchange", "prediction"]
+    method: Literal["greedy", "d_optimal", "a_optimal", "prediction"]
     noise: list[Positive] | None  # of each joint's torque [N·m], by which the joints count; not for greedy
 
     def __post_init__(self) -> None:
@@ -42,5 +42,4 @@ def choose(
     if settings.method in ("a_optimal", "prediction"):
         target = information.mean if settings.method == "prediction" else None
         return a_optimal(information, settings.count, target=target)
-    chosen = d_optimal(information, settings.count)
-    return exchange(information, chosen) if settings.method == "d_exchange" else chosen
+    return d_optimal(information, settings.count)

@@ -6,7 +6,7 @@ import torch
 from sidegan.design.excitation import excite
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal, exchange
+from sidegan.design.optimal import a_optimal, d_optimal
 from sidegan.design.selection import Selection, choose
 from sidegan.errors import ConfigError
 
@@ -19,7 +19,6 @@ NOISE = [3.0, 0.5]
     [
         ("d_optimal", lambda x: d_optimal(x, 5)),
         ("a_optimal", lambda x: a_optimal(x, 5)),
-        ("d_exchange", lambda x: exchange(x, d_optimal(x, 5))),
         ("prediction", lambda x: a_optimal(x, 5, target=x.mean)),
     ],
 )
