@@ -12,12 +12,14 @@ from torch import Tensor
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.errors import InfeasibleError
 from sidegan.validity import check, summarise_faults
+from sidegan.validity.home import REMEDIES
 
 _SHRINK = 0.99  # towards home, one step at a time
 _SMALLEST = 0.5  # a seed that must shrink further has failed
 _FINER = 3  # the fitness reported is taken at so many times the problem's samples
 _REACH = 0.7  # share of the tightest limit that the first starts use; less in each further round
 _ILL = "the condition number"
+_SLOWER = "more time, trajectory.period=…"
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,11 @@ class SeedBatch:
     def shortfall(self, count: int) -> InfeasibleError:
         """The error that says why there are fewer than ``count`` seeds."""
         why = summarise_faults(self.faults) or "no start was finished"
+        worst = max(self.faults, key=self.faults.__getitem__, default="").partition(" of ")[0]
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
-            f"of those that failed, {why}"
+            f"of those that failed, {why}; what may help: another home with more room around it, "
+            f"'trajectory.home=[…]', or {REMEDIES.get(worst, _SLOWER)}"
         )
 
 

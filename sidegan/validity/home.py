@@ -19,8 +19,9 @@ _HELD, _TRIED = 0.95, 1000  # share of the configurations in which the arm holds
 _ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
 _TURN = 2.1 * math.pi  # [rad] that no home is away from zero without a reason
 _STATE = "state where it can rest, 'trajectory.home=[…]', or "
-_REMEDIES = {
-    "torque": "give it more torque, robot.effort=… or 'robot.limits.effort={…}'",
+# By the constraint that is in the way.
+REMEDIES = {
+    "torque": "give it more torque, robot.effort=… or, where springs help, 'robot.limits.effort={…}'",
     "collision": "let links touch, 'robot.may_touch=[[…]]', or keep no distance, workspace.clearance=0",
     "keep_out": "leave out what it cannot keep, workspace=free",
 }
@@ -71,7 +72,7 @@ def _nowhere(constraints: Constraints, rooms: dict[str, Tensor]) -> str:
     blamed = f"{name} of {constraints.labels[name][worst]} does not hold in {float(share[worst]):.0%} of them"
     return (
         f"the zero position of {constraints.arm.name} is not feasible, and none of {failed.shape[1]:,} "
-        f"others is: {blamed}; {_STATE}{_REMEDIES.get(name, 'widen the range, robot.limits.position')}"
+        f"others is: {blamed}; {_STATE}{REMEDIES.get(name, 'widen the range, robot.limits.position')}"
     )
 
 

@@ -135,6 +135,23 @@ def test_a_long_trajectory_that_never_becomes_valid_ends_with_the_reason(planar_
     assert method.calls == 10
 
 
+@pytest.mark.parametrize(
+    ("faults", "remedy"),
+    [
+        ({"velocity of elbow": 2, "torque of elbow": 9}, r"robot\.limits\.effort=\{…\}"),
+        ({"collision of base – forearm": 2}, "workspace.clearance=0"),
+        ({"keep_out of forearm in region 0": 2}, "workspace=free"),
+        ({"acceleration of elbow": 2}, "trajectory.period=…"),
+        ({}, "trajectory.period=…"),
+    ],
+)
+def test_too_few_seeds_come_with_what_may_help(faults, remedy):
+    nothing = torch.zeros(0, 2, 3, 2)
+    error = result.SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults).shortfall(6)
+    with pytest.raises(InfeasibleError, match=rf"what may help: another home .*trajectory\.home=.*{remedy}"):
+        raise error
+
+
 COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
 
 
