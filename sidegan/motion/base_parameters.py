@@ -16,8 +16,8 @@ LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Iz
 _STATES_EACH = 60  # random states per joint
 _MOST_STATES = 720  # of them: 72 rows per column, while the time grows with the cube of the joints
 # Effect below which a column counts as none, or as one of those before it, as a share of the largest.
-# Rounding noise sits near 1e-15, the weakest true effect near 1e-3. A right angle that is written as 1.5708 tilts an
-# upright joint by 4e-6, and shows it the weight of all that it turns.
+# Rounding noise sits near 1e-15, the weakest true effect near 1e-3. A right angle that is written as 1.5708
+# tilts an upright joint by 4e-6, and shows it the weight of all that it turns.
 _NO_EFFECT = 1e-5
 
 

@@ -37,7 +37,7 @@ def config(root, *overrides):
     return tiny(f"outputs={root}", *overrides, experiment=PAGE)
 
 
-def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page):
+def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page, groups):
     docs, (text, tables) = run / "docs", page
     assert "**ours** (1 seed set of " in text
     assert "Not on this page, though `dvc repro` makes it: " in text and "ours (ours_second)" in text
@@ -53,7 +53,7 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page):
     ):
         assert f"## {title}" in text and title in web
     assert "default-src 'none'" in web  # nothing is fetched
-    assert web.count('<img src="data:image/png;base64,') == 9
+    assert web.count('<img src="data:image/png;base64,') == 3 + 3 * len(groups)
     assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
     names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
     names |= {"readings", "reading_verdicts", "recursions", "elsewhere", "elsewhere_weighted"}
