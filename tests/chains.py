@@ -98,9 +98,11 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
     )
 
 
-def constrained(arm: Arm, regions: Sequence[Region], torque: bool = True) -> Constraints:
+def constrained(
+    arm: Arm, regions: Sequence[Region], torque: bool = True, clearance: float = 0.0
+) -> Constraints:
     """A random arm among regions; an arm that never leaves one of them is no example."""
     try:
-        return Constraints(arm, regions, torque)
+        return Constraints(arm, regions, torque, clearance)
     except InfeasibleError:
         reject()

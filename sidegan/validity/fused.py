@@ -19,7 +19,6 @@ from sidegan.validity.constraints import Constraints
 from sidegan.validity.search import Result, Search
 
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
-_ROUNDING = 1e-9  # [m] by which balls around links are larger than they need be
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
 _models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
@@ -118,18 +117,12 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
 def _links_of(constraints: Constraints, slack: Slack) -> kernel_cells.Links:
     """The pairs of capsules, two links at a time."""
     capsules, pairs = constraints.arm.capsules, constraints.pairs
-    balls = torch.zeros(constraints.arm.joints + 1, 4, dtype=torch.float64)
-    for f in torch.unique(capsules.link + 1).tolist():
-        mine = capsules.link + 1 == f
-        ends = torch.stack([capsules.a[mine], capsules.b[mine]])
-        balls[f, :3] = (ends.amin((0, 1)) + ends.amax((0, 1))) / 2
-        balls[f, 3] = ((ends - balls[f, :3]).norm(dim=2) + capsules.radius[mine]).max() + _ROUNDING
     frames, group = torch.unique((capsules.link[pairs] + 1).sort(1).values, dim=0, return_inverse=True)
     start = torch.searchsorted(group.sort().values, torch.arange(len(frames) + 1))
     most = torch.zeros(len(frames), constraints.arm.joints, dtype=torch.float64)
     for k in range(len(frames)):
         most[k] = slack.pair_reach[group == k].amax(0)
-    return kernel_cells.Links(*map(array, (balls, frames, most, torch.argsort(group, stable=True), start)))
+    return kernel_cells.Links(*map(array, (frames, most, torch.argsort(group, stable=True), start)))
 
 
 def largest_reach(reach: Tensor) -> Tensor:

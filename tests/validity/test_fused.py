@@ -103,6 +103,18 @@ def test_both_searches_agree_on_the_arms_at_hand(regions: str, arm: Arm, planar:
         assert 0 < valid.sum() < batch
 
 
+@settings(max_examples=15, deadline=None)
+@given(joints=st.integers(2, 6), seed=st.integers(0, 10_000), clearance=st.sampled_from([0.0, 0.05, 0.2]))
+def test_both_searches_agree_on_balls_that_keep_a_distance(joints: int, seed: int, clearance: float) -> None:
+    """Where what surrounds a link is no larger than the link, nothing may be skipped too early."""
+    arm = random_chain(joints, seed)[0]
+    middles = (arm.capsules.a + arm.capsules.b) / 2
+    arm = replace(arm, capsules=replace(arm.capsules, a=middles, b=middles))
+    trajectory = Trajectory(joints, 4, 3.0, ((arm.position_lower + arm.position_upper) / 2).tolist())
+    constraints = constrained(arm, (), clearance=clearance)
+    assert_same(constraints, trajectory, moderate(arm, trajectory, 12, seed))
+
+
 def test_threads_change_nothing(arm: Arm) -> None:
     constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7)
     c = moderate(arm, trajectory, 101, seed=2)

@@ -35,9 +35,8 @@ from sidegan.motion.compiled.links import (
 
 
 class Links(NamedTuple):
-    """Pairs of capsules, taken together where they are of the same two of F frames."""
+    """Pairs of capsules, taken together where they are of the same two frames."""
 
-    balls: Array  # centre, in the frame, and radius of a ball around a frame's capsules [m], (F, 4)
     frames: Array  # two of them, (L, 2) int
     most: Array  # how far the motion of a joint moves any two capsules of both against each other, (L, J)
     pairs: Array  # all pairs, those of the same frames one after another, (P,) int
@@ -151,8 +150,8 @@ def place_joints(model: Model, work: Work) -> None:
 @inline
 def place_balls(model: Model, work: Work) -> None:
     """Middles of the balls around links."""
-    for f in range(len(model.links.balls)):
-        middle = to_parent(matrix(work.world.turn, f), row(model.links.balls, f))
+    for f in range(len(model.shapes.balls)):
+        middle = to_parent(matrix(work.world.turn, f), row(model.shapes.balls, f))
         set_row(work.middles, f, add(row(work.world.place, f), middle))
 
 

@@ -52,6 +52,7 @@ class Shapes(NamedTuple):
     radius: Array  # [m], (C,)
     core: Array  # radius that optimisers keep apart [m], (C,)
     size: Array  # a little more than the radius of the ball around it [m], (C,)
+    balls: Array  # centre and radius of a ball around each frame's capsules, in that frame [m], (F, 4)
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
     # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one
@@ -65,8 +66,19 @@ class Shapes(NamedTuple):
         """Shapes of an arm's capsules and of regions: their numbers (R, 6), kinds (R,) and planes (M, 4)."""
         ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-        bodies = capsules.link + 1, ends, radius, capsules.core, size
+        balls = _balls(capsules.link + 1, ends, radius)
+        bodies = capsules.link + 1, ends, radius, capsules.core, size, balls
         return cls(*map(array, (*bodies, pairs, guarded, *regions)))
+
+
+def _balls(frame: Tensor, ends: Tensor, radius: Tensor) -> Tensor:
+    """Balls (F, 4) around the capsules of each frame; of no size where there are none."""
+    balls = torch.zeros(int(frame.max()) + 1 if len(frame) else 0, 4, dtype=torch.float64)
+    for f in torch.unique(frame).tolist():
+        some = ends[:, frame == f]
+        balls[f, :3] = (some.amin((0, 1)) + some.amax((0, 1))) / 2
+        balls[f, 3] = ((some - balls[f, :3]).norm(dim=2) + radius[frame == f]).max() + _ROUNDING
+    return balls
 
 
 def array(x: Tensor) -> Array:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.motion.compiled.cells import (
-    Links,
     Model,
     Motions,
     Work,
@@ -192,11 +191,12 @@ def _balls_apart(shapes: Shapes, work: Work, p: int, need: float) -> bool:
 
 
 @inline
-def _links_apart(links: Links, work: Work, group: int, need: float) -> bool:
+def _links_apart(model: Model, work: Work, group: int, need: float) -> bool:
     """The same of all pairs of two links."""
-    f, g = links.frames[group, 0], links.frames[group, 1]
+    balls, frames = model.shapes.balls, model.links.frames
+    f, g = frames[group, 0], frames[group, 1]
     apart = less(row(work.middles, f), row(work.middles, g))
-    far = need + links.balls[f, 3] + links.balls[g, 3]
+    far = need + balls[f, 3] + balls[g, 3]
     return dot(apart, apart) >= far * far
 
 
@@ -253,7 +253,7 @@ def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Sm
         start, stop, most = 0, 1, np.inf
         if group >= 0:
             most = -np.inf if sure else _reached(links.most, group, work.motion)
-            if _links_apart(links, work, group, max(smallest.margin[here.n, COLLISION], most)):
+            if _links_apart(model, work, group, max(smallest.margin[here.n, COLLISION], most)):
                 continue
             start, stop = links.start[group], links.start[group + 1]
         for at in range(start, stop):
