@@ -9,6 +9,8 @@ from itertools import pairwise
 
 from torch import nn
 
+from sidegan.gan.convolution import SmallConv2d, SmallConvTranspose2d
+
 _SLOPE = 0.2  # of the leaky ReLU below zero
 _DEVIATION = 0.02  # of the weights
 _LAYERS = 4
@@ -24,12 +26,12 @@ def generator_layers(joints: int, harmonics: int, noise: int, width: int) -> nn.
     layers: list[nn.Module] = [nn.Unflatten(1, (noise, 1, 1))]
     for i, (inputs, outputs) in enumerate(pairwise(channels)):
         if i == 0:
-            layers.append(nn.ConvTranspose2d(inputs, outputs, (rows[0], columns[0]), bias=False))
+            layers.append(SmallConvTranspose2d(inputs, outputs, (rows[0], columns[0]), bias=False))
         else:
             kernel = (_kernel(rows[i]), _kernel(columns[i]))
-            layers.append(nn.ConvTranspose2d(inputs, outputs, kernel, 2, 1, bias=False))
+            layers.append(SmallConvTranspose2d(inputs, outputs, kernel, 2, 1, bias=False))
         layers += [nn.BatchNorm2d(outputs), nn.ReLU()]
-    last = nn.ConvTranspose2d(channels[-1], 2, (_kernel(joints), _kernel(harmonics)), 2, 1)
+    last = SmallConvTranspose2d(channels[-1], 2, (_kernel(joints), _kernel(harmonics)), 2, 1)
     return initialised(nn.Sequential(*layers, last, nn.Tanh()))
 
 
@@ -40,9 +42,9 @@ def image_critic(joints: int, harmonics: int, width: int) -> nn.Sequential:
     layers: list[nn.Module] = []
     for i, (inputs, outputs) in enumerate(pairwise(channels)):
         kernel = (_kernel(rows[-1 - i]), _kernel(columns[-1 - i]))
-        layers.append(nn.Conv2d(inputs, outputs, kernel, 2, 1, bias=i == 0))
+        layers.append(SmallConv2d(inputs, outputs, kernel, 2, 1, bias=i == 0))
         layers += [nn.BatchNorm2d(outputs), nn.LeakyReLU(_SLOPE)] if i else [nn.LeakyReLU(_SLOPE)]
-    last = nn.Conv2d(channels[-1], 1, (rows[0], columns[0]))
+    last = SmallConv2d(channels[-1], 1, (rows[0], columns[0]))
     return initialised(nn.Sequential(*layers, last, nn.Flatten(0)))
 
 
