@@ -82,6 +82,12 @@ class RigidBody:
         states = newton_euler.states_last((q, dq, ddq))
         return newton_euler.torque(self.chain, states, v)[:, 0].T.reshape(q.shape)
 
+    def torque_rate(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor) -> Tensor:
+        """Rate of the arm's torques [N·m/s], (…, J), of positions and their derivatives (…, J)."""
+        states = newton_euler.states_last((q, dq, ddq, jerk))
+        parameters = self.arm.inertial_parameters.to(q.device, q.dtype)
+        return newton_euler.torque_rates(self.chain, states, parameters).T.reshape(q.shape)
+
     def torques_of(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor) -> Tensor:
         """Regressor times several parameter sets, (B, K, T, J), of states (B, T, J) and sets (B, K, 10 J).
 

@@ -15,16 +15,20 @@ from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.compiled.formulas import (
     Matrix,
     Motion,
+    Moving,
     Vector,
     add,
     carried,
+    carried_rate,
     columns_of,
     cross,
     dot,
     moved,
+    moved_rate,
     times,
     to_child,
     wrench_of,
+    wrench_rate,
 )
 
 States = Sequence[Tensor]
@@ -77,6 +81,32 @@ def torque(chain: Chain, states: States, parameters: Tensor) -> Tensor:
         torques.append(dot(link.axis, force if link.slides else moment))
         wrench = carried(link.turn, link.shift, (force, moment))
     return torch.stack(torques[::-1])
+
+
+def torque_rates(chain: Chain, states: States, parameters: Tensor) -> Tensor:
+    """Rates of the torques, (J, N), of positions and three derivatives, and inertial parameters (J, 10)."""
+    q, dq, ddq, jerk = states
+    zero = torch.zeros_like(q[0])
+    x, y, z = (zero - g for g in chain.gravity.tolist())
+    still = zero, zero, zero
+    at: Moving = (still, still, (x, y, z)), (still, still, still)
+    joints, wrenches = [], []
+    for i, axis in enumerate(chain.axis.tolist()):
+        slides, (turn, shift) = float(chain.prismatic[i]), placement(chain, i, q[i])
+        slide = torch.from_numpy(chain.slide[i]).to(q)[:, None] * dq[i]
+        shifts, v = (shift, (slide[0], slide[1], slide[2])), tuple(parameters[i].unbind())
+        at = moved_rate((axis, slides), turn, shifts, (dq[i], ddq[i], jerk[i]), at)
+        joints.append((axis, slides, turn, shifts, times((1.0 - slides) * dq[i], axis)))
+        wrenches.append((wrench_of(v, at[0]), wrench_rate(v, at)))
+    wrench = rate = still, still
+    rates = []
+    for (axis, slides, turn, shifts, spin), (own, change) in zip(reversed(joints), reversed(wrenches)):
+        wrench = add(wrench[0], own[0]), add(wrench[1], own[1])
+        rate = add(rate[0], change[0]), add(rate[1], change[1])
+        rates.append(dot(axis, rate[0] if slides else rate[1]))
+        rate = carried_rate(spin, turn, shifts, wrench, rate)
+        wrench = carried(turn, shifts[0], wrench)
+    return torch.stack(rates[::-1])
 
 
 def placement(chain: Chain, i: int, q: Tensor) -> tuple[Matrix, Vector]:

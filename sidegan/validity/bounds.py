@@ -1,7 +1,7 @@
 """How much a margin can change between a sample and the edge of its cell: rigorous upper bounds.
 
 From a sample's velocity and acceleration and a bound on the jerk follow bounds on the joints' motion in the
-cell; from those, bounds on the motion of capsules and on the change of torques, by triangle inequalities
+cell; from those, bounds on the motion of capsules and on how torques change, by triangle inequalities
 alone (``sidegan.motion.compiled.formulas``). How far accelerations and jerks drift, where they
 are limited, follows from the next derivative at the sample and a bound on the one after.
 """
@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled.formulas import carried_bounds, cell_bounds, link_bounds, wrench_bounds
+from sidegan.motion.compiled.formulas import (
+    Bounds,
+    MotionBounds,
+    WrenchBounds,
+    carried_bounds,
+    cell_bounds,
+    link_bounds,
+    summed,
+    wrench_bounds,
+)
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -31,6 +40,7 @@ class CellMotion:
     speed: Tensor
     acceleration: Tensor
     jerk: Tensor
+    snap: Tensor
 
 
 def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
@@ -47,9 +57,12 @@ def derivative_bound(trajectory: Trajectory, c: Tensor, order: int) -> Tensor:
     return torch.einsum("bjhx,hx->bj", c.abs(), trajectory.derivative_bound(order).to(c))
 
 
-def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, half: float) -> CellMotion:
-    """Bounds over cells of half width ``half`` [s] around samples (N, J), by Taylor's theorem."""
-    return CellMotion(*cell_bounds(dq, ddq, jerk, half), jerk)
+def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, snap: Tensor, half: float) -> CellMotion:
+    """Bounds over cells of half width ``half`` [s] around samples (N, J), by Taylor's theorem.
+
+    Jerk and snap are bounds already.
+    """
+    return CellMotion(*cell_bounds(dq, ddq, jerk, half), jerk, snap)
 
 
 class Slack:
@@ -74,7 +87,7 @@ class Slack:
         """Upper bounds of the change of each margin in the cell, shaped like the margins."""
         slack = {"position": motion.position_change, "velocity": motion.velocity_change}
         if self.torque:
-            slack["torque"] = half * torque_rate_bound(self.arm, motion)
+            slack["torque"] = half * torque_bounds(self.arm, motion)[0]
         slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
         slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
         return slack
@@ -126,23 +139,26 @@ def _from_axis(arm: Arm, joint: int, points: Tensor) -> Tensor:
     return torch.linalg.cross(arm.axis[joint].expand_as(points), points).norm(dim=-1)
 
 
-def torque_rate_bound(arm: Arm, motion: CellMotion) -> Tensor:
-    """Upper bound of the absolute rate of every joint torque [N·m/s] in a cell, (N, J)."""
+def torque_bounds(arm: Arm, motion: CellMotion) -> tuple[Tensor, Tensor]:
+    """Upper bounds of every joint torque's absolute rate and second derivative in a cell, (N, J) each."""
     travel, mass, first, spin = link_norms(arm).values()
     slides, zero = arm.prismatic.tolist(), torch.zeros_like(motion.speed[:, 0])
-    link = zero, zero, zero, zero, zero + arm.gravity.norm().to(zero), zero
+    still: Bounds = (zero, zero, zero)
+    rates = motion.speed, motion.acceleration, motion.jerk, motion.snap
+    own = list(zip(*(x.unbind(1) for x in rates)))
+    link: MotionBounds = (still, still, (zero + arm.gravity.norm().to(zero), zero, zero))
     wrenches = []
     for i in range(arm.joints):
-        own = motion.speed[:, i], motion.acceleration[:, i], motion.jerk[:, i]
-        link = link_bounds(slides[i], *own, travel[i], link)
+        link = link_bounds(slides[i], own[i], travel[i], link)
         wrenches.append(wrench_bounds(mass[i], first[i], spin[i], link))
-    carried = zero, zero, zero, zero
-    rates = []
+    carried: WrenchBounds = (still, still)
+    found = []
     for i in reversed(range(arm.joints)):
-        f, df, n, dn = (a + b for a, b in zip(carried, wrenches[i]))
-        rates.append(df if slides[i] else dn)
-        carried = carried_bounds(slides[i], motion.speed[:, i], travel[i], (f, df, n, dn))
-    return torch.stack(rates[::-1], 1)
+        force, moment = (summed(a, b) for a, b in zip(carried, wrenches[i]))
+        found.append(torch.stack((force if slides[i] else moment)[1:]))
+        carried = carried_bounds(slides[i], own[i], travel[i], (force, moment))
+    rate, bend = torch.stack(found[::-1], 2)
+    return rate, bend
 
 
 def link_norms(arm: Arm) -> dict[str, Tensor]:

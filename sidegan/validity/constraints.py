@@ -70,7 +70,7 @@ class Constraints:
         self.regions = tuple(regions)
         self.lowered: tuple[Region, ...] = ()  # of them, for links that never have the clearance
         self._lenient = apart is not None
-        self._kept_out = self.grown(self.regions)
+        self.kept_out = self.grown(self.regions)
         self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
@@ -205,7 +205,7 @@ class Constraints:
     @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        return Shapes.of(self._thick.capsules, self.pairs, self.guarded, tables(self._kept_out))
+        return Shapes.of(self._thick.capsules, self.pairs, self.guarded, tables(self.kept_out))
 
     def described(self) -> str:
         """What is checked and what is not, as one line for people."""
@@ -284,7 +284,7 @@ class Constraints:
     def _region_distances(self, a: Tensor, b: Tensor, guarded: Tensor) -> Tensor:
         radius = self._thick.capsules.radius.to(a)
         rows = []
-        for index, region in enumerate(self._kept_out):
+        for index, region in enumerate(self.kept_out):
             capsules = guarded[guarded[:, 0] == index, 1].to(a.device)
             rows.append(region.margin(a[:, capsules], b[:, capsules]) - radius[capsules][:, None])
         return torch.cat(rows)
@@ -315,7 +315,7 @@ class Constraints:
         if which.any():
             guarded[which, 0] = index[guarded[which, 0]]
             self.lowered = tuple(self.regions[r].grown(-self.clearance) for r in planes)
-            self._kept_out = self.grown((*self.regions, *self.lowered))
+            self.kept_out = self.grown((*self.regions, *self.lowered))
         return which
 
     def _pairs(self) -> Pairs:

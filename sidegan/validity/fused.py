@@ -14,7 +14,7 @@ from sidegan.motion.compiled.chain import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity.bounds import Slack, link_norms
+from sidegan.validity.bounds import Slack, derivative_bound, link_norms
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.search import Result, Search
 
@@ -35,7 +35,7 @@ class FusedSearch(Search):
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
         self.columns = {name: NAMES.index(name) for name in constraints.labels}
-        self.orders = 5 if constraints.higher else 3
+        self.orders = 5
 
     def everything(self, cells: int) -> Tensor:
         """That all constraints are asked about in so many cells, (N, 7) bool."""
@@ -69,9 +69,8 @@ class FusedSearch(Search):
 
     @cached_property
     def drifts(self) -> Tensor:
-        """Bounds of the fourth and the fifth derivative, (2, B, J); (2, 0, 0) where neither matters."""
-        rows = [self.bounds.get(name, torch.zeros_like(self.jerk)) for name in HIGHER]
-        return torch.stack(rows) if self.bounds else self.jerk.new_zeros(2, 0, 0)
+        """Bounds of the fourth and the fifth derivative, (2, B, J)."""
+        return torch.stack([self.snap, derivative_bound(self.trajectory, self.c, 5)])
 
     def result(self) -> Result:
         """Whether each trajectory is valid; the smallest margins, their elements and times."""

@@ -1,9 +1,10 @@
-"""How near the bodies of a pair may come while the arm moves through a cell: the reference of the kernel.
+"""How near bodies may come, to each other or to a region, in a cell: the reference of the kernel.
 
 Along one direction both bodies lie in intervals, whose ends move evenly but for how their points' paths bend.
 Any direction gives a bound; that of the line between the nearest points gives a close one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +15,7 @@ from sidegan.robot import Arm
 from sidegan.validity.bounds import CellMotion, Slack
 from sidegan.validity.capsules import frames_of, nearest_on_segments
 from sidegan.validity.pieces import PieceDistances
+from sidegan.validity.regions import Region
 
 _NO_DIRECTION = 1e-12  # [m²] between nearest points that are one
 
@@ -49,7 +51,8 @@ class Moving:
             gap = torch.where(((gap * gap).sum(1) > _NO_DIRECTION)[:, None], gap, fallback)
         points = torch.stack([self.arm.capsules.a, self.arm.capsules.b], 1)
         least = self._least(asked, gap, [*points], self.arm.capsules.radius)
-        return least - self._bend(self.slack.pair_reach, asked)
+        n, p = asked.unbind(1)
+        return least - self._bend(self.slack.pair_reach[p], self.slack.between[p], n)
 
     def inside(self, asked: Tensor) -> Tensor:
         """The same of what is inside of the capsules; minus infinity where that touches."""
@@ -60,8 +63,33 @@ class Moving:
         gap = points[:, 1] - points[:, 0]
         gap = torch.where((inner == self.pieces.pairs[asked[:, 1], 0])[:, None], gap, -gap)
         corners = [*pieces.corners.split(pieces.start.diff().tolist())]
-        least = self._least(asked, gap, corners, pieces.radius) - self._bend(self.slack.piece_reach, asked)
-        return least.nan_to_num(-torch.inf)
+        n, p = asked.unbind(1)
+        bend = self._bend(self.slack.piece_reach[p], self.slack.between[p], n)
+        return (self._least(asked, gap, corners, pieces.radius) - bend).nan_to_num(-torch.inf)
+
+    def regions(self, kept_out: Sequence[Region], guarded: Tensor, asked: Tensor) -> Tensor:
+        """Least margins [m], (M,), in a cell, of capsules that are off regions.
+
+        Args:
+            kept_out: the regions.
+            guarded: region and capsule, (K, 2).
+            asked: cell and row of these, (M, 2).
+        """
+        n, g = asked.unbind(1)
+        region, capsule = guarded[g].unbind(1)
+        a, b = self._placed(capsule, n)
+        margin, point, away = torch.zeros_like(a[0]), torch.zeros_like(a), torch.zeros_like(a)
+        for r in torch.unique(region).tolist():
+            mine = region == r
+            margin[mine], point[:, mine], away[:, mine] = _nearest(kept_out[r], a[:, mine], b[:, mine])
+        turning, moving = (x.T for x in self._twists[:, self.arm.capsules.link[capsule] + 1, n])
+        low = []
+        for end in (a, b):
+            rate = (away * (moving + torch.linalg.cross(turning, end, dim=0))).sum(0)
+            low.append((away * (end - point)).sum(0) - self.half * rate.abs())
+        least = margin + torch.minimum(*low) - self.arm.capsules.radius[capsule].to(a)
+        reach = self.slack.region_reach[g]
+        return least - self._bend(reach, torch.ones_like(reach, dtype=torch.bool), n)
 
     @property
     def arm(self) -> Arm:
@@ -124,14 +152,24 @@ class Moving:
             height[mine] += (local[mine] @ corners[body].to(local).T).amax(1)
         return height
 
-    def _bend(self, reach: Tensor, asked: Tensor) -> Tensor:
+    def _bend(self, reach: Tensor, between: Tensor, n: Tensor) -> Tensor:
         """How far at most a point of the outer body leaves its even motion, (M,).
 
-        By joints' accelerations at their largest levers, and products of speeds at that of the outer one.
+        By joints' accelerations at their largest levers, (M, J), and products of speeds at that of the outer
+        one, of the joints between the bodies.
         """
-        n, p = asked.unbind(1)
-        between = self.slack.between[p]
         speed = self.motion.speed[n] * between
         before = speed.cumsum(1) - speed
         terms = self.motion.acceleration[n] + speed * (speed + 2 * before)
-        return self.half**2 / 2 * (reach[p].to(speed) * between * terms).sum(1)
+        return self.half**2 / 2 * (reach.to(speed) * between * terms).sum(1)
+
+
+def _nearest(region: Region, a: Tensor, b: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Distances [m] of segments with ends (3, M), their nearest points, and unit directions away."""
+    with torch.enable_grad():
+        ends = [x.detach().requires_grad_(True) for x in (a, b)]
+        distance = region.margin(*ends)
+        slopes = torch.autograd.grad(distance.sum(), ends)
+    away = slopes[0] + slopes[1]
+    share = (slopes[1] * away).sum(0) / (away * away).sum(0)
+    return distance.detach(), torch.lerp(a, b, share), away

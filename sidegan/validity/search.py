@@ -8,7 +8,7 @@ from torch import Tensor
 from sidegan.motion.compiled.formulas import drift
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound
+from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound, torque_bounds
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.moving import Moving
 
@@ -34,7 +34,8 @@ class Search:
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Of the derivative after the next one, by what is limited: a margin drifts by the next one at first.
         self.bounds = {name: derivative_bound(trajectory, c, HIGHER[name] + 2) for name in constraints.higher}
-        self.orders = max([3, *(HIGHER[name] + 2 for name in constraints.higher)])
+        self.snap = derivative_bound(trajectory, c, 4)
+        self.orders = max([3 + constraints.torque, *(HIGHER[name] + 2 for name in constraints.higher)])
         self.valid = torch.ones(len(c), dtype=torch.bool, device=c.device)
         self.margins = {name: c.new_full((len(c),), torch.inf) for name in constraints.labels}
         self.elements = {name: torch.zeros_like(self.valid, dtype=torch.long) for name in constraints.labels}
@@ -84,14 +85,26 @@ class Search:
         times = (used.to(self.c) + 0.5) * (2 * half)
         states = [self._state(which, rows, times, order) for order in range(self.orders)]
         margins = self.constraints.capsule_margins(*states[: self.constraints.orders])
-        motion = cell_motion(states[1], states[2], self.jerk[which], half)
+        motion = cell_motion(states[1], states[2], self.jerk[which], self.snap[which], half)
         slack = self.slack.of(motion, half)
+        if "torque" in margins:
+            rate, bend = (
+                self.constraints.body.torque_rate(*states[:4]),
+                torque_bounds(self.constraints.arm, motion)[1],
+            )
+            slack["torque"] = torch.minimum(slack["torque"], drift(rate, bend, half))
         for name, bound in self.bounds.items():
             slack[name] = drift(states[HIGHER[name] + 1], bound[which], half)
         names = list(margins)
+        moving = Moving(self.constraints.pieces, self.slack, states[0], states[1], motion, half)
         if "collision" in margins:
-            pairs = Moving(self.constraints.pieces, self.slack, states[0], states[1], motion, half)
-            self._look_closer(pairs, asked[:, names.index("collision")], margins, slack)
+            self._look_closer(moving, asked[:, names.index("collision")], margins, slack)
+        if "keep_out" in margins:
+            margin, most = margins["keep_out"], slack["keep_out"]
+            near = torch.nonzero((margin > 0) & (margin < most) & asked[:, names.index("keep_out"), None])
+            where = tuple(near.T)
+            least = moving.regions(self.constraints.kept_out, self.constraints.guarded, near)
+            most[where] = torch.minimum(most[where], margin[where] - least)
         undecided = torch.zeros_like(asked)
         for k, (name, margin) in enumerate(margins.items()):
             here = asked[:, k, None]

@@ -1,6 +1,7 @@
 """Bounds over a cell are true bounds: everything sampled inside the cell stays below them."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -16,10 +17,12 @@ from sidegan.validity.bounds import (
     Slack,
     capsule_reach,
     cell_motion,
+    derivative_bound,
     jerk_bound,
-    torque_rate_bound,
+    torque_bounds,
 )
 from sidegan.validity.capsules import capsule_axes
+from sidegan.validity.moving import Moving
 from tests.chains import random_chain, random_states
 
 CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(2)]
@@ -56,12 +59,13 @@ def test_no_margin_changes_by_more_than_its_slack(joints: int, seed: int, half: 
     constraints = Constraints(arm, REGIONS)
     trajectory, c = within_limits(arm, 8, seed)
     slack = Slack(constraints)
-    jerk = jerk_bound(trajectory, c, 30)
+    jerk, snap = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
     for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
         times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
         sampled = margins_in_cells(constraints, trajectory, c, times)
         motion = trajectory.roll_out(c, torch.tensor([centre], dtype=torch.float64))
-        bounds = slack.of(cell_motion(motion.velocity[:, 0], motion.acceleration[:, 0], jerk, half), half)
+        cell = cell_motion(motion.velocity[:, 0], motion.acceleration[:, 0], jerk, snap, half)
+        bounds = slack.of(cell, half)
         for name, margins in sampled.items():
             change = (margins - margins[:, 10:11]).abs().amax(1)
             assert (change <= bounds[name] + ROUNDING).all(), name
@@ -75,7 +79,7 @@ def test_slack_shrinks_with_the_cell(arm: Arm) -> None:
     )
     motion = trajectory.roll_out(c, trajectory.grid(40))
     jerk = jerk_bound(trajectory, c, 160)[:, None].expand_as(motion.velocity).flatten(0, 1)
-    cell = cell_motion(motion.velocity.flatten(0, 1), motion.acceleration.flatten(0, 1), jerk, 5e-5)
+    cell = cell_motion(motion.velocity.flatten(0, 1), motion.acceleration.flatten(0, 1), jerk, 0 * jerk, 5e-5)
     slack = Slack(Constraints(arm, [Plane((0, 0, 1), 0.1)])).of(cell, 5e-5)
     assert all(bound.max() < 1e-3 for name, bound in slack.items() if name != "torque")
     assert slack["torque"].max() < 1.0
@@ -83,27 +87,65 @@ def test_slack_shrinks_with_the_cell(arm: Arm) -> None:
 
 def test_cell_motion_is_taylors_remainder() -> None:
     speed, acceleration, jerk = (torch.tensor([[x]], dtype=torch.float64) for x in (-2.0, 3.0, 6.0))
-    motion = cell_motion(speed, acceleration, jerk, half=0.5)
+    motion = cell_motion(speed, acceleration, jerk, 0 * jerk, half=0.5)
     bounds = [
         x.item() for x in (motion.position_change, motion.velocity_change, motion.speed, motion.acceleration)
     ]
     assert bounds == pytest.approx([0.5 * 2 + 0.125 * 3 + 6 / 48, 0.5 * 3 + 0.125 * 6, 2 + 2.25, 3 + 3])
 
 
-@pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
-def test_torque_rates_stay_below_their_bound(joints: int, seed: int, arm: Arm) -> None:
-    """The exact rate, by the chain rule, at states within the limits and any jerk."""
-    arm = random_chain(joints, seed)[0] if joints else arm
+def any_motion(arm: Arm, seed: int) -> list[Tensor]:
+    """Positions and four derivatives, (300, J) each, from gravity alone to inertia alone."""
     q, dq, ddq = random_states(arm, 300, seed)
-    size = torch.logspace(-2, 2, 300, dtype=torch.float64)[:, None]  # from gravity alone to inertia alone
-    dq, ddq = dq * size, ddq * size.flip(0)
-    jerk = (
-        torch.randn(ddq.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64) * size**2
-    )
-    _, rate = jvp(RigidBody(arm).torque, (q, dq, ddq), (dq, ddq, jerk))
-    still = torch.zeros_like(q)
-    bound = torque_rate_bound(arm, CellMotion(still, still, dq.abs(), ddq.abs(), jerk.abs()))
-    assert (rate.abs() <= bound * (1 + ROUNDING)).all()
+    size = torch.logspace(-2, 2, 300, dtype=torch.float64)[:, None]
+    generator = torch.Generator().manual_seed(seed)
+    jerk, snap = torch.randn(2, *ddq.shape, generator=generator, dtype=torch.float64) * size**2
+    return [q, dq * size, ddq * size.flip(0), jerk, snap]
+
+
+def rate_of(arm: Arm, *states: Tensor) -> Tensor:
+    """The torques' rates by the chain rule, of positions and three derivatives."""
+    return jvp(RigidBody(arm).torque, states[:3], states[1:4], create_graph=True)[1]
+
+
+@pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
+def test_torques_change_no_faster_than_their_bounds(joints: int, seed: int, arm: Arm) -> None:
+    arm = random_chain(joints, seed)[0] if joints else arm
+    states = any_motion(arm, seed)
+    rate, change = jvp(partial(rate_of, arm), tuple(states[:4]), tuple(states[1:]))
+    still = torch.zeros_like(states[0])
+    bounds = torque_bounds(arm, CellMotion(still, still, *(x.abs() for x in states[1:])))
+    for value, bound in zip((rate, change), bounds, strict=True):
+        assert (value.abs() <= bound * (1 + ROUNDING)).all()
+
+
+@pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])
+def test_torque_rates_are_those_of_the_chain_rule(joints: int, seed: int, arm: Arm) -> None:
+    arm = random_chain(joints, seed)[0] if joints else arm
+    states = any_motion(arm, seed)[:4]
+    torch.testing.assert_close(RigidBody(arm).torque_rate(*states), rate_of(arm, *states))
+
+
+@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
+@pytest.mark.parametrize("seed", range(6))
+def test_no_link_comes_nearer_to_a_region_in_a_cell_than_its_bound(seed: int, half: float) -> None:
+    constraints, sharp = Constraints(random_chain(5, seed)[0], REGIONS), []
+    trajectory, c = within_limits(constraints.arm, 6, seed)
+    c, slack = 0.3 * c, Slack(constraints)
+    bounds = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
+    for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
+        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
+        sampled = margins_in_cells(constraints, trajectory, c, times)["keep_out"]
+        motion = trajectory.roll_out(c, times[10:11])
+        cell = cell_motion(motion.velocity[:, 0], motion.acceleration[:, 0], *bounds, half)
+        moving = Moving(constraints.pieces, slack, motion.position[:, 0], motion.velocity[:, 0], cell, half)
+        asked = torch.nonzero(sampled[:, 10] > 0)
+        least = moving.regions(constraints.kept_out, constraints.guarded, asked)
+        assert (least <= sampled.amin(1)[tuple(asked.T)] + 1e-9).all()
+        change = slack.of(cell, half)["keep_out"][tuple(asked.T)]
+        sharp.append((sampled[:, 10][tuple(asked.T)] - least) / change)
+    if half < 0.01:  # what is left is how paths bend, and what joints' motion does not do away from a region
+        assert torch.cat(sharp).median() < 0.6
 
 
 def sparse_chain(seed: int) -> Arm:
@@ -130,7 +172,7 @@ def sparse_chain(seed: int) -> Arm:
     )
 
 
-def test_torque_rate_bound_holds_where_a_single_term_rules() -> None:
+def test_torque_bounds_hold_where_a_single_term_rules() -> None:
     """Speeds, accelerations and jerks of every joint over eight decades: few terms matter at a time."""
     nearest = 0.0
     for seed in range(100):
@@ -141,18 +183,18 @@ def test_torque_rate_bound_holds_where_a_single_term_rules() -> None:
         dq, ddq, jerk = (10 ** (8 * draw[0] - 4) * (draw[1] - 0.5).sign()).unbind()
         _, rate = jvp(RigidBody(arm).torque, (q, dq, ddq), (dq, ddq, jerk))
         still = torch.zeros_like(q)
-        bound = torque_rate_bound(arm, CellMotion(still, still, dq.abs(), ddq.abs(), jerk.abs()))
+        bound = torque_bounds(arm, CellMotion(still, still, dq.abs(), ddq.abs(), jerk.abs(), still))[0]
         share = rate.abs() / bound.clamp_min(1e-300)
         assert share.max() <= 1 + ROUNDING
         nearest = max(nearest, float(share.max()))
     assert nearest > 0.999  # there are states where the bound is sharp
 
 
-def test_torque_rate_bound_is_sharp_for_one_slide() -> None:
+def test_torque_bound_is_sharp_for_one_slide() -> None:
     arm = next(a for a in (random_chain(1, seed)[0] for seed in range(20)) if a.prismatic[0])
-    rates = [torch.full((1, 1), x, dtype=torch.float64) for x in (0.0, 0.0, 0.4, 2.0, 30.0)]
+    rates = [torch.full((1, 1), x, dtype=torch.float64) for x in (0.0, 0.0, 0.4, 2.0, 30.0, 0.0)]
     force_rate = arm.inertial_parameters[0, 0] * 30.0
-    torch.testing.assert_close(torque_rate_bound(arm, CellMotion(*rates))[0, 0], force_rate)
+    torch.testing.assert_close(torque_bounds(arm, CellMotion(*rates))[0][0, 0], force_rate)
 
 
 @pytest.mark.parametrize(("joints", "seed"), [(0, 0), *CHAINS])

@@ -16,7 +16,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.robot.arm import Pieces
 from sidegan.validity import Constraints, check
-from sidegan.validity.bounds import Slack, cell_motion, jerk_bound
+from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound
 from sidegan.validity.hulls import apart
 from sidegan.validity.moving import Moving
 from sidegan.validity.search import Search
@@ -136,7 +136,8 @@ def in_cell(seed: int, half: float, centre: float) -> tuple[Moving, Tensor, Tens
     constraints, trajectory = constrained(arm, ()), Trajectory(5, 3, 3.0)
     c = 0.5 * moderate(arm, trajectory, 6, seed)
     q, dq, ddq = (x[:, 0] for x in trajectory.roll_out(c, torch.tensor([centre], dtype=torch.float64))[1:])
-    motion = cell_motion(dq, ddq, jerk_bound(trajectory, c, 30), half)
+    bounds = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
+    motion = cell_motion(dq, ddq, *bounds, half)
     pairs = Moving(constraints.pieces, Slack(constraints), q, dq, motion, half)
     asked = torch.cartesian_prod(torch.arange(6), torch.nonzero(constraints.pieces.finer)[:, 0])
     times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
@@ -171,7 +172,7 @@ def test_a_turning_forearm_comes_hardly_nearer(angle: float, planar: Arm) -> Non
     constraints = Constraints(replace(planar, capsules=only(planar.capsules, torch.tensor([0, 2]))))
     half, speed = 1e-4, 1.5
     q, dq = (torch.tensor([[0.0, x]], dtype=torch.float64) for x in (angle, speed))
-    motion = cell_motion(dq, torch.zeros_like(dq), torch.zeros_like(dq), half)
+    motion = cell_motion(dq, *[torch.zeros_like(dq)] * 3, half)
     pairs = Moving(constraints.pieces, Slack(constraints), q, dq, motion, half)
     bound = float(pairs.capsules(torch.tensor([[0, 0]])))
     now, *ends = (

@@ -29,7 +29,7 @@ def _room_left(
     moved = reached(at, p, half, reach, beside)
     if apart - moved > gap or not hulls.finer[p]:
         return apart, apart - moved
-    inner = between_pieces(at, p, moved + gap, room.search)
+    inner = between_pieces(at, p, moved + gap, room.search, (0.0, 0.0, 0.0))
     return max(apart, inner), max(apart, inner) - moved
 
 

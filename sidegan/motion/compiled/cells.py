@@ -1,4 +1,4 @@
-"""Motion of an arm in its workspace within a cell, compiled: states, frames, torques and their bounds."""
+"""Motion of an arm in its workspace within a cell, compiled: states, frames, torques, and how they change."""
 
 import math
 from typing import NamedTuple
@@ -10,13 +10,18 @@ from sidegan.motion.compiled.formulas import (
     add,
     carried,
     carried_bounds,
+    carried_rate,
     cell_bounds,
     dot,
     link_bounds,
     moved,
+    moved_rate,
+    summed,
+    times,
     to_parent,
     wrench_bounds,
     wrench_of,
+    wrench_rate,
 )
 from sidegan.motion.compiled.hulls import Hulls
 from sidegan.motion.compiled.jit import inline, inline_in_any_order, kernel
@@ -72,9 +77,8 @@ class Motions(NamedTuple):
 
     c: Array  # coefficients, (B, J, K)
     jerk: Array  # bound of the absolute jerk, (B, J)
-    # bounds of the absolute fourth and fifth derivative, (2, B, J); (2, 0, 0) where nothing higher is limited
-    drifts: Array
-    basis: Array  # derivatives 0 to 2 of the basis at the centres of cells, (T, 3, K), or 0 to 4, (T, 5, K)
+    drifts: Array  # bounds of the absolute fourth and fifth derivative, (2, B, J)
+    basis: Array  # derivatives 0 to 4 of the basis at the centres of cells, (T, 5, K)
     times: Array  # the same centres [s], (T,)
     half: float  # half width of the cells [s]
 
@@ -82,7 +86,7 @@ class Motions(NamedTuple):
 class Work(NamedTuple):
     """What one step leaves for the next; each thread needs its own."""
 
-    state: Array  # position, velocity, acceleration, (3, J)
+    state: Array  # position, velocity, acceleration, jerk, (4, J)
     motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
     most: Array  # the largest such bounds of a trajectory, (4, J)
     turn: Array  # rotation of a joint's frame in its parent's, (J, 9)
@@ -90,34 +94,38 @@ class Work(NamedTuple):
     world: Frames  # frames in the world
     force: Array  # on a link, (J, 3)
     moment: Array  # on a link, (J, 3)
+    growth: Array  # rates of both, (2, J, 3)
     torque: Array  # (J,)
-    sums: Array  # bounds of a link's force, its rate, moment and its rate, (4, J)
-    rate: Array  # bound of the torques' rates in a cell, (J,)
-    cap: Array  # the same for all cells of a trajectory, (J,)
+    rate: Array  # of the torques, (J,)
+    sums: Array  # bounds of a link's force and moment, of their rates and second derivatives, (6, J)
+    bent: Array  # bounds of the torques' rates and second derivatives in a cell, (2, J)
+    cap: Array  # the same for all cells of a trajectory, (2, J)
     ends: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
     twist: Array  # angular velocity of a frame, and the velocity at the origin, (2, J + 1, 3)
     middles: Array  # of the balls around links, in the world, (F, 3)
     search: Array  # for the distance of two hulls, (6, 4)
+    axes: Array  # between the hulls of pairs where last looked at, in the first one's frame; or zero, (P, 3)
 
 
 def work_space(model: Model) -> Work:
     """Arrays that one thread needs for a model."""
     j = len(model.home)
-    shapes = {"state": (3, j), "turn": (j, 9), "ends": (3, len(model.shapes.frame), 3)}
+    shapes = {"turn": (j, 9), "ends": (3, len(model.shapes.frame), 3), "sums": (6, j), "growth": (2, j, 3)}
     shapes |= {
         "middles": (j + 1, 3),
         "twist": (2, j + 1, 3),
         "search": (6, 4),
+        "axes": (len(model.shapes.pairs), 3),
     }
-    shapes |= dict.fromkeys(("motion", "most", "sums"), (4, j))
+    shapes |= dict.fromkeys(("state", "motion", "most"), (4, j))
     shapes |= dict.fromkeys(("shift", "force", "moment"), (j, 3))
-    shapes |= dict.fromkeys(("torque", "rate", "cap"), (j,))
+    shapes |= dict.fromkeys(("torque", "rate"), (j,)) | dict.fromkeys(("bent", "cap"), (2, j))
     return Work(world=frames(j), **{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
 @inline_in_any_order
 def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
-    """State (3, J) of trajectory n at a row of the basis."""
+    """Position, velocity and acceleration of trajectory n at a row of the basis, in a state (4, J)."""
     c, basis = motions.c, motions.basis
     for j in range(c.shape[1]):
         q, dq, ddq = home[j], 0.0, 0.0
@@ -126,6 +134,16 @@ def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> No
             dq += basis[at, 1, k] * c[n, j, k]
             ddq += basis[at, 2, k] * c[n, j, k]
         state[0, j], state[1, j], state[2, j] = q, dq, ddq
+
+
+@inline_in_any_order
+def roll_out_jerk(motions: Motions, n: int, at: int, state: Array) -> None:
+    """The jerk, in the same state."""
+    c, basis = motions.c, motions.basis
+    for j in range(c.shape[1]):
+        state[3, j] = 0.0
+        for k in range(c.shape[2]):
+            state[3, j] += basis[at, 3, k] * c[n, j, k]
 
 
 @inline
@@ -175,26 +193,63 @@ def torques(model: Model, work: Work) -> None:
 
 
 @kernel
-def bound_torque_rates(model: Model, motion: Array, jerk: Array, sums: Array, rate: Array) -> None:
-    """Upper bound of the absolute rate of every joint torque in a cell, (J,), from that of the jerk, (J,)."""
-    g, slides, travel = model.chain.gravity, model.chain.prismatic, model.travel
-    link = 0.0, 0.0, 0.0, 0.0, math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2), 0.0
-    for i in range(len(rate)):
-        link = link_bounds(slides[i], motion[2, i], motion[3, i], jerk[i], travel[i], link)
-        wrench = wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
-        sums[0, i], sums[1, i], sums[2, i], sums[3, i] = wrench
-    f = df = n = dn = 0.0
-    for i in range(len(rate) - 1, -1, -1):
-        wrench = f + sums[0, i], df + sums[1, i], n + sums[2, i], dn + sums[3, i]
-        rate[i] = wrench[1] if slides[i] else wrench[3]
-        f, df, n, dn = carried_bounds(slides[i], motion[2, i], travel[i], wrench)
+def torque_rates(model: Model, work: Work) -> None:
+    """Exact rates of the torques [N·m/s]: the same algorithm, with the rate of each of its steps."""
+    joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
+    at = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
+    for i in range(joints):
+        j, r = joint(model.chain, i), matrix(work.turn, i)
+        shifts = row(work.shift, i), times(work.state[1, i], j.slide)
+        at = moved_rate((j.axis, j.slides), r, shifts, _rates(work.state, i), at)
+        own = wrench_of(ten(model.parameters, 10 * i), at[0])
+        rate = wrench_rate(ten(model.parameters, 10 * i), at)
+        set_row(work.force, i, own[0])
+        set_row(work.moment, i, own[1])
+        set_row(work.growth[0], i, rate[0])
+        set_row(work.growth[1], i, rate[1])
+    f = n = df = dn = still
+    for i in range(joints - 1, -1, -1):
+        j, r = joint(model.chain, i), matrix(work.turn, i)
+        f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
+        df, dn = add(df, row(work.growth[0], i)), add(dn, row(work.growth[1], i))
+        work.rate[i] = dot(j.axis, df if model.chain.prismatic[i] else dn)
+        shifts = row(work.shift, i), times(work.state[1, i], j.slide)
+        spin = times((1.0 - j.slides) * work.state[1, i], j.axis)
+        df, dn = carried_rate(spin, r, shifts, (f, n), (df, dn))
+        f, n = carried(r, shifts[0], (f, n))
 
 
 @inline
-def cap_torque_rates(model: Model, work: Work, motions: Motions, n: int, rows: Array) -> None:
-    """Bounds of the torques' rates that hold in all the given cells of a trajectory.
+def _rates(state: Array, i: int) -> tuple[float, float, float]:
+    return state[1, i], state[2, i], state[3, i]
 
-    The bound grows with every speed and acceleration, so one for the largest of each will do.
+
+@kernel
+def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Array, bent: Array) -> None:
+    """Upper bounds of the absolute rate and second derivative of every torque in a cell, (2, J)."""
+    g, slides, travel = model.chain.gravity, model.chain.prismatic, model.travel
+    still, weight = (0.0, 0.0, 0.0), math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
+    link = still, still, (weight, 0.0, 0.0)
+    for i in range(len(travel)):
+        own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
+        link = link_bounds(slides[i], own, travel[i], link)
+        force, moment = wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
+        sums[0, i], sums[1, i], sums[2, i] = force
+        sums[3, i], sums[4, i], sums[5, i] = moment
+    f = m = still
+    for i in range(len(travel) - 1, -1, -1):
+        own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
+        f = summed(f, (sums[0, i], sums[1, i], sums[2, i]))
+        m = summed(m, (sums[3, i], sums[4, i], sums[5, i]))
+        bent[0, i], bent[1, i] = (f[1], f[2]) if slides[i] else (m[1], m[2])
+        f, m = carried_bounds(slides[i], own, travel[i], (f, m))
+
+
+@inline
+def cap_torques(model: Model, work: Work, motions: Motions, n: int, rows: Array) -> None:
+    """Bounds of the torques' derivatives that hold in all the given cells of a trajectory.
+
+    They grow with every speed and acceleration, so those for the largest of each will do.
     """
     most = work.most
     for j in range(len(model.home)):
@@ -204,4 +259,4 @@ def cap_torque_rates(model: Model, work: Work, motions: Motions, n: int, rows: A
         bound_motion(work.state, motions, n, work.motion)
         for j in range(len(model.home)):
             most[2, j], most[3, j] = max(most[2, j], work.motion[2, j]), max(most[3, j], work.motion[3, j])
-    bound_torque_rates(model, most, motions.jerk[n], work.sums, work.cap)
+    bend_torques(model, most, motions, n, work.sums, work.cap)

@@ -2,7 +2,7 @@
 
 import math
 
-from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE, Shapes
+from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE, Array, Shapes
 from sidegan.motion.compiled.distances import lowest_crossing, nearest_to_box, outwards, point_to_box
 from sidegan.motion.compiled.formulas import Vector, add, dot, less, times
 from sidegan.motion.compiled.jit import inline
@@ -50,12 +50,24 @@ def _near_body(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vec
 
 
 @inline
-def _near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
-    """The same for any region but a box, which may be left along two faces at once."""
+def _near_box(numbers: Array, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """The same for a box that the segment does not pierce."""
+    centre, half = row(numbers, r), (numbers[r, 3], numbers[r, 4], numbers[r, 5])
+    inside = less(a, centre)
+    distance, share, _, _ = nearest_to_box(half, inside, less(b, centre))
+    point = add(inside, times(share, less(b, a)))
+    return distance, add(point, centre), outwards(point, half)
+
+
+@inline
+def near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> tuple[float, Vector, Vector]:
+    """The same for any region; a box may be left along two faces at once where a segment pierces it."""
     if shapes.kinds[r] == BALL:
         return _near_ball(row(shapes.regions, r), shapes.regions[r, 3], a, b)
     if shapes.kinds[r] == CONVEX:
         return _near_body(shapes, r, a, b)
+    if shapes.kinds[r] == BOX:
+        return _near_box(shapes.regions, r, a, b)
     normal = row(shapes.regions, r)
     low, high = dot(normal, a), dot(normal, b)
     return min(low, high) - shapes.regions[r, 3], a if low < high else b, normal
@@ -83,7 +95,7 @@ def pull_of_region(
     """
     r, k = guard
     if shapes.kinds[r] != BOX:
-        distance, point, away = _near_region(shapes, r, a, b)
+        distance, point, away = near_region(shapes, r, a, b)
         excess = reach - distance + shapes.radius[k]
         return excess, point, times(-2 * excess, away), point, (0.0, 0.0, 0.0)
     numbers = shapes.regions

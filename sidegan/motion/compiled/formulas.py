@@ -1,9 +1,9 @@
 """Rigid-body formulas on tuples, of numbers or of tensors alike: compiled kernels and plain torch share them.
 
-Kernels compile them where they stand (``jit.share``); this file needs no numba. A cell is a time interval of
-half width h around a sample; the bound of a torque's rate is the Newton–Euler recursion on norms: each
-quantity x of a link carries bounds (|x|, |ẋ|), the derivative being that of its components in the link's
-frame, which turns at the joint's speed.
+Kernels compile them where they stand (``jit.share``); this file needs no numba. A rate is the derivative in
+time of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval
+of half width h around a sample; bounds of how torques change in it come from the Newton–Euler recursion on
+norms: each quantity x of a link carries bounds of (|x|, |ẋ|, |ẍ|).
 """
 
 from typing import Any
@@ -15,8 +15,12 @@ Ten = tuple[Number, ...]  # a link's inertial parameters, in Pinocchio's order
 Motion = tuple[
     Vector, Vector, Vector
 ]  # angular velocity and acceleration, acceleration of the origin less gravity
+Moving = tuple[Motion, Motion]  # a motion and its rate
 Wrench = tuple[Vector, Vector]  # force and moment
-Bounds = tuple[Number, ...]  # |w|, its rate, |α|, its rate, |a|, its rate; or of force and moment
+Own = tuple[Number, Number, Number, Number]  # a joint's velocity and three derivatives of it, or their bounds
+Bounds = tuple[Number, Number, Number]  # of the norm of a vector, of its rate, and of the rate of that
+MotionBounds = tuple[Bounds, Bounds, Bounds]  # of the vectors of a motion
+WrenchBounds = tuple[Bounds, Bounds]
 
 
 def add(a: Vector, b: Vector) -> Vector:
@@ -99,6 +103,58 @@ def carried(r: Matrix, shift: Vector, wrench: Wrench) -> Wrench:
     return f, add(to_parent(r, wrench[1]), cross(shift, f))
 
 
+def moved_rate(
+    j: tuple[Vector, Number], turn: Matrix, shifts: tuple[Vector, Vector], rates: Vector, parent: Moving
+) -> Moving:
+    """``moved`` and its rate, from the parent's.
+
+    Args:
+        j: the joint's axis, and 1 where it slides, else 0.
+        turn: rotation of the frame in its parent's.
+        shifts: origin of the frame in its parent's, and its rate.
+        rates: the joint's velocity, acceleration and jerk.
+        parent: motion of the parent's frame, and its rate.
+    """
+    (axis, slides), (s, ds), (v, acc, jerk) = j, shifts, rates
+    (w, al, a), (dw, dal, da) = parent
+    arm = cross(w, s)
+    darm = add(cross(dw, s), cross(w, ds))
+    a = add(a, add(cross(al, s), cross(w, arm)))
+    da = add(da, add(add(cross(dal, s), cross(al, ds)), add(cross(dw, arm), cross(w, darm))))
+    turns = 1.0 - slides
+    rate, kick, jolt = times(v, axis), times(acc, axis), times(jerk, axis)
+    spin = times(turns, rate)
+    w, al, a = to_child(turn, w), to_child(turn, al), to_child(turn, a)
+    dw, dal = less(to_child(turn, dw), cross(spin, w)), less(to_child(turn, dal), cross(spin, al))
+    da = less(to_child(turn, da), cross(spin, a))
+    turning, dturning = cross(w, rate), add(cross(dw, rate), cross(w, kick))
+    a = add(a, times(slides, add(kick, times(2.0, turning))))
+    da = add(da, times(slides, add(jolt, times(2.0, dturning))))
+    al, dal = add(al, times(turns, add(kick, turning))), add(dal, times(turns, add(jolt, dturning)))
+    return (add(w, spin), al, a), (add(dw, times(turns, kick)), dal, da)
+
+
+def wrench_rate(v: Ten, at: Moving) -> Wrench:
+    """Rates of the force and the moment that a link's motion takes, from the motion and its rate."""
+    (w, _, _), (dw, dal, da) = at
+    h = v[1], v[2], v[3]
+    turning = add(times(dot(dw, h), w), times(dot(w, h), dw))
+    turning = less(turning, times(2.0 * dot(w, dw), h))
+    force = add(times(v[0], da), add(cross(dal, h), turning))
+    about = add(cross(dw, inertia_times(v, w)), cross(w, inertia_times(v, dw)))
+    return force, add(cross(h, da), add(inertia_times(v, dal), about))
+
+
+def carried_rate(
+    spin: Vector, turn: Matrix, shifts: tuple[Vector, Vector], wrench: Wrench, rate: Wrench
+) -> Wrench:
+    """Rate of ``carried``, of a wrench and its rate in a frame that turns with the angular velocity spin."""
+    (f, n), (df, dn), (s, ds) = wrench, rate, shifts
+    df = to_parent(turn, add(df, cross(spin, f)))
+    dn = to_parent(turn, add(dn, cross(spin, n)))
+    return df, add(dn, add(cross(ds, to_parent(turn, f)), cross(s, df)))
+
+
 def columns_of(motion: Motion, turn: Vector, linear: Vector) -> Ten:
     """A link's ten columns of the regressor, for a joint whose unit speed turns and moves its frame so."""
     w, alpha, a = motion
@@ -132,30 +188,55 @@ def drift(rate: Number, bound: Number, half: float) -> Number:
     return half * (abs(rate) + half / 2 * bound)
 
 
-def link_bounds(slides: bool, v: Number, acc: Number, jerk: Number, travel: Number, parent: Bounds) -> Bounds:
-    """Bounds of a link's motion from its parent's and its joint's largest speed, acceleration and jerk."""
-    w, dw, al, dal, a, da = parent
-    swing = al + w * w
-    a, da = a + swing * travel, da + (dal + 2 * w * dw) * travel
+def summed(a: Bounds, b: Bounds) -> Bounds:
+    """Bounds of a sum."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def scaled(s: Number, a: Bounds) -> Bounds:
+    """Bounds of a constant times a vector."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+def multiplied(a: Bounds, b: Bounds) -> Bounds:
+    """Bounds of a product, of whatever kind."""
+    return a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[0] * b[2] + 2 * a[1] * b[1] + a[2] * b[0]
+
+
+def turned(own: Own, a: Bounds) -> Bounds:
+    """Bounds of a vector in a frame that turns with a joint, from those in the frame before, or back."""
+    v, acc = own[0], own[1]
+    return a[0], a[1] + v * a[0], a[2] + 2 * v * a[1] + (acc + v * v) * a[0]
+
+
+def link_bounds(slides: bool, own: Own, travel: Number, parent: MotionBounds) -> MotionBounds:
+    """Bounds of a link's motion from its parent's and those of its joint.
+
+    Travel is the largest distance between the two origins.
+    """
+    w, al, a = parent
+    v, acc, jerk, snap = own
+    swing = summed(al, multiplied(w, w))
+    rate, kick = (v, acc, jerk), (acc, jerk, snap)
     if slides:
-        return w, dw, al, dal, a + acc + 2 * w * v, da + swing * v + jerk + 2 * (dw * v + w * acc)
-    da = da + v * a
-    dal = dal + v * al + jerk + (dw + v * w) * v + w * acc
-    return w + v, dw + v * w + acc, al + acc + w * v, dal, a, da
+        a = summed(a, multiplied(swing, (travel, v, acc)))
+        return w, al, summed(a, summed(kick, scaled(2.0, multiplied(w, rate))))
+    a = turned(own, summed(a, scaled(travel, swing)))
+    w, al = turned(own, w), turned(own, al)
+    return summed(w, rate), summed(al, summed(kick, multiplied(w, rate))), a
 
 
-def wrench_bounds(mass: Number, first: Number, spin: Number, link: Bounds) -> Bounds:
+def wrench_bounds(mass: Number, first: Number, spin: Number, link: MotionBounds) -> WrenchBounds:
     """Bounds of the force and the moment that a link's motion takes."""
-    w, dw, al, dal, a, da = link
-    swing, dswing = al + w * w, dal + 2 * w * dw
-    force, dforce = mass * a + first * swing, mass * da + first * dswing
-    return force, dforce, first * a + spin * swing, first * da + spin * dswing
+    w, al, a = link
+    swing = summed(al, multiplied(w, w))
+    return summed(scaled(mass, a), scaled(first, swing)), summed(scaled(first, a), scaled(spin, swing))
 
 
-def carried_bounds(slides: bool, v: Number, travel: Number, wrench: Bounds) -> Bounds:
-    """Bounds of a wrench in the frame of the link's parent."""
-    f, df, n, dn = wrench
+def carried_bounds(slides: bool, own: Own, travel: Number, wrench: WrenchBounds) -> WrenchBounds:
+    """Bounds of a wrench in the frame of the link's parent and about its origin."""
+    f, n = wrench
     if slides:
-        return f, df, n + travel * f, dn + travel * df + v * f
-    df, dn = df + v * f, dn + v * n
-    return f, df, n + travel * f, dn + travel * df
+        return f, summed(n, multiplied((travel, own[0], own[1]), f))
+    f, n = turned(own, f), turned(own, n)
+    return f, summed(n, scaled(travel, f))

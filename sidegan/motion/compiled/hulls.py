@@ -190,15 +190,18 @@ def outer_of(shapes: Shapes, p: int) -> int:
 
 
 @inline
-def between_pieces(at: Placed, p: int, need: float, room: Array) -> float:
-    """The same for pair p of an arm somewhere."""
+def between_pieces(at: Placed, p: int, need: float, room: Array, known: Vector) -> float:
+    """The same for pair p of an arm somewhere; known is a direction to begin with, or zero."""
     shapes, world, ends = at.bodies.shapes, at.world, at.ends
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     f, g = shapes.frame[i], shapes.frame[k]
     back = _transposed(matrix(world.turn, f))
     turn = product(back, matrix(world.turn, g))
     place = to_parent(back, less(row(world.place, g), row(world.place, f)))
-    start = to_parent(back, direction(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k)))
+    start = known
+    if dot(known, known) == 0.0:
+        gap = direction(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
+        start = to_parent(back, gap)
     return apart(at.bodies.hulls, (i, k), turn, place, start, need, room)
 
 
@@ -253,4 +256,4 @@ def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, r
             before = n
             put(bodies, q[n], room)
         put_pair(bodies, p, room)
-        out[m] = between_pieces(Placed(bodies, room.world, room.ends), p, need, room.search)
+        out[m] = between_pieces(Placed(bodies, room.world, room.ends), p, need, room.search, (0.0, 0.0, 0.0))

@@ -1,11 +1,14 @@
-"""How near the bodies of a pair may come while the arm moves through a cell, compiled.
+"""How near bodies may come, to each other or to a region, while the arm moves through a cell, compiled.
 
 Along one direction both bodies lie in intervals, whose ends move evenly but for how their points' paths bend.
 The plain twin is ``sidegan.validity.moving``.
 """
 
+import math
+
 from sidegan.motion.compiled.chain import Array, Chain, Shapes
-from sidegan.motion.compiled.formulas import Vector, add, cross, dot, times, to_child, to_parent
+from sidegan.motion.compiled.closeness import near_region
+from sidegan.motion.compiled.formulas import Vector, add, cross, dot, less, times, to_child, to_parent
 from sidegan.motion.compiled.hulls import Placed, farthest
 from sidegan.motion.compiled.jit import inline
 from sidegan.motion.compiled.links import Frames, matrix, row, set_row
@@ -39,26 +42,68 @@ def frames_between(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
 
 
 @inline
-def bend(shapes: Shapes, p: int, reach: Array, motion: Array, half: float) -> float:
-    """How far at most a point of the outer body, seen from the inner one, leaves its even motion [m].
+def bend(reach: Array, p: int, between: tuple[int, int], motion: Array, half: float) -> float:
+    """How far at most a point of a body, seen from another one, leaves its even motion [m].
 
     Half the square of the half width times the largest acceleration: joints' accelerations at their largest
     levers, and products of speeds at the lever of the joint further out.
 
     Args:
-        shapes: whose pair it is.
-        p: the pair.
         reach: the largest lever of each joint wherever the arm is, (P, J).
+        p: its row.
+        between: the two bodies' frames, the inner one first.
         motion: bounds over the cell, of which rows 2 and 3 are speeds and accelerations, (4, J).
         half: half width of the cell [s].
     """
-    _, _, inner, outer = frames_between(shapes, p)
     acceleration = before = 0.0
-    for j in range(inner, outer):
+    for j in range(between[0], between[1]):
         speed = motion[2, j]
         acceleration += reach[p, j] * (motion[3, j] + speed * (speed + 2.0 * before))
         before += speed
     return half * half / 2.0 * acceleration
+
+
+@inline
+def fastest(twist: Array, frames: tuple[int, int], ball: tuple[Vector, float]) -> float:
+    """Largest speed [m/s] at which a point of a ball that moves with a frame moves, seen from another frame.
+
+    Args:
+        twist: how the frames move.
+        frames: the one that it is seen from, and its own.
+        ball: centre in the world and radius [m].
+    """
+    turning = less(row(twist[0], frames[1]), row(twist[0], frames[0]))
+    moving = less(row(twist[1], frames[1]), row(twist[1], frames[0]))
+    middle = add(moving, cross(turning, ball[0]))
+    return math.sqrt(dot(middle, middle)) + math.sqrt(dot(turning, turning)) * ball[1]
+
+
+@inline
+def least_height(
+    at: tuple[Shapes, Array], twist: Array, guard: tuple[int, int], margin: float, half: float
+) -> float:
+    """Least margin [m] of a capsule that is off a region, in a cell, if points moved evenly.
+
+    A region is convex, so a plane that touches it at the point nearest to the capsule is never further away.
+
+    Args:
+        at: the arm's shapes, and their ends at the centre of the cell, (3, C, 3).
+        twist: how the frames move there.
+        guard: the region and the capsule.
+        margin: of the capsule there.
+        half: half width of the cell [s].
+    """
+    (shapes, ends), (r, k) = at, guard
+    a, b = row(ends[0], k), row(ends[1], k)
+    _, point, away = near_region(shapes, r, a, b)
+    turning, moving = row(twist[0], shapes.frame[k]), row(twist[1], shapes.frame[k])
+    lowest = 0.0
+    for side in range(2):
+        end = a if side == 0 else b
+        rate = dot(away, add(moving, cross(turning, end)))
+        low = dot(away, less(end, point)) - half * abs(rate)
+        lowest = low if side == 0 else min(lowest, low)
+    return margin + lowest
 
 
 @inline

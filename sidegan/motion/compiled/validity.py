@@ -14,12 +14,14 @@ from sidegan.motion.compiled.cells import (
     Model,
     Motions,
     Work,
+    bend_torques,
     bound_motion,
-    bound_torque_rates,
-    cap_torque_rates,
+    cap_torques,
     place_balls,
     place_joints,
     roll_out,
+    roll_out_jerk,
+    torque_rates,
     torques,
 )
 from sidegan.motion.compiled.chain import Array, Shapes
@@ -27,8 +29,15 @@ from sidegan.motion.compiled.distances import between_segments, to_region
 from sidegan.motion.compiled.formulas import Vector, dot, drift, less, times, to_parent
 from sidegan.motion.compiled.hulls import Bodies, Placed, between_pieces, direction
 from sidegan.motion.compiled.jit import inline, kernel
-from sidegan.motion.compiled.links import matrix, place_capsules, row
-from sidegan.motion.compiled.moving import bend, frames_between, least_gap, place_twists
+from sidegan.motion.compiled.links import matrix, place_capsules, row, set_row
+from sidegan.motion.compiled.moving import (
+    bend,
+    fastest,
+    frames_between,
+    least_gap,
+    least_height,
+    place_twists,
+)
 
 POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK = range(7)  # columns of the margins
 
@@ -103,11 +112,11 @@ def _check_higher(
 ) -> bool:
     """The same for accelerations and jerks, where some are limited."""
     n, best, c, basis = here.n, smallest.margin, motions.c, motions.basis
+    roll_out_jerk(motions, n, at, work.state)
     undecided = False
     for j in range(model.higher.shape[1]):
-        jerk, snap = 0.0, 0.0
+        jerk, snap = work.state[3, j], 0.0
         for k in range(c.shape[2]):
-            jerk += basis[at, 3, k] * c[n, j, k]
             snap += basis[at, 4, k] * c[n, j, k]
         margin = model.higher[0, j] - abs(work.state[2, j])
         slack = drift(jerk, motions.drifts[0, n, j], motions.half)
@@ -121,20 +130,29 @@ def _check_higher(
 
 
 @inline
-def _check_torques(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
-    """The same for torques: the bound of their rates is taken in the cell only where the cap is too much."""
+def _check_torques(
+    model: Model, work: Work, motions: Motions, at: int, here: Here, smallest: Smallest
+) -> bool:
+    """The same for torques, by how fast they change at the centre of a cell and how that may change in it.
+
+    More is found out about both only where a bound for the whole trajectory is too much.
+    """
     torques(model, work)
+    best, half, bent = smallest.margin[here.n, TORQUE], motions.half, work.bent
     near = False
     for j in range(len(model.home)):
         margin = model.torque[j] - abs(work.torque[j])
-        near |= not margin >= max(smallest.margin[here.n, TORQUE], motions.half * work.cap[j])
+        near |= not margin >= max(best, half * work.cap[0, j])
     if not near:
         return False
-    bound_torque_rates(model, work.motion, motions.jerk[here.n], work.sums, work.rate)
+    roll_out_jerk(motions, here.n, at, work.state)
+    torque_rates(model, work)
+    bend_torques(model, work.motion, motions, here.n, work.sums, bent)
     undecided = False
     for j in range(len(model.home)):
         margin = model.torque[j] - abs(work.torque[j])
-        undecided |= _settle(margin, motions.half * work.rate[j], here, TORQUE, j, smallest)
+        slack = min(half * bent[0, j], drift(work.rate[j], bent[1, j], half))
+        undecided |= _settle(margin, slack, here, TORQUE, j, smallest)
     return undecided
 
 
@@ -145,31 +163,35 @@ def _unit(x: Vector) -> Vector:
 
 @inline
 def _look_closer(
-    model: Model, work: Work, p: int, known: tuple[float, float, bool], half: float
+    model: Model, work: Work, p: int, known: tuple[float, float, float], half: float
 ) -> tuple[float, float]:
     """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
 
-    Known are the capsules' margin, the smallest so far, and whether the cell is settled anyway. First by how
-    far joints move in any direction, then by how the bodies move along the line between them. What is inside
-    is looked at no more closely than it takes to see that it is at least ``best``.
+    Known are the capsules' margin, the smallest so far, and how far the links move if they move evenly; minus
+    infinity where the cell is settled anyway. First by how far they move in any direction, then by how the
+    bodies move along the line between them. What is inside is looked at no more closely than it takes to see
+    that it is at least ``best``.
     """
-    margin, best, sure = known
+    margin, best, evenly = known
     bodies, motion = Bodies(model.chain, model.shapes, model.hulls), work.motion
     at = Placed(bodies, work.world, work.ends)
     slack = _reached(model.pair_reach, p, motion)
     if margin >= slack:
         return margin, slack
-    i, k, _, _ = frames_between(model.shapes, p)
+    i, k, inner_frame, outer_frame = frames_between(model.shapes, p)
+    between = inner_frame, outer_frame
     if margin > 0:
         a, b = work.ends[0], work.ends[1]
         normal = _unit(direction(row(a, k), row(b, k), row(a, i), row(b, i)))
         least = least_gap(at, work.twist, p, normal, half, False)
-        least -= bend(model.shapes, p, model.pair_reach, motion, half)
+        least -= bend(model.pair_reach, p, between, motion, half)
         slack = min(slack, margin - least)
     if margin >= slack or not model.hulls.finer[p]:
         return margin, slack
-    most = _reached(model.piece_reach, p, motion)
-    inner = between_pieces(at, p, max(best, 0.0 if sure else most), work.search)
+    most = evenly + bend(model.piece_reach, p, between, motion, half)
+    most = min(_reached(model.piece_reach, p, motion), most)
+    inner = between_pieces(at, p, max(best, most, 0.0), work.search, row(work.axes, p))
+    set_row(work.axes, p, row(work.search, 5))
     if not inner > margin:
         return margin, slack
     least = max(margin - slack, inner - most)  # the best of all guarantees
@@ -178,7 +200,7 @@ def _look_closer(
         normal = to_parent(matrix(work.world.turn, model.shapes.frame[first]), row(work.search, 5))
         normal = _unit(times(-1.0, normal) if first == i else normal)
         moving = least_gap(at, work.twist, p, normal, half, True)
-        least = max(least, moving - bend(model.shapes, p, model.piece_reach, motion, half))
+        least = max(least, moving - bend(model.piece_reach, p, between, motion, half))
     return inner, inner - least
 
 
@@ -198,6 +220,15 @@ def _links_apart(model: Model, work: Work, group: int, need: float) -> bool:
     apart = less(row(work.middles, f), row(work.middles, g))
     far = need + balls[f, 3] + balls[g, 3]
     return dot(apart, apart) >= far * far
+
+
+@inline
+def _moved(model: Model, work: Work, group: int, half: float) -> tuple[float, float]:
+    """How far one of two links moves at most, seen from the other [m], and how far if it moves evenly."""
+    f, g = model.links.frames[group, 0], model.links.frames[group, 1]
+    evenly = half * fastest(work.twist, (f, g), (row(work.middles, g), model.shapes.balls[g, 3]))
+    most = evenly + bend(model.links.most, group, (f, g), work.motion, half)
+    return min(_reached(model.links.most, group, work.motion), most), evenly
 
 
 @inline
@@ -221,15 +252,18 @@ def _nearest_pair(shapes: Shapes, work: Work) -> int:
 
 @inline
 def _check_pair(
-    model: Model, work: Work, cell: tuple[Here, float], p: int, most: float, smallest: Smallest
+    model: Model, work: Work, cell: tuple[Here, float], p: int, moved: tuple[float, float], smallest: Smallest
 ) -> bool:
-    """Take a pair into account; whether it leaves the cell undecided."""
-    here, half = cell
+    """Take a pair into account; whether it leaves the cell undecided.
+
+    Moved is how far its links move at most, and how far if they move evenly.
+    """
+    (here, half), (most, evenly) = cell, moved
     best = smallest.margin[here.n, COLLISION]
     margin = _margin_of_capsules(model.shapes, work, p)
     if margin >= max(best, most):
         return False
-    margin, slack = _look_closer(model, work, p, (margin, best, most == -np.inf), half)
+    margin, slack = _look_closer(model, work, p, (margin, best, evenly), half)
     return _settle(margin, slack, here, COLLISION, p, smallest)
 
 
@@ -242,7 +276,6 @@ def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Sm
     """
     links, shapes = model.links, model.shapes
     place_balls(model, work)
-    place_twists(model.chain, work.world, work.state[1], work.twist)
     invalid = False
     for k in range(smallest.margin.shape[1]):
         invalid |= smallest.margin[here.n, k] < 0
@@ -250,24 +283,26 @@ def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Sm
     first = _nearest_pair(shapes, work) if smallest.margin[here.n, COLLISION] == np.inf else -1
     undecided = False
     for group in range(0 if first < 0 else -1, len(links.frames)):
-        start, stop, most = 0, 1, np.inf
+        start, stop, moved = 0, 1, (np.inf, np.inf)
         if group >= 0:
-            most = -np.inf if sure else _reached(links.most, group, work.motion)
-            if _links_apart(model, work, group, max(smallest.margin[here.n, COLLISION], most)):
+            moved = -np.inf, -np.inf
+            if not sure:
+                moved = _moved(model, work, group, half)
+            if _links_apart(model, work, group, max(smallest.margin[here.n, COLLISION], moved[0])):
                 continue
             start, stop = links.start[group], links.start[group + 1]
         for at in range(start, stop):
             p = links.pairs[at] if group >= 0 else first
-            if not _balls_apart(shapes, work, p, max(smallest.margin[here.n, COLLISION], most)):
-                undecided |= _check_pair(model, work, (here, half), p, most, smallest)
+            if not _balls_apart(shapes, work, p, max(smallest.margin[here.n, COLLISION], moved[0])):
+                undecided |= _check_pair(model, work, (here, half), p, moved, smallest)
     return undecided
 
 
 @inline
-def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
+def _check_regions(model: Model, work: Work, here: Here, half: float, smallest: Smallest) -> bool:
     """The same for capsules and keep-out regions."""
-    shapes, ends = model.shapes, work.ends
-    most = _reached(model.region_most, 0, work.motion)
+    shapes, ends, motion = model.shapes, work.ends, work.motion
+    most = _reached(model.region_most, 0, motion)
     undecided = False
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
@@ -275,9 +310,14 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
         a, b, middle = row(ends[0], k), row(ends[1], k), row(ends[2], k)
         distance = to_region(shapes, r, a, b, middle, need + shapes.size[k])
         margin = distance - shapes.radius[k]
-        if not margin >= need:
-            slack = _reached(model.region_reach, g, work.motion)
-            undecided |= _settle(margin, slack, here, KEEP_OUT, g, smallest)
+        if margin >= need:
+            continue
+        slack = _reached(model.region_reach, g, motion)
+        if 0 < margin < slack:
+            least = least_height((shapes, ends), work.twist, (r, k), margin, half)
+            least -= bend(model.region_reach, g, (0, shapes.frame[k]), motion, half)
+            slack = min(slack, margin - least)
+        undecided |= _settle(margin, slack, here, KEEP_OUT, g, smallest)
     return undecided
 
 
@@ -288,11 +328,12 @@ def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Sm
     stop = 0
     while stop < len(which):
         start, n, limited = stop, which[stop], False
+        work.axes[:] = 0.0
         while stop < len(which) and which[stop] == n:
             limited |= asked[stop, TORQUE]
             stop += 1
         if limited:
-            cap_torque_rates(model, work, motions, n, rows[start:stop])
+            cap_torques(model, work, motions, n, rows[start:stop])
         for cell in range(start, stop):
             here, wanted = Here(n, motions.times[rows[cell]], cells.last), asked[cell]
             roll_out(model.home, motions, n, rows[cell], work.state)
@@ -306,13 +347,14 @@ def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Sm
                 continue
             place_joints(model, work)
             if wanted[TORQUE]:
-                unsure[cell, TORQUE] = _check_torques(model, work, motions, here, smallest)
+                unsure[cell, TORQUE] = _check_torques(model, work, motions, rows[cell], here, smallest)
             if wanted[COLLISION] or wanted[KEEP_OUT]:
                 place_capsules(model.shapes, work.world, work.ends)
+                place_twists(model.chain, work.world, work.state[1], work.twist)
             if wanted[COLLISION]:
                 unsure[cell, COLLISION] = _check_pairs(model, work, here, motions.half, smallest)
             if wanted[KEEP_OUT]:
-                unsure[cell, KEEP_OUT] = _check_regions(model, work, here, smallest)
+                unsure[cell, KEEP_OUT] = _check_regions(model, work, here, motions.half, smallest)
 
 
 def everything(model: Model, cells: int) -> Array:
