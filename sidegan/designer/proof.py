@@ -19,6 +19,7 @@ from sidegan.validity.search import COARSE, LEVELS, SPLIT
 Array = np.ndarray
 
 _KEPT = 64  # grids of cells: a few megabytes
+_ORDERS = 5  # derivatives of the basis that the kernel takes, from none on
 
 CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
 NEAR_MARGINS = [CONSTRAINTS.index(name) for name in ("collision", "keep_out")]
@@ -39,7 +40,7 @@ class Verdict:
 
 
 class CheckProver:
-    """Proofs of single trajectories by ``sidegan.validity.check``: whatever is limited."""
+    """Proofs of single trajectories by ``sidegan.validity.check``, where there are no kernels."""
 
     def __init__(self, numbers: ArmNumbers) -> None:
         self._numbers = numbers
@@ -61,7 +62,7 @@ class CheckProver:
 
 
 class Prover:
-    """The same by the check's own kernel, without overhead; accelerations and jerks must be free."""
+    """The same by the check's own kernel, without overhead."""
 
     def __init__(self, numbers: ArmNumbers) -> None:
         from sidegan.motion.compiled import cells, validity
@@ -74,8 +75,8 @@ class Prover:
         self._model = self._base(numbers.constraints.clearance)
         self._work = cells.work_space(self._model)
         self._scene: Scene | None = None
-        self._snap = array(numbers.unit.snap_bound()).reshape(-1)
-        self._grids: dict[tuple[int, int], Array] = {}
+        self._peaks = [array(numbers.unit.derivative_bound(order)).reshape(-1) for order in (4, 5)]
+        self._grids: dict[int, Array] = {}
 
     def _base(self, clearance: float) -> "cells.Model":  # type: ignore[name-defined]  # noqa: F821
         known = self.numbers.constraints if self.numbers.same_pairs else self.numbers.keeping(clearance)
@@ -103,17 +104,17 @@ class Prover:
         model, period = self._model, scene.period
         count, sampled = int(-(-period // COARSE)), max(2, int(period / COARSE))
         count = count if c.any() else 1  # an arm that rests does so in a single cell
-        jerk = np.abs(c @ self._grid(sampled, 3)[:, 0].T).max(1) / period**2
-        jerk = jerk + np.abs(c) @ self._snap / period**3 * (period / sampled / 2)
-        orders = period ** (1.0 - np.arange(3))[:, None]
-        shape, free = (1, len(CONSTRAINTS)), np.zeros((2, 0, 0))
+        drifts = np.stack([np.abs(c) @ peaks for peaks in self._peaks]) / period ** np.array([[3.0], [4.0]])
+        jerk = np.abs(c @ self._grid(sampled)[:, 3].T).max(1) / period**2 + drifts[0] * (period / sampled / 2)
+        orders = period ** (1.0 - np.arange(_ORDERS))[:, None]
+        shape = 1, len(CONSTRAINTS)
         smallest = self._kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, int), np.zeros(shape))
-        index, basis = np.arange(count), self._grid(count, 0)
+        index, basis = np.arange(count), self._grid(count)
         asked = self._kernel.everything(model, count)
         for level in range(LEVELS):
             half = period / count / 2
             times = (index + 0.5) * (2 * half)
-            motions = self._cells.Motions(c[None], jerk[None], free, basis * orders, times, half)
+            motions = self._cells.Motions(c[None], jerk[None], drifts[:, None], basis * orders, times, half)
             undecided = np.empty(asked.shape, bool)
             which = np.zeros(len(index), int)
             last = level == LEVELS - 1
@@ -128,17 +129,16 @@ class Prover:
             basis = self._basis((index + 0.5) / count)
         return Verdict(*(x[0] for x in smallest))
 
-    def _grid(self, count: int, lowest: int) -> Array:
-        """Derivatives at the centres of so many cells: 0 to 2, (count, 3, K), or 3 alone, (count, 1, K)."""
-        key = count, lowest
-        if key not in self._grids:
+    def _grid(self, count: int) -> Array:
+        """Derivatives at the centres of so many cells, (count, 5, K)."""
+        if count not in self._grids:
             if len(self._grids) >= _KEPT:
                 self._grids.clear()
-            self._grids[key] = self._basis((np.arange(count) + 0.5) / count, lowest)
-        return self._grids[key]
+            self._grids[count] = self._basis((np.arange(count) + 0.5) / count)
+        return self._grids[count]
 
-    def _basis(self, shares: Array, lowest: int = 0) -> Array:
+    def _basis(self, shares: Array) -> Array:
         """The same at shares of the period."""
-        basis = np.empty((len(shares), 3 if lowest == 0 else 1, len(self._snap)))
-        self._waves(shares, lowest, basis)
+        basis = np.empty((len(shares), _ORDERS, len(self._peaks[0])))
+        self._waves(shares, basis)
         return basis

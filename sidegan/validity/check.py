@@ -71,7 +71,7 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
 
     Samples the centres of cells of at most 0.1 s. A cell is settled when every margin at its centre
     is at least the largest possible change within it (``bounds``) or when one is negative; otherwise
-    it is cut into four, down to 0.1 ms. What is undecided then counts as invalid. Works in float64
+    it is cut into three, down to 0.14 ms. What is undecided then counts as invalid. Works in float64
     whatever the coefficients' type: single precision leaves errors larger than the margins. On a
     processor a compiled kernel does the work where numba is installed, with torch's number of threads.
 

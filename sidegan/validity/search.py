@@ -15,8 +15,8 @@ from sidegan.validity.moving import Moving
 Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
 
 COARSE = 0.1  # [s] longest cell of the first pass
-SPLIT = 4  # parts that a cell is cut into where it cannot be decided
-LEVELS = 6  # passes: the last one's cells are 0.1 s / 4⁵ = 0.1 ms long
+SPLIT = 3  # parts that a cell is cut into where it cannot be decided
+LEVELS = 7  # passes: the last one's cells are 0.1 s / 3⁶ = 0.14 ms long
 _TOGETHER = (("position", "velocity"), tuple(HIGHER))  # constraints that are asked about together
 _STATES_AT_ONCE = 8_192  # bounds the memory of a pass to about 100 MB for seven joints
 

@@ -86,10 +86,22 @@ def full(arm):
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.02])
-def test_what_is_inside_of_capsules_counts_as_in_the_check(full, settings, clearance):
+def test_what_is_inside_of_capsules_counts_as_in_the_check(full, clearance):
     numbers = ArmNumbers(Constraints(full, [DESK]), Trajectory(7))
     assert numbers.constraints.pieces.finer.any()
-    scene = numbers.scene(Situation(regions=[BALL], clearance=clearance))
+    assert_proofs_are_the_check(numbers, Situation(regions=[BALL], clearance=clearance))
+
+
+@pytest.mark.parametrize("names", [[], ["acceleration"], ["jerk"], ["acceleration", "jerk"]])
+@pytest.mark.parametrize("period", [16.0, 5.0])
+def test_all_limits_count_as_in_the_check(arm, names, period):
+    numbers = ArmNumbers(Constraints(limited(arm, names, 0.5), [DESK]), Trajectory(7))
+    assert_proofs_are_the_check(numbers, Situation(HOME, [BOX], period=period))
+
+
+def assert_proofs_are_the_check(numbers, situation):
+    """Without overhead, of random trajectories of which some are valid."""
+    scene = numbers.scene(situation)
     pytest.importorskip("numba")
     fast, whole = Prover(numbers), CheckProver(numbers)
     random, valid = np.random.default_rng(0), []
@@ -125,7 +137,6 @@ def test_an_arm_with_something_inside_of_capsules_is_designed_for(full, settings
 def test_accelerations_and_jerks_keep_their_limits(arm, settings, starts, names, period):
     tight = limited(arm, names, 0.1)
     designer = Designer(Constraints(tight, [DESK]), Trajectory(7), settings, starts)
-    assert isinstance(designer.prover, CheckProver)
     design = designer.ask(Situation(HOME, [BOX], period=period), evaluations=FEW)
     assert_valid(design, Constraints(tight, [DESK, BOX]))
     assert set(names) <= set(design.margins)

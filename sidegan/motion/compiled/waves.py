@@ -17,12 +17,14 @@ def _quintics(s: float, order: int) -> tuple[float, float]:
         return 1 + square * (-30 + s * (60 - 30 * s)), s * (1 + s * (-3 + 2 * s))
     if order == 2:
         return s * (-60 + s * (180 - 120 * s)), 1 + s * (-6 + 6 * s)
-    return -60 + s * (360 - 360 * s), -6 + 12 * s
+    if order == 3:
+        return -60 + s * (360 - 360 * s), -6 + 12 * s
+    return 360 - 720 * s, 12.0
 
 
 @kernel
-def waves(shares: Array, lowest: int, basis: Array) -> None:
-    """Write derivatives from ``lowest`` on, at most the third, at shares of 1 s, (T, orders, 2 H)."""
+def waves(shares: Array, basis: Array) -> None:
+    """Write derivatives from none on, at most the fourth, at shares of 1 s, (T, orders, 2 H)."""
     for n in range(len(shares)):
         s = shares[n]
         sine, cosine = math.sin(2 * math.pi * s), math.cos(2 * math.pi * s)
@@ -30,8 +32,7 @@ def waves(shares: Array, lowest: int, basis: Array) -> None:
         for k in range(basis.shape[2] // 2):
             a, b = a * cosine + b * sine, b * cosine - a * sine
             w = 2 * math.pi * (k + 1)
-            for m in range(basis.shape[1]):
-                order = lowest + m
+            for order in range(basis.shape[1]):
                 slope, curve = _quintics(s, order)
                 if order == 0:
                     one, two = a / w, (1 - b) / w
@@ -39,7 +40,9 @@ def waves(shares: Array, lowest: int, basis: Array) -> None:
                     one, two = b, a
                 elif order == 2:
                     one, two = -a * w, b * w
-                else:
+                elif order == 3:
                     one, two = -b * w * w, -a * w * w
-                basis[n, m, 2 * k] = one - slope
-                basis[n, m, 2 * k + 1] = two - w * curve
+                else:
+                    one, two = a * w * w * w, -b * w * w * w
+                basis[n, order, 2 * k] = one - slope
+                basis[n, order, 2 * k + 1] = two - w * curve
