@@ -145,13 +145,20 @@ def measure(
     states, shape = motion[1:], motion.position.shape
     if not motion.position.numel():
         raise ShapeError(f"motion is {tuple(shape)}: there is nothing to measure")
-    parts = zip(*(x.flatten(0, 1).split(STATES_AT_ONCE) for x in states))
-    torque = torch.cat([body.torque(*part) for part in parts]).reshape(shape)
-    signals = [*states, torque]
-    if noise is not None:
-        batch, count, joints = shape
-        draw = torch.from_numpy(np.random.default_rng(random).uniform(-1.0, 1.0, (batch, 4, count, joints)))
-        noisy = (noise.state, noise.state, noise.state, noise.torque)
-        draws = draw.to(torque).unbind(1)
-        signals = [noise.add(x, d) if some else x for x, d, some in zip(signals, draws, noisy)]
+    flat = [x.flatten(0, 1) for x in states]
+    torque = torch.cat([body.torque(*part) for part in zip(*(x.split(STATES_AT_ONCE) for x in flat))])
+    exact = Measurements(flat[0], flat[1], flat[2], torque)
+    return exact if noise is None else disturbed(exact, noise, random, shape[0])
+
+
+def disturbed(
+    exact: Measurements, noise: Noise, random: np.random.Generator | int | None = None, batch: int = 1
+) -> Measurements:
+    """Exact measurements of ``batch`` trajectories, equally long and one after another, with noise."""
+    count = len(exact) // batch
+    draw = np.random.default_rng(random).uniform(-1.0, 1.0, (batch, 4, count, exact.joints))
+    draws = torch.from_numpy(draw).to(exact.torque).unbind(1)
+    signals = [x.unflatten(0, (batch, count)) for x in (*exact.states, exact.torque)]
+    noisy = (noise.state, noise.state, noise.state, noise.torque)
+    signals = [noise.add(x, d) if some else x for x, d, some in zip(signals, draws, noisy)]
     return Measurements(*(x.flatten(0, 1) for x in signals))

@@ -21,7 +21,7 @@ from sidegan.errors import ConfigError
 from sidegan.identification.expected import expected_errors
 from sidegan.identification.fit import Fit, recursive
 from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements, Noise, Samples, measure
+from sidegan.identification.measurements import Measurements, Noise, Samples, disturbed, measure
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score, score_of_sums
 from sidegan.identification.settings import Recursion, StudySettings
@@ -58,8 +58,10 @@ def compare(
     children = random.spawn(settings.repeats)
     for done, (name, family) in enumerate(sets.items()):
         stacked, duration = _stacked_condition(body, family), family[0].period * len(family[1])
+        exact = list(_measured(body, family, settings.rate))
         for repeat, child in enumerate(children):
-            noisy = _measured(body, family, settings.rate, settings.noise, np.random.default_rng(child))
+            generator = np.random.default_rng(child)
+            noisy = (disturbed(one, settings.noise, generator) for one in exact)
             data = gather(judge.model, noisy, settings.forgetting)
             rows, norm = judge.of(data.sums, data.samples)
             results += [(name, repeat, *row) for row in rows]

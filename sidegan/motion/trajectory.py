@@ -131,17 +131,22 @@ class Trajectory:
         Source: Park 2006, eq. 6, with velocity coefficients.
         """
         self.check(c)
-        position, velocity, acceleration = (self.derivative(c, times, order) for order in range(3))
-        return Motion(times.to(c.device, c.dtype), position, velocity, acceleration)
+        return Motion(times.to(c.device, c.dtype), *self._derivatives(c, times, range(3)))
 
     def derivative(self, c: Tensor, times: Tensor, order: int) -> Tensor:
         """Time derivative ``order`` of the joint position [rad/s^order], (B, T, J)."""
+        return self._derivatives(c, times, [order])[0]
+
+    def _derivatives(self, c: Tensor, times: Tensor, orders: Sequence[int]) -> list[Tensor]:
         self._check_shape(c)
         # A basis that is too large to be kept is not held whole either: gigabytes for a long trajectory.
-        blocks = times.split(max(1, _CACHED // self.harmonics))
-        bases = (self.basis(block, order).to(c.device, c.dtype).flatten(1) for block in blocks)
-        out = torch.cat([(c.flatten(2) @ basis.T).transpose(1, 2) for basis in bases], 1)
-        return out + c.new_tensor(self.home) if order == 0 else out
+        parts: list[list[Tensor]] = [[] for _ in orders]
+        for block in times.split(max(1, _CACHED // self.harmonics)):
+            for part, order in zip(parts, orders):  # one block after another: all orders have its waves
+                basis = self.basis(block, order).to(c.device, c.dtype).flatten(1)
+                part.append((c.flatten(2) @ basis.T).transpose(1, 2))
+        joined = [torch.cat(part, 1) for part in parts]
+        return [x if order else x + c.new_tensor(self.home) for x, order in zip(joined, orders)]
 
 
 def concatenate(motion: Motion) -> Motion:
@@ -180,9 +185,7 @@ def _basis(harmonics: int, period: float, times: np.ndarray, order: int) -> np.n
     if not ((times >= -_OUTSIDE * period) & (times <= (1 + _OUTSIDE) * period)).all():
         raise ShapeError(f"times run from {times.min()} to {times.max()} s, expected 0 to {period} s")
     s = times / period
-    # Whole turns are taken out while they are exact, so that the waves meet the quintic at the very end.
-    angle = 2 * np.pi * (s[:, None] * np.arange(1, harmonics + 1) % 1.0)
-    sine, cosine = np.sin(angle), np.cos(angle)
+    sine, cosine = _waves(harmonics, s.tobytes())
     # The waves are sin(kωt)/kω and −cos(kωt)/kω: each derivative turns them by a quarter, times kω.
     turned = ((sine, -cosine), (cosine, sine), (-sine, cosine), (-cosine, -sine))[order % 4]
     w = _frequencies(harmonics, period)
@@ -191,6 +194,14 @@ def _basis(harmonics: int, period: float, times: np.ndarray, order: int) -> np.n
         basis[..., 1] += w**-1
     quintics = _power_derivatives(s, order) @ _QUINTICS
     return basis - quintics[:, None] * _quintic_scales(w, period, order)
+
+
+@lru_cache(maxsize=1)
+def _waves(harmonics: int, shares: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Sine and cosine of each harmonic at shares of the period, (T, H) each; orders differ in neither."""
+    # Whole turns are taken out while they are exact, so that the waves meet the quintic at the very end.
+    angle = 2 * np.pi * (np.frombuffer(shares)[:, None] * np.arange(1, harmonics + 1) % 1.0)
+    return np.sin(angle), np.cos(angle)
 
 
 def _frequencies(harmonics: int, period: float) -> np.ndarray:
