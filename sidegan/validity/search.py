@@ -88,10 +88,8 @@ class Search:
         motion = cell_motion(states[1], states[2], self.jerk[which], self.snap[which], half)
         slack = self.slack.of(motion, half)
         if "torque" in margins:
-            rate, bend = (
-                self.constraints.body.torque_rate(*states[:4]),
-                torque_bounds(self.constraints.arm, motion)[1],
-            )
+            rate = self.constraints.body.torque_rate(*states[:4])
+            bend = torque_bounds(self.constraints.arm, motion)[1]
             slack["torque"] = torch.minimum(slack["torque"], drift(rate, bend, half))
         for name, bound in self.bounds.items():
             slack[name] = drift(states[HIGHER[name] + 1], bound[which], half)

@@ -135,25 +135,32 @@ def _check_torques(
 ) -> bool:
     """The same for torques, by how fast they change at the centre of a cell and how that may change in it.
 
-    More is found out about both only where a bound for the whole trajectory is too much.
+    More is found out about both only where it takes more: first bounds of their rates in the whole
+    trajectory, then in the cell, then the rates themselves.
     """
     torques(model, work)
     best, half, bent = smallest.margin[here.n, TORQUE], motions.half, work.bent
+    if _torques_near(model, work, best, half, work.cap[0]):
+        bend_torques(model, work.motion, motions, here.n, work.sums, bent)
+        if _torques_near(model, work, best, half, bent[0]):
+            roll_out_jerk(motions, here.n, at, work.state)
+            torque_rates(model, work)
+            undecided = False
+            for j in range(len(model.home)):
+                margin = model.torque[j] - abs(work.torque[j])
+                slack = min(half * bent[0, j], drift(work.rate[j], bent[1, j], half))
+                undecided |= _settle(margin, slack, here, TORQUE, j, smallest)
+            return undecided
+    return False
+
+
+@inline
+def _torques_near(model: Model, work: Work, best: float, half: float, rates: Array) -> bool:
+    """Whether a torque's margin is the smallest so far, or may vanish in the cell at such rates."""
     near = False
     for j in range(len(model.home)):
-        margin = model.torque[j] - abs(work.torque[j])
-        near |= not margin >= max(best, half * work.cap[0, j])
-    if not near:
-        return False
-    roll_out_jerk(motions, here.n, at, work.state)
-    torque_rates(model, work)
-    bend_torques(model, work.motion, motions, here.n, work.sums, bent)
-    undecided = False
-    for j in range(len(model.home)):
-        margin = model.torque[j] - abs(work.torque[j])
-        slack = min(half * bent[0, j], drift(work.rate[j], bent[1, j], half))
-        undecided |= _settle(margin, slack, here, TORQUE, j, smallest)
-    return undecided
+        near |= not model.torque[j] - abs(work.torque[j]) >= max(best, half * rates[j])
+    return near
 
 
 @inline
@@ -178,8 +185,8 @@ def _look_closer(
     slack = _reached(model.pair_reach, p, motion)
     if margin >= slack:
         return margin, slack
-    i, k, inner_frame, outer_frame = frames_between(model.shapes, p)
-    between = inner_frame, outer_frame
+    i, k, f, g = frames_between(model.shapes, p)
+    between = f, g
     if margin > 0:
         a, b = work.ends[0], work.ends[1]
         normal = _unit(direction(row(a, k), row(b, k), row(a, i), row(b, i)))
@@ -286,9 +293,12 @@ def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Sm
         start, stop, moved = 0, 1, (np.inf, np.inf)
         if group >= 0:
             moved = -np.inf, -np.inf
+            best = smallest.margin[here.n, COLLISION]
             if not sure:
+                if _links_apart(model, work, group, max(best, _reached(links.most, group, work.motion))):
+                    continue
                 moved = _moved(model, work, group, half)
-            if _links_apart(model, work, group, max(smallest.margin[here.n, COLLISION], moved[0])):
+            if _links_apart(model, work, group, max(best, moved[0])):
                 continue
             start, stop = links.start[group], links.start[group + 1]
         for at in range(start, stop):
