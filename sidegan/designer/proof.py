@@ -14,12 +14,11 @@ from sidegan.motion.compiled.chain import array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
 from sidegan.validity import Constraints, check
-from sidegan.validity.search import COARSE, LEVELS, SPLIT
+from sidegan.validity.search import COARSE, LEVELS, ORDERS, SPLIT
 
 Array = np.ndarray
 
 _KEPT = 64  # grids of cells: a few megabytes
-_ORDERS = 5  # derivatives of the basis that the kernel takes, from none on
 
 CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
 NEAR_MARGINS = [CONSTRAINTS.index(name) for name in ("collision", "keep_out")]
@@ -106,7 +105,7 @@ class Prover:
         count = count if c.any() else 1  # an arm that rests does so in a single cell
         drifts = np.stack([np.abs(c) @ peaks for peaks in self._peaks]) / period ** np.array([[3.0], [4.0]])
         jerk = np.abs(c @ self._grid(sampled)[:, 3].T).max(1) / period**2 + drifts[0] * (period / sampled / 2)
-        orders = period ** (1.0 - np.arange(_ORDERS))[:, None]
+        orders = period ** (1.0 - np.arange(ORDERS))[:, None]
         shape = 1, len(CONSTRAINTS)
         smallest = self._kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, int), np.zeros(shape))
         index, basis = np.arange(count), self._grid(count)
@@ -139,6 +138,6 @@ class Prover:
 
     def _basis(self, shares: Array) -> Array:
         """The same at shares of the period."""
-        basis = np.empty((len(shares), _ORDERS, len(self._peaks[0])))
+        basis = np.empty((len(shares), ORDERS, len(self._peaks[0])))
         self._waves(shares, basis)
         return basis

@@ -18,6 +18,7 @@ from sidegan.motion.compiled.formulas import (
     WrenchBounds,
     carried_bounds,
     cell_bounds,
+    drift,
     link_bounds,
     summed,
     wrench_bounds,
@@ -83,11 +84,16 @@ class Slack:
         self.piece_reach = piece_reach(self.arm)[outer] * self.between
         self.region_reach = reach[constraints.guarded[:, 1]]
 
-    def of(self, motion: CellMotion, half: float) -> dict[str, Tensor]:
-        """Upper bounds of the change of each margin in the cell, shaped like the margins."""
+    def of(self, motion: CellMotion, half: float, rate: Tensor | None = None) -> dict[str, Tensor]:
+        """Upper bounds of the change of each margin in the cell, shaped like the margins.
+
+        The torques' rates at the centre, (N, J), make theirs of second order where they are known.
+        """
         slack = {"position": motion.position_change, "velocity": motion.velocity_change}
         if self.torque:
-            slack["torque"] = half * torque_bounds(self.arm, motion)[0]
+            most, bend = torque_bounds(self.arm, motion)
+            known = half * most
+            slack["torque"] = known if rate is None else torch.minimum(known, drift(rate, bend, half))
         slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
         slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
         return slack

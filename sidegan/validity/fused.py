@@ -1,6 +1,5 @@
 """The search for the smallest margins by a compiled kernel: what it is given, and how threads share it."""
 
-from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -14,9 +13,9 @@ from sidegan.motion.compiled.chain import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity.bounds import Slack, derivative_bound, link_norms
+from sidegan.validity.bounds import Slack, link_norms
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.search import Result, Search
+from sidegan.validity.search import ORDERS, Result, Search
 
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
@@ -35,7 +34,6 @@ class FusedSearch(Search):
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
         self.columns = {name: NAMES.index(name) for name in constraints.labels}
-        self.orders = 5
 
     def everything(self, cells: int) -> Tensor:
         """That all constraints are asked about in so many cells, (N, 7) bool."""
@@ -50,10 +48,9 @@ class FusedSearch(Search):
             used, rows = torch.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2
         centres = (used.to(self.c) + 0.5) * (2 * half)
-        functions = [self.trajectory.basis(centres, order).flatten(1) for order in range(self.orders)]
-        c, jerk, drifts, basis, times = map(
-            array, (self.c.flatten(2), self.jerk, self.drifts, torch.stack(functions, 1), centres)
-        )
+        functions = [self.trajectory.basis(centres, order).flatten(1) for order in range(ORDERS)]
+        tensors = self.c.flatten(2), self.jerk, torch.stack(self.drifts), torch.stack(functions, 1), centres
+        c, jerk, drifts, basis, times = map(array, tensors)
         motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
         wanted, undecided = asked.numpy(), np.empty(asked.shape, dtype=bool)
         cuts = _cuts(which)
@@ -66,11 +63,6 @@ class FusedSearch(Search):
         each(work, len(cuts) - 1)
         self.valid = torch.from_numpy((self.smallest.margin[:, list(self.columns.values())] >= 0).all(1))
         return torch.from_numpy(undecided)
-
-    @cached_property
-    def drifts(self) -> Tensor:
-        """Bounds of the fourth and the fifth derivative, (2, B, J)."""
-        return torch.stack([self.snap, derivative_bound(self.trajectory, self.c, 5)])
 
     def result(self) -> Result:
         """Whether each trajectory is valid; the smallest margins, their elements and times."""

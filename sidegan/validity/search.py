@@ -8,7 +8,7 @@ from torch import Tensor
 from sidegan.motion.compiled.formulas import drift
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound, torque_bounds
+from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.moving import Moving
 
@@ -16,6 +16,7 @@ Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
 
 COARSE = 0.1  # [s] longest cell of the first pass
 SPLIT = 3  # parts that a cell is cut into where it cannot be decided
+ORDERS = 5  # derivatives of the motion, from none on, that kernels take
 LEVELS = 7  # passes: the last one's cells are 0.1 s / 3⁶ = 0.14 ms long
 _TOGETHER = (("position", "velocity"), tuple(HIGHER))  # constraints that are asked about together
 _STATES_AT_ONCE = 8_192  # bounds the memory of a pass to about 100 MB for seven joints
@@ -32,9 +33,9 @@ class Search:
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Tensor) -> None:
         self.constraints, self.trajectory, self.c = constraints, trajectory, c
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
-        # Of the derivative after the next one, by what is limited: a margin drifts by the next one at first.
-        self.bounds = {name: derivative_bound(trajectory, c, HIGHER[name] + 2) for name in constraints.higher}
-        self.snap = derivative_bound(trajectory, c, 4)
+        # Bounds of the fourth and the fifth derivative: an acceleration or a jerk drifts by the next one at
+        # first, and that by the one after it.
+        self.drifts = [derivative_bound(trajectory, c, order) for order in (4, 5)]
         self.orders = max([3 + constraints.torque, *(HIGHER[name] + 2 for name in constraints.higher)])
         self.valid = torch.ones(len(c), dtype=torch.bool, device=c.device)
         self.margins = {name: c.new_full((len(c),), torch.inf) for name in constraints.labels}
@@ -85,14 +86,12 @@ class Search:
         times = (used.to(self.c) + 0.5) * (2 * half)
         states = [self._state(which, rows, times, order) for order in range(self.orders)]
         margins = self.constraints.capsule_margins(*states[: self.constraints.orders])
-        motion = cell_motion(states[1], states[2], self.jerk[which], self.snap[which], half)
-        slack = self.slack.of(motion, half)
-        if "torque" in margins:
-            rate = self.constraints.body.torque_rate(*states[:4])
-            bend = torque_bounds(self.constraints.arm, motion)[1]
-            slack["torque"] = torch.minimum(slack["torque"], drift(rate, bend, half))
-        for name, bound in self.bounds.items():
-            slack[name] = drift(states[HIGHER[name] + 1], bound[which], half)
+        motion = cell_motion(states[1], states[2], self.jerk[which], self.drifts[0][which], half)
+        rate = self.constraints.body.torque_rate(*states[:4]) if "torque" in margins else None
+        slack = self.slack.of(motion, half, rate)
+        for name in self.constraints.higher:
+            order = HIGHER[name]
+            slack[name] = drift(states[order + 1], self.drifts[order - 2][which], half)
         names = list(margins)
         moving = Moving(self.constraints.pieces, self.slack, states[0], states[1], motion, half)
         if "collision" in margins:

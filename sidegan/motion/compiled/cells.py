@@ -194,17 +194,14 @@ def torques(model: Model, work: Work) -> None:
 
 @kernel
 def torque_rates(model: Model, work: Work) -> None:
-    """Exact rates of the torques [N·m/s]: the same algorithm, with the rate of each of its steps."""
+    """Exact rates of ``torques`` [N·m/s], which comes before: the rate of each of its steps."""
     joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
     at = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
     for i in range(joints):
         j, r = joint(model.chain, i), matrix(work.turn, i)
         shifts = row(work.shift, i), times(work.state[1, i], j.slide)
         at = moved_rate((j.axis, j.slides), r, shifts, _rates(work.state, i), at)
-        own = wrench_of(ten(model.parameters, 10 * i), at[0])
         rate = wrench_rate(ten(model.parameters, 10 * i), at)
-        set_row(work.force, i, own[0])
-        set_row(work.moment, i, own[1])
         set_row(work.growth[0], i, rate[0])
         set_row(work.growth[1], i, rate[1])
     f = n = df = dn = still

@@ -230,12 +230,15 @@ def _links_apart(model: Model, work: Work, group: int, need: float) -> bool:
 
 
 @inline
-def _moved(model: Model, work: Work, group: int, half: float) -> tuple[float, float]:
-    """How far one of two links moves at most, seen from the other [m], and how far if it moves evenly."""
+def _moved(model: Model, work: Work, group: int, most: float, half: float) -> tuple[float, float]:
+    """How far one of two links moves at most, seen from the other [m], and how far if it moves evenly.
+
+    Known is how far in any direction, by how far joints move.
+    """
     f, g = model.links.frames[group, 0], model.links.frames[group, 1]
     evenly = half * fastest(work.twist, (f, g), (row(work.middles, g), model.shapes.balls[g, 3]))
-    most = evenly + bend(model.links.most, group, (f, g), work.motion, half)
-    return min(_reached(model.links.most, group, work.motion), most), evenly
+    bent = bend(model.links.most, group, (f, g), work.motion, half)
+    return min(most, evenly + bent), evenly
 
 
 @inline
@@ -295,9 +298,10 @@ def _check_pairs(model: Model, work: Work, here: Here, half: float, smallest: Sm
             moved = -np.inf, -np.inf
             best = smallest.margin[here.n, COLLISION]
             if not sure:
-                if _links_apart(model, work, group, max(best, _reached(links.most, group, work.motion))):
+                most = _reached(links.most, group, work.motion)
+                if _links_apart(model, work, group, max(best, most)):
                     continue
-                moved = _moved(model, work, group, half)
+                moved = _moved(model, work, group, most, half)
             if _links_apart(model, work, group, max(best, moved[0])):
                 continue
             start, stop = links.start[group], links.start[group + 1]
