@@ -43,8 +43,9 @@ from sidegan.worth.orders import Order
 from sidegan.worth.session import Session
 
 FIXED, RANDOM, POOL = "a fixed set, D-optimal (excite's)", "random", "D-optimal from a pool"
-DESIGNED, VARIANCE, PREDICTED = "the designer, log det", "σ on the tasks", "prediction"
-WAYS = (RANDOM, FIXED, POOL, DESIGNED, VARIANCE, PREDICTED)
+DESIGNED, ASKED = "the designer, log det", "the designer, σ on the tasks"
+VARIANCE, PREDICTED = "a set's search, σ on the tasks", "prediction"
+WAYS = (RANDOM, FIXED, POOL, DESIGNED, ASKED, VARIANCE, PREDICTED)
 REGIMES = ("noise", "misfit")
 _FOLDER = Path("docs")
 _PERIOD, _HARMONICS = 8.0, 6  # of every trajectory [s]
@@ -122,8 +123,8 @@ class Study:
             return Listed(self.pool[d_optimal(information, min(self.count, len(self.pool)))])
         if name == POOL:
             return Picked(model, family, self.pool)
-        if name == DESIGNED:
-            return Designed(model, self.designer, _EVALUATIONS)
+        if name in (DESIGNED, ASKED):
+            return Designed(model, self.designer, _EVALUATIONS, self.tasks if name == ASKED else None)
         aim = aim_of(exact(order) if name == VARIANCE else order, Prediction)
         return Predicted(order.problem(), aim, self.settings.search, order.generator)
 

@@ -81,11 +81,11 @@ def variance(target: Tensor | None = None) -> Criterion:
         ShapeError: when the target is not symmetric and positive semidefinite, (q, q), or is zero; by the
             criterion's functions, when it does not fit a matrix.
     """
-    rows = None if target is None else _rows(target)
+    rows = None if target is None else root_of(target)
     return Criterion(partial(_log_precision, rows), partial(_log_precision_tangent, rows))
 
 
-def _rows(target: Tensor) -> Tensor:
+def root_of(target: Tensor) -> Tensor:
     """F with F Fᵀ = target, (q, r)."""
     if target.ndim != 2 or target.shape[0] != target.shape[1] or not target.isfinite().all():
         raise ShapeError(f"target is {tuple(target.shape)}, expected finite numbers (q, q)")

@@ -44,7 +44,7 @@ class Linear(Protocol):
 
     @property
     def terms(self) -> Any:
-        """The terms, with ``signals(dq, ddq, stribeck)``."""
+        """The terms: their ``kinds`` and ``sign_width``, and ``signals(dq, ddq, stribeck)``."""
 
     @property
     def stribeck(self) -> Tensor | None:

@@ -4,10 +4,10 @@ import numpy as np
 
 from sidegan.design.objective import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.problem import HOPELESS
+from sidegan.designer.aim import Aim, Numbers
 from sidegan.designer.descent import Grid, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.designer.situation import Aim
-from sidegan.motion.compiled import descent, goals, plans
+from sidegan.motion.compiled import descent, goals, plans, terms
 from sidegan.motion.compiled.chain import array
 from sidegan.motion.compiled.limits import Limits
 from sidegan.motion.compiled.operations import columns_of_links
@@ -32,35 +32,34 @@ class CompiledDescents:
         self.numbers, self.grid = numbers, grid
         body, arm = numbers.constraints.body, numbers.arm
         self._columns = columns_of_links(body.base.columns, body.joints)
-        self._links = array(body.base.columns // 10)
-        self._chain, self._subspace = body.chain, array(body.base.subspace)
+        self._chain = body.chain
         self._parameters = array(arm.inertial_parameters.flatten())
         self._basis = numbers.basis(grid.samples, 3)
         self._fine = numbers.basis(grid.samples * grid.refine, 2 + len(numbers.limits))
-        self._room: plans.Room | None = None
+        self._rooms: dict[tuple[int, int], plans.Room] = {}  # by parameters, and terms of joints among them
 
     def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "CompiledDescent":
         """A descent in a scene."""
         plan = self._plan(scene, aim, penalties)
-        if self._room is None:
-            self._room = plans.room(plan)
+        size = len(plan.subspace), len(plan.extra.kinds)
+        if size not in self._rooms:
+            self._rooms[size] = plans.room(plan)
         joints, functions = scene.size.shape
-        return CompiledDescent(self, plan, self._room, descent.search(joints, functions, _MEMORY))
+        return CompiledDescent(self, plan, self._rooms[size], descent.search(joints, functions, _MEMORY))
 
     def _plan(self, scene: Scene, aim: Aim, penalties: Penalties) -> plans.Plan:
         numbers, joints = self.numbers, len(scene.home)
-        size, names = len(self._subspace), numbers.arm.link_names
-        interest = aim.interest_of(names, self._links)
-        amount = self.grid.rate * scene.period
-        goal = goals.Goal(_KINDS[aim.kind], _SMOOTH, aim.prior_of(size), amount, interest)
+        wanted, amount = aim.numbers(numbers.constraints.body), self.grid.rate * scene.period
+        goal = goals.Goal(_KINDS[aim.kind], _SMOOTH, wanted.prior, amount, wanted.targets)
         free = np.full(joints, np.inf)
         middle, room = (numbers.upper + numbers.lower) / 2, (numbers.upper - numbers.lower) / 2
         bounds = Limits(0.0, 0.0, 0.0, middle, room, scene.speed, free, self._parameters)
         torques = Limits(0.0, 0.0, 0.0, middle, free, free, scene.torque, self._parameters)
         plan = plans.Plan(
-            self._chain, scene.shapes, self._columns, self._subspace, scene.home, numbers.turn, scene.size,
-            numbers.stretched(self._basis, scene.period), numbers.stretched(self._fine, scene.period),
-            torques, bounds, numbers.limits, 0.0, 0.0, aim.roots_of(joints), goal,
+            self._chain, scene.shapes, self._columns, _terms(aim, wanted, joints), wanted.subspace,
+            scene.home, numbers.turn, scene.size, numbers.stretched(self._basis, scene.period),
+            numbers.stretched(self._fine, scene.period), torques, bounds, numbers.limits, 0.0, 0.0,
+            aim.roots_of(joints), goal,
         )  # fmt: skip
         return self.penalised(plan, penalties)
 
@@ -122,3 +121,16 @@ class CompiledDescent:
     def coefficients(self) -> Array:
         """Coefficients (J, K) [rad/s] there."""
         return (self._state.x * self._plan.size) @ self._plan.turn.T
+
+
+def _terms(aim: Aim, wanted: Numbers, joints: int) -> terms.JointTerms:
+    """What the aim's model has beside rigid bodies."""
+    speeds = np.ones(joints)
+    if aim.model is None:
+        return terms.JointTerms(np.zeros(0, np.int64), np.zeros(joints + 1, np.int64), 1.0, speeds)
+    if aim.model.stribeck is not None:
+        speeds = array(aim.model.stribeck)
+    known = aim.model.terms
+    kinds = np.array([terms.KINDS.index(known.kinds[k]) for k in wanted.terms[:, 1]], np.int64)
+    first = np.searchsorted(wanted.terms[:, 0], np.arange(joints + 1))
+    return terms.JointTerms(kinds, first, known.sign_width, speeds)

@@ -5,8 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
+from sidegan.designer.aim import Aim
 from sidegan.designer.scene import Scene
-from sidegan.designer.situation import Aim
 
 Array = np.ndarray
 

@@ -11,13 +11,14 @@ from torch import Tensor
 
 from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
+from sidegan.designer.aim import Aim
 from sidegan.designer.descent import Descents, Grid, Penalties
 from sidegan.designer.generator import Generator
 from sidegan.designer.proof import CONSTRAINTS, CheckProver, Prover, Verdict
 from sidegan.designer.pursuit import Budget, Pace, Proves, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
-from sidegan.designer.situation import Aim, Situation
+from sidegan.designer.situation import Situation
 from sidegan.designer.starts import Probes, Starts
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.compiled import compiled

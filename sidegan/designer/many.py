@@ -12,9 +12,10 @@ from torch import Tensor
 from sidegan.base.threads import one_thread
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
+from sidegan.designer.aim import Aim
 from sidegan.designer.descent import Descent, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.designer.situation import Aim, Situation
+from sidegan.designer.situation import Situation
 from sidegan.motion.compiled import compiled
 from sidegan.motion.threads import each
 from sidegan.seeds.result import SeedBatch, collect

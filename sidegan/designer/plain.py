@@ -8,12 +8,12 @@ from torch import Tensor
 
 from sidegan.design.lbfgs import BatchedLbfgs
 from sidegan.design.objective import HIGHEST, LOWEST, SHARPNESS
+from sidegan.design.prediction import with_terms
 from sidegan.design.problem import HOPELESS
+from sidegan.designer.aim import Aim
 from sidegan.designer.descent import Grid, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.designer.situation import Aim
 from sidegan.motion import plain
-from sidegan.motion.compiled.chain import array
 
 Array = np.ndarray
 Objective = Callable[[Tensor], tuple[Tensor, Tensor]]
@@ -58,15 +58,19 @@ class PlainDescents:
         return function
 
     def _goal(self, aim: Aim, period: float) -> Callable[[tuple[Tensor, ...]], Tensor]:
-        body, arm = self.numbers.constraints.body, self.numbers.arm
-        columns, subspace = body.base.columns, body.base.subspace
-        roots = torch.from_numpy(aim.roots_of(arm.joints))
-        prior = torch.from_numpy(aim.prior_of(len(columns)))
-        interest = torch.from_numpy(aim.interest_of(arm.link_names, array(columns // 10)))
+        body = self.numbers.constraints.body
+        roots = torch.from_numpy(aim.roots_of(body.joints))
+        wanted = aim.numbers(body)
+        order, subspace, prior, targets = map(
+            torch.from_numpy, (wanted.order, wanted.subspace, wanted.prior, wanted.targets)
+        )
         amount = self.grid.rate * period
 
         def function(states: tuple[Tensor, ...]) -> Tensor:
-            y = (plain.regressor(body, states)[..., columns] * roots[:, None]).flatten(0, 1)
+            y = plain.regressor(body, states)[..., body.base.columns]
+            if aim.model is not None:
+                y = with_terms(aim.model, y, *states[1:])[..., order]
+            y = (y * roots[:, None]).flatten(0, 1)
             gram = y.T @ y / len(states[0])
             if aim.kind == "diagonal":
                 return smooth_ratio(gram.diagonal().sort().values)
@@ -78,8 +82,7 @@ class PlainDescents:
                 return torch.tensor(torch.inf, dtype=torch.float64)
             if aim.kind == "determinant":
                 return -2 * factor.diagonal().log().sum()
-            rows = torch.linalg.solve_triangular(factor, subspace.T, upper=False)
-            return (interest * rows.square().sum(0)).sum().log()
+            return torch.linalg.solve_triangular(factor, targets.T, upper=False).square().sum().log()
 
         return function
 

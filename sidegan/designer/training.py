@@ -11,13 +11,14 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.base.parallel import Report
+from sidegan.designer.aim import Aim
 from sidegan.designer.descent import Descent, Descents, Penalties
 from sidegan.designer.designer import descents_of, prover_of
 from sidegan.designer.generator import Generator, features
 from sidegan.designer.proof import NEAR_MARGINS
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings, GeneratorSettings
-from sidegan.designer.situation import Aim, Situation
+from sidegan.designer.situation import Situation
 from sidegan.designer.starts import Probes
 from sidegan.errors import InfeasibleError
 from sidegan.motion.trajectory import Trajectory

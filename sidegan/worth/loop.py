@@ -14,6 +14,7 @@ from sidegan.design.prediction import Prediction
 from sidegan.design.problem import Problem
 from sidegan.design.sequence import Search, told
 from sidegan.designer import Aim, Designer
+from sidegan.designer.aim import Kind
 from sidegan.errors import InfeasibleError
 from sidegan.identification import TorqueModel
 from sidegan.motion.trajectory import Trajectory
@@ -59,11 +60,15 @@ class Picked:
 
 @dataclass
 class Designed:
-    """The designer's trajectory for log det of rigid bodies' information beside what is known."""
+    """The designer's trajectory beside what is known of the whole model, friction and rotors included.
+
+    For log det of the information or, with tasks, for the variance of the torques that are predicted for them.
+    """
 
     model: TorqueModel
     designer: Designer
     evaluations: int
+    tasks: Tensor | None = None  # mean YᵀY over squared torques, (P, P)
 
     def next(self, known: Known) -> Tensor:
         """A trajectory that was designed now.
@@ -72,7 +77,9 @@ class Designed:
             InfeasibleError: when none is proven.
         """
         noise = (known.intensity * self.designer.settings.rate).sqrt().tolist()
-        aim = Aim("determinant", known.rigid(self.model).numpy(), noise)
+        tasks = None if self.tasks is None else self.tasks.numpy()
+        kind: Kind = "determinant" if tasks is None else "variance"
+        aim = Aim(kind, known.information.numpy(), noise, model=self.model, tasks=tasks)
         design = self.designer.ask(aim=aim, evaluations=self.evaluations)
         if design.coefficients is None:
             raise InfeasibleError("; ".join(design.blocked))

@@ -9,6 +9,7 @@ from sidegan.designer import Aim, Situation
 from sidegan.designer.descent import Penalties
 from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
+from sidegan.identification.model import Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
 from tests.validity.critical import limited
@@ -26,7 +27,11 @@ NAMES = (
     "determinant with a prior",
     "variance",
     "variance of a link",
+    "determinant with friction",
+    "variance with friction",
+    "variance of tasks",
 )
+TERMS = Terms(True, True, True, True, stribeck=True, sign_width=0.3)
 
 
 def compiled_of(numbers, settings):
@@ -41,8 +46,20 @@ def point(numbers, scene, seed, use=1.2):
     return x * (use / numbers.use(scene, c))[:, None]
 
 
+def model_of(body):
+    return TorqueModel(body, TERMS, np.linspace(0.2, 0.5, body.joints).tolist())
+
+
+def information_on(model, states, noise):
+    y = (model.regressor(*states) / torch.tensor(noise)[:, None]).flatten(0, 1)
+    return (y.T @ y / len(states[0])).numpy()
+
+
 def aims(numbers):
     body = numbers.constraints.body
+    model = model_of(body)
+    states = states_within(numbers.arm, 200, seed=3)
+    known = information_on(model, states_within(numbers.arm, 200, seed=4), [1.0] * body.joints)
     c = np.random.default_rng(0).standard_normal((1, *numbers.trajectory.shape))
     prior = information_of(body, numbers.trajectory, torch.from_numpy(c)).matrices(slice(None))[0].numpy()
     noise = np.linspace(0.5, 2.0, body.joints).tolist()
@@ -55,6 +72,11 @@ def aims(numbers):
         "determinant with a prior": Aim("determinant", 100 * prior),
         "variance": Aim("variance", prior),
         "variance of a link": Aim("variance", noise=noise, interest={last: 2.0}),
+        "determinant with friction": Aim("determinant", known, noise, model=model),
+        "variance with friction": Aim("variance", known, noise, {last: 2.0}, model),
+        "variance of tasks": Aim(
+            "variance", known, noise, model=model, tasks=information_on(model, states, noise)
+        ),
     }
 
 
@@ -123,3 +145,41 @@ def test_an_arm_of_two_joints_and_few_parameters(planar, settings):
     scene = numbers.scene(Situation(regions=[Box((0.4, -1, 0), (1, 1, 1))]))
     for aim in aims(numbers).values():
         assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 4, use=0.8), aim)
+
+
+@pytest.mark.parametrize("kind", ["determinant", "variance"])
+def test_an_aim_with_a_model_is_what_its_own_regressor_gives(designer, settings, kind):
+    numbers = designer.numbers
+    scene = numbers.scene(Situation(period=14.0))
+    x = point(numbers, scene, 5, use=0.7)
+    aim = aims(numbers)["determinant with friction" if kind == "determinant" else "variance of tasks"]
+    descent = compiled_of(numbers, settings).descent(scene, aim, Penalties(0.0, 0.0, 0.0, 0.0))
+    goal, _ = descent.evaluate(x, np.zeros_like(x))
+    c = torch.from_numpy((x * scene.size) @ numbers.turn.T).reshape(1, *numbers.trajectory.shape)
+    family = numbers.family(scene)
+    states = [s[0] for s in family.roll_out(c, family.grid(settings.samples))[1:]]
+    told = information_on(aim.model, states, aim.noise)
+    whole = aim.prior + settings.rate * family.period * told
+    if kind == "variance":
+        assert goal == pytest.approx(np.log(np.trace(aim.tasks @ np.linalg.inv(whole))), abs=1e-6)
+        return
+    # log det in the basis, which is orthonormal for rigid bodies
+    body = numbers.constraints.body
+    basis = float(torch.linalg.slogdet(body.base.subspace)[1])
+    assert goal == pytest.approx(-np.linalg.slogdet(whole)[1] - 2 * basis, abs=1e-6)
+
+
+def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(designer):
+    """σ on tasks of the whole model: what is designed for it beats what is designed for rigid bodies."""
+    numbers, found = designer.numbers, {}
+    wanted = aims(numbers)["variance of tasks"]
+    rigid = Aim("determinant", noise=wanted.noise)
+    for name, aim in {"whole": wanted, "rigid": rigid}.items():
+        design = designer.ask(aim=aim, evaluations=200)
+        states = [
+            s[0]
+            for s in design.trajectory.roll_out(design.coefficients[None], design.trajectory.times(100.0))[1:]
+        ]
+        told = information_on(wanted.model, states, wanted.noise) * len(states[0])
+        found[name] = np.trace(wanted.tasks @ np.linalg.inv(wanted.prior + told))
+    assert found["whole"] < 0.9 * found["rigid"]

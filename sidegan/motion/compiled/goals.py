@@ -31,15 +31,15 @@ class Smooth(NamedTuple):
 class Goal(NamedTuple):
     """What is to be made small.
 
-    The condition number, or the ratio of the diagonal, of G; minus log det M, or the logarithm of the
-    weighted sum of the base parameters' variances in M⁻¹, for M = prior + amount · G in an orthonormal basis.
+    The condition number, or the ratio of the diagonal, of G; minus log det M, or the logarithm of
+    Σ aᵀ M⁻¹ a over the targets a, for M = prior + amount · G in an orthonormal basis.
     """
 
     kind: int
     smooth: Smooth
     prior: Array  # information that there is already, in the orthonormal basis, (p, p)
     amount: float  # what one unit of G is worth
-    interest: Array  # weight of each base parameter's variance, (p,)
+    targets: Array  # what variances are of, (R, p) with R ≤ p
 
 
 class Room(NamedTuple):
@@ -214,23 +214,19 @@ def _determinant(goal: Goal, subspace: Array, work: Room) -> float:
 
 @kernel
 def _variance(goal: Goal, subspace: Array, work: Room) -> float:
-    """Log of the weighted variances of base parameters; writes its directions."""
+    """Log of the variances of the targets; writes its directions."""
     size, inverse, total = len(subspace), work.product, 0.0
-    for m in range(size):
-        if goal.interest[m] == 0:
-            work.weights[m] = 0.0
-            continue
-        half, whole = work.rows[0], work.rows[1]  # of M⁻¹ c for a row c of the subspace
+    half, whole = work.rows[0], work.rows[1]  # of M⁻¹ a for a target a
+    for m in range(len(goal.targets)):
         clear(whole)
         for i in range(size):
-            half[i] = product(inverse[i], subspace[m], min(i, m) + 1)
+            half[i] = product(inverse[i], goal.targets[m], i + 1)
             add_to(whole, half[i], inverse[i], i + 1)
-        work.weights[m] = -goal.interest[m]
-        total += goal.interest[m] * product(half, half, size)
+        total += product(half, half, size)
         for i in range(size):
             work.base[m, i] = product(subspace[i], whole, i + 1)
-    for m in range(size):
-        work.weights[m] *= goal.amount / total
+    for m in range(len(goal.targets)):
+        work.weights[m] = -goal.amount / total
     return math.log(total)
 
 
@@ -255,4 +251,4 @@ def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float
     invert_factor(work.whole[0], work.product)
     if goal.kind == DETERMINANT:
         return _determinant(goal, subspace, work), len(gram)
-    return _variance(goal, subspace, work), len(gram)
+    return _variance(goal, subspace, work), len(goal.targets)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.motion.compiled import apart, goals, lanes, regressor
+from sidegan.motion.compiled import apart, goals, lanes, regressor, terms
 from sidegan.motion.compiled.chain import Array, Chain, Shapes
 from sidegan.motion.compiled.jit import kernel
 from sidegan.motion.compiled.lanes import COS, DDQ, DQ, SIN, Q, clear
@@ -29,7 +29,9 @@ class Plan(NamedTuple):
     chain: Chain
     shapes: Shapes
     columns: regressor.Columns  # base columns, ascending
-    subspace: Array  # lower triangular C; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (p, p)
+    extra: terms.JointTerms  # what the model has beside rigid bodies, their parameters after the base's
+    # lower triangular C of all P parameters; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (P, P)
+    subspace: Array
     home: Array  # position that trajectories start from, (J,) [rad or m]
     turn: Array  # (K, K)
     size: Array  # (J, K)
@@ -54,9 +56,10 @@ class Room(NamedTuple):
     line: Array  # one derivative at the finer samples, (J, S)
     lanes: lanes.Room
     y: Array  # regressor
-    gram: Array  # (p, p)
+    gram: Array  # (P, P)
     goal: goals.Room
-    sets: Array  # parameter vectors of the directions, (p, 10 J)
+    sets: Array  # inertial parameters of the directions, (P, 10 J)
+    signals: terms.Signals
     slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
     push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
     near: apart.Room
@@ -77,6 +80,7 @@ def room(plan: Plan) -> Room:
         np.zeros((size, size)),
         goals.room(size, plan.goal.smooth),
         np.zeros((size, 10 * joints)),
+        terms.room(plan.extra, samples, size),
         lanes.aligned(3, 1, joints, samples),
         lanes.aligned(len(plan.fine), 1, joints, finer),
         apart.room(len(plan.shapes.frame), joints),
@@ -175,7 +179,8 @@ def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float,
     """
     coefficients(plan, x, work.c)
     _roll_out(plan, work)
-    weighted_gram(plan.chain, work.states, plan.columns, plan.roots, work.gram, work.lanes, work.y)
+    extra = plan.extra, work.signals
+    weighted_gram(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
     value, count = goals.goal_of(plan.goal, plan.subspace, work.gram, work.goal)
     for j in range(len(gradient)):
         clear(gradient[j])
@@ -187,9 +192,11 @@ def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float,
         for i in range(len(plan.home)):
             for m in range(first[i], first[i + 1]):
                 work.sets[k, 10 * i + columns.kinds[m]] = work.goal.base[k, m]
+        for e in range(len(plan.extra.kinds)):
+            work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
     directions = work.sets, work.goal.weights[:count]
     cost = weighted_slopes(
-        plan.chain, plan.torques, work.states, plan.roots, directions, work.slope, work.lanes
+        plan.chain, plan.torques, work.states, extra, plan.roots, directions, work.slope, work.lanes
     )
     cost += _bound(plan, work)
     cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)

@@ -2,10 +2,19 @@
 
 from sidegan.motion.compiled.chain import Array, Chain
 from sidegan.motion.compiled.jit import kernel
-from sidegan.motion.compiled.lanes import LANES, Room, enter, forces, rest, step_of
+from sidegan.motion.compiled.lanes import LANES, Room, clear, enter, forces, rest, step_of
 from sidegan.motion.compiled.limits import Limits
 from sidegan.motion.compiled.regressor import SPAN, Columns, mirror, rows_of, tile
 from sidegan.motion.compiled.slopes import keep, pull, push
+from sidegan.motion.compiled.terms import (
+    JointTerms,
+    Signals,
+    add_terms,
+    add_torques,
+    pull_terms,
+    push_terms,
+    write_signals,
+)
 
 
 @kernel
@@ -22,24 +31,28 @@ def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
 
 @kernel
 def weighted_gram(
-    chain: Chain, states: Array, columns: Columns, roots: Array, gram: Array, work: Room, y: Array
-) -> None:
-    """Write the Gram matrix YᵀWY / T, (p, p), of a trajectory's states (5, 1, J, T).
+    chain: Chain, states: Array, columns: Columns, terms: tuple[JointTerms, Signals], roots: Array,
+    gram: Array, work: Room, y: Array,
+) -> None:  # fmt: skip
+    """Write the Gram matrix YᵀWY / T, (P, P), of a trajectory's states (5, 1, J, T), and the terms' signals.
 
-    The weights W are of joints; given are their roots, (J,). There is room in y for the regressor.
+    The base columns come first, then the terms. The weights W are of joints; given are their roots, (J,).
+    There is room in y for the regressor.
     """
     count, size, first = states.shape[3], len(columns.kinds), columns.first
-    for p in range(size):
-        for q in range(size):
-            gram[p, q] = 0.0
+    write_signals(terms[0], states, terms[1])
+    for p in range(len(gram)):
+        clear(gram[p])
     rest(chain.gravity, work.links[0])
     for start in range(0, count, SPAN):
-        span = rows_of(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
+        block = 0, start, min(SPAN, count - start)
+        span = rows_of(chain, states, block, columns, work, y)
         _weigh(columns, roots, span, y)
         for i in range(len(roots)):
             for p in range(first[i], first[i + 1], 4):
                 for q in range(p, size, 4):
                     tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram)
+        add_terms(terms[0], columns, roots, terms[1], block, span, y, gram)
     mirror(gram, 1 / count)
 
 
@@ -48,6 +61,7 @@ def weighted_slopes(
     chain: Chain,
     limits: Limits,
     states: Array,
+    terms: tuple[JointTerms, Signals],
     roots: Array,
     directions: tuple[Array, Array],
     slope: Array,
@@ -55,10 +69,12 @@ def weighted_slopes(
 ) -> float:
     """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what limits cost; the latter.
 
-    The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), joints and time, with the weights (K,) of
-    the sets and w of the joints.
+    The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), with the terms' shares in each, joints and
+    time, with the weights (K,) of the sets and w of the joints. The terms' signals are those of the states.
     """
     (sets, weights), count, cost = directions, states.shape[3], 0.0
+    for e in range(len(terms[1].pushes)):
+        clear(terms[1].pushes[e])
     rest(chain.gravity, work.links[0])
     step = step_of(count)
     for start in range(0, count, step):
@@ -68,14 +84,17 @@ def weighted_slopes(
             if weights[k] == 0:
                 continue
             forces(chain, sets[k], work, step)
+            add_torques(terms[0], terms[1], k, block, work.torque)
             for j in range(len(roots)):
                 torque, factor = work.torque[j], 2.0 * weights[k] * roots[j] * roots[j]
                 for n in range(min(step, LANES)):
                     torque[n] *= factor
             push(chain, sets[k], work, step)
+            push_terms(terms[0], terms[1], k, block, work.torque)
         if limits.weight > 0:
             forces(chain, limits.parameters, work, step)
             cost += keep(limits, work, block[2])
             push(chain, limits.parameters, work, step)
         pull(chain, work, slope, block, step)
+    pull_terms(terms[0], terms[1], slope)
     return cost
