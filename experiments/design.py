@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import torch
 import yaml
 
 from experiments.pages import leave
@@ -13,9 +14,15 @@ from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes
 from sidegan.base.typed import build
 from sidegan.controllers import POINTS, Course, csv_text
+from sidegan.design.criteria import variance
+from sidegan.design.prediction import with_terms
 from sidegan.designer import Aim, Design, Designer, Situation
+from sidegan.designer.aim import Kind
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.uncertain import rigid_information
+from sidegan.identification.goals import usual_products
+from sidegan.identification.model import RIGID, TorqueModel
+from sidegan.identification.uncertain import information_on, usual_torque
+from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.known import Known, known_model
 from sidegan.pipeline.schema import Asked, Designs, Several
 from sidegan.pipeline.stages import generator, starts
@@ -48,6 +55,7 @@ class Answer:
 
     question: Question
     design: Design
+    rate: float  # at which torques are measured [Hz]
 
     @property
     def blocked(self) -> tuple[str, ...]:
@@ -79,7 +87,7 @@ def collect(task: Task) -> list[Answer]:
             design = designer.ask(one.place, one.aim, cfg.design.evaluations, cfg.design.deadline)
         except (ConfigError, ShapeError) as error:
             raise type(error)(f"{one.name}: {error}") from error
-        answers.append(Answer(one, design))
+        answers.append(Answer(one, design, cfg.designer.rate))
     return answers
 
 
@@ -97,7 +105,7 @@ def questions(task: Task) -> list[Question]:
     for number, asked in enumerate(_asked(cfg.design), 1):
         name = folder_name(asked.name or f"situation-{number}")
         try:
-            place, aim = _meant(asked, known, cfg.designer.rate)
+            place, aim = _meant(asked, known, task.body, cfg.designer.rate)
             _refuse_impossible(task, place)
         except (ConfigError, ShapeError) as error:
             raise type(error)(f"{name}: {error}") from error
@@ -139,15 +147,18 @@ def _refuse_impossible(task: Task, place: Situation) -> None:
         )
 
 
-def _meant(asked: Asked, known: Known | None, rate: float) -> tuple[Situation, Aim]:
+def _meant(asked: Asked, known: Known | None, body: RigidBody, rate: float) -> tuple[Situation, Aim]:
     """Where to move, and for what; beside what is known, with torques measured at a rate [Hz]."""
     regions = [region.shape for region in asked.regions or ()]
     place = Situation(asked.home, regions, asked.velocity, asked.torque, asked.period, asked.clearance)
+    model = TorqueModel(body, RIGID) if known is None else known.model
+    kind: Kind = "variance" if asked.aim == "prediction" else asked.aim
+    tasks = usual_products(model, usual_torque(body)).mean(0).numpy() if asked.aim == "prediction" else None
     if known is None:
-        return place, Aim(asked.aim, None, asked.noise, asked.links)
-    prior = rigid_information(known.model, known.covariance).numpy()
+        return place, Aim(kind, None, asked.noise, asked.links, tasks=tasks)
+    prior = information_on(known.covariance).numpy()
     noise = asked.noise or ((rate / known.rate) ** 0.5 / known.certainty).tolist()
-    return place, Aim(asked.aim, prior, noise, asked.links)
+    return place, Aim(kind, prior, noise, asked.links, known.model, tasks)
 
 
 def present(answers: list[Answer], folder: Path, tracker: Tracker) -> None:
@@ -180,6 +191,23 @@ def _row(one: Answer) -> dict[str, str]:
     worth = {
         "period [s]": f"{design.trajectory.period:g}",
         "cond(YᵀY)": f"{design.criteria.condition:.4g}",
+        **_uncertain(one),
         "clearance [m]": f"{min(nearest) + design.constraints.clearance:.3f}" if nearest else "—",
     }
     return {"aim": one.question.asked.aim, **worth, **effort}
+
+
+def _uncertain(one: Answer) -> dict[str, str]:
+    """How uncertain predicted torques are with the trajectory, where that was the aim and noise is known."""
+    aim, design = one.question.aim, one.design
+    if aim.tasks is None or aim.noise is None or design.coefficients is None:
+        return {}
+    body, family = design.numbers.constraints.body, design.trajectory
+    states = family.roll_out(design.coefficients[None], family.grid(round(family.period * one.rate)))[1:]
+    q, dq, ddq = (x[0] for x in states)
+    model = TorqueModel(body, RIGID) if aim.model is None else aim.model
+    y = with_terms(model, body.base_regressor(q, dq, ddq), dq, ddq) / q.new_tensor(aim.noise)[:, None]
+    told, tasks = y.flatten(0, 1).T @ y.flatten(0, 1), variance(torch.from_numpy(aim.tasks))
+    known = told.new_zeros(told.shape) if aim.prior is None else torch.from_numpy(aim.prior)
+    before, after = (f"{math.exp(-float(tasks.value(x[None])) / 2):.2%}" for x in (known, known + told))
+    return {"torques uncertain by": after if aim.prior is None else f"{after}, before {before}"}

@@ -38,8 +38,8 @@ class Aim:
     """What a trajectory shall be good for.
 
     The condition number of YᵀY or the ratio of its diagonal is made small; or log det of the whole
-    information, that of the prior and of the trajectory, large; or variances small: of parameters of
-    interest, or of torques that are predicted for tasks.
+    information, that of the prior and of the trajectory, large; or variances small: of the base parameters
+    of interest, or of torques that are predicted for tasks.
     """
 
     kind: Kind = "condition"
@@ -47,7 +47,7 @@ class Aim:
     # model's parameters, (P, P)
     prior: Array | None = None
     noise: Sequence[float] | None = None  # standard deviation of each joint's torque [N·m or N], (J,)
-    interest: Mapping[str, float] | None = None  # weight of the variances of each link's own parameters
+    interest: Mapping[str, float] | None = None  # weight of the variances of each link's base parameters
     model: Linear | None = None  # what is identified, friction and rotors included; None: rigid bodies
     tasks: Array | None = None  # mean YᵀY of motions whose torques are to be predicted, (P, P)
 
@@ -65,7 +65,7 @@ class Aim:
         if self.interest is not None and self.kind != "variance":
             raise ConfigError(f"links of interest have no part in the aim {self.kind!r}: ask for variance")
         if self.tasks is not None and (self.kind != "variance" or self.interest is not None):
-            raise ConfigError("tasks are predicted by the aim 'variance', without links of interest")
+            raise ConfigError("tasks are for the aim 'variance', and links of interest have no part in them")
 
     def numbers(self, body: RigidBody) -> Numbers:
         """The aim of an arm, in numbers.
@@ -85,10 +85,9 @@ class Aim:
         terms = np.stack([joints, extras // body.joints], 1)[by_joint]
         subspace = np.eye(len(order))
         subspace[:rigid, :rigid] = array(body.base.subspace)
-        links = np.concatenate([columns // 10, terms[:, 0]])
         if self.tasks is None:
-            weights = self._interest(body.arm.link_names, links)
-            targets = (np.sqrt(weights)[:, None] * subspace)[weights > 0]
+            weights = self._interest(body.arm.link_names, columns // 10)
+            targets = (np.sqrt(weights)[:, None] * subspace[:rigid])[weights > 0]
         else:
             tasks = _semidefinite("tasks", self.tasks, len(order))[np.ix_(order, order)]
             targets = root_of(torch.from_numpy(tasks)).T.numpy() @ subspace
@@ -117,7 +116,7 @@ class Aim:
         return 1 / noise
 
     def _interest(self, names: Sequence[str], links: Array) -> Array:
-        """Weight of each parameter, whose links are given by number, (P,)."""
+        """Weight of each base parameter, whose links are given by number, (p,)."""
         if self.interest is None:
             return np.ones(len(links))
         weights = np.zeros(len(links))

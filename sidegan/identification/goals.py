@@ -143,8 +143,7 @@ class Torques:
 
     def __init__(self, model: TorqueModel, unit: Tensor, usual: Tensor) -> None:
         self.names = model.arm.joint_names
-        rows = model.usual_rows(seed=1) * unit / usual[:, None]
-        each = torch.einsum("sjp,sjq->jpq", rows, rows) / len(rows)
+        each = usual_products(model, usual) * unit * unit[:, None]
         values, vectors = torch.linalg.eigh(torch.cat([each, each.mean(0, keepdim=True)]))
         roots = vectors * values.clamp_min(0).sqrt()[:, None]
         self._roots, self._root = roots[:-1], roots[-1]  # of each joint's YᵀY, (J, P, P), and of their mean
@@ -165,6 +164,12 @@ class Torques:
         """The error on average."""
         now, then = (float(x.square().mean().sqrt()) for x in (deviations, before))
         return f"torques of other motions are uncertain by {now:.2%} of their usual size, before {then:.2%}"
+
+
+def usual_products(model: TorqueModel, usual: Tensor) -> Tensor:
+    """Each joint's mean YᵀY over its squared usual torque (J,), where the model is to hold, (J, P, P)."""
+    rows = model.usual_rows(seed=1) / usual[:, None]
+    return torch.einsum("sjp,sjq->jpq", rows, rows) / len(rows)
 
 
 def _log_det(information: Tensor) -> Tensor:

@@ -50,10 +50,8 @@ class Uncertain(Prediction):
             )
         self._model, self._certainty, self._rate = model, certainty, rate
         self._scale = covariance.diagonal().clamp_min(1e-300).sqrt()  # deviations: units of the parameters
-        scaled = covariance / self._scale / self._scale[:, None]
-        known = torch.linalg.pinv(scaled, hermitian=True)
-        least = _LEAST * torch.eye(model.count, dtype=torch.float64)
-        self._before, self._motion = (known + known.T) / 2 + least, torch.zeros_like(least)
+        self._before = _inverted(covariance / self._scale / self._scale[:, None])
+        self._motion = torch.zeros_like(self._before)
         self.goal = wanted(model, self._scale)
 
     def told(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Told:
@@ -106,6 +104,20 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
     covariance = torch.linalg.inv(belief(model, usual, goal.believed))
     wanted = wanted_of(goal, usual, identified=False)
     return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, wanted)
+
+
+def information_on(covariance: Tensor) -> Tensor:
+    """Information on parameters whose errors have a covariance, (P, P); one that is certain is nearly so."""
+    variance = covariance.diagonal()
+    least = variance.clamp_min(_LEAST * float(variance.max()))
+    whole, unit = covariance + torch.diag(least - variance), least.sqrt()
+    return _inverted(whole / unit / unit[:, None]) / unit / unit[:, None]
+
+
+def _inverted(scaled: Tensor) -> Tensor:
+    """Information in units of deviations, positive definite."""
+    known = torch.linalg.pinv(scaled, hermitian=True)
+    return (known + known.T) / 2 + _LEAST * torch.eye(len(scaled), dtype=torch.float64)
 
 
 def rigid_information(model: TorqueModel, covariance: Tensor) -> Tensor:

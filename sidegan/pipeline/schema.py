@@ -89,7 +89,7 @@ class Asked:
     torque: Share = 1.0  # share of the torque limits
     period: Seconds | None = None
     clearance: NonNegative = 0.0  # [m] that is proven to be kept, if more than the workspace's
-    aim: Literal["condition", "diagonal", "determinant", "variance"] = "condition"
+    aim: Literal["condition", "diagonal", "determinant", "variance", "prediction"] = "condition"
     noise: list[Positive] | None = None  # of each joint's torque [N·m or N]
     links: dict[str, NonNegative] | None = None  # whose parameters' variances count, for the aim variance
 

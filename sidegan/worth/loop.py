@@ -62,7 +62,7 @@ class Picked:
 class Designed:
     """The designer's trajectory beside what is known of the whole model, friction and rotors included.
 
-    For log det of the information or, with tasks, for the variance of the torques that are predicted for them.
+    For log det of the information or, with tasks, for the variance of torques that are predicted for them.
     """
 
     model: TorqueModel

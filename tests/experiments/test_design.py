@@ -1,20 +1,23 @@
 """The experiment of designs: from a library or from a generator, each made by a stage of its own."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from experiments.design import _SINGULAR, Answer, Question, _meant
-from sidegan.designer import Aim
+from experiments.design import _SINGULAR, Answer, Question, _meant, _row
+from sidegan.designer import Aim, Designer, Situation
 from sidegan.errors import ArtifactError, ConfigError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.known import Known
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.schema import Asked
+from sidegan.validity import Constraints
 from tests.tiny import tiny
 
 
@@ -45,6 +48,12 @@ def test_a_generator_that_is_not_there_is_asked_for(tmp_path):
 
 
 @pytest.fixture(scope="module")
+def designer(planar):
+    settings = tiny(experiment="design").designer
+    return Designer(Constraints(planar), Trajectory(2, 3, 8.0), settings)
+
+
+@pytest.fixture(scope="module")
 def known(planar):
     """A model with correlated errors, at 400 Hz."""
     model = TorqueModel(RigidBody(planar))
@@ -55,21 +64,42 @@ def known(planar):
 
 
 def test_a_design_is_asked_for_beside_what_an_identification_left_uncertain(known):
-    """The prior is that on rigid bodies whatever friction is, and noise is for the designer's rate."""
-    _, aim = _meant(Asked(aim="determinant"), known, 100.0)
-    q, subspace = known.model.rigid, known.model.body.base.subspace
-    information = torch.linalg.inv(known.covariance)
-    a, b, d = information[:q, :q], information[:q, q:], information[q:, q:]
-    expected = subspace.T @ (a - b @ torch.linalg.solve(d, b.T)) @ subspace
-    np.testing.assert_allclose(aim.prior, expected.numpy(), rtol=1e-6, atol=1e-8)
+    """The prior is that on the whole model, friction included, and noise is for the designer's rate."""
+    body = known.model.body
+    _, aim = _meant(Asked(aim="determinant"), known, body, 100.0)
+    expected = torch.linalg.inv(known.covariance)
+    np.testing.assert_allclose(aim.prior, expected.numpy(), rtol=1e-6, atol=1e-6 * float(expected.max()))
+    assert aim.model is known.model
     assert aim.noise == pytest.approx([0.25, 1.0])
-    assert _meant(Asked(aim="variance", noise=[3.0, 3.0]), known, 100.0)[1].noise == [3.0, 3.0]
-    assert _meant(Asked(), None, 100.0)[1].prior is None
+    assert _meant(Asked(aim="variance", noise=[3.0, 3.0]), known, body, 100.0)[1].noise == [3.0, 3.0]
+    alone = _meant(Asked(), None, body, 100.0)[1]
+    assert alone.prior is None and alone.model is None
+
+
+def test_what_an_identification_is_certain_of_stays_finite(known):
+    certain = known.covariance.clone()
+    certain[3], certain[:, 3] = 0.0, 0.0
+    aim = _meant(Asked(aim="determinant"), replace(known, covariance=certain), known.model.body, 100.0)[1]
+    assert np.isfinite(aim.prior).all() and aim.prior[3, 3] > 1e6
+    aim.numbers(known.model.body)
 
 
 def test_what_is_known_has_no_part_in_a_condition_number(known):
     with pytest.raises(ConfigError, match="ask for determinant or variance"):
-        _meant(Asked(aim="condition"), known, 100.0)
+        _meant(Asked(aim="condition"), known, known.model.body, 100.0)
+
+
+@pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside a model"])
+def test_a_design_for_prediction_says_how_uncertain_torques_stay(known, designer, beside):
+    body = designer.numbers.constraints.body
+    asked = Asked(aim="prediction", noise=[0.5, 0.5])
+    place, aim = _meant(asked, known if beside else None, body, 100.0)
+    answer = Answer(Question("one", asked, place, aim), designer.ask(place, aim, 60), 100.0)
+    words = _row(answer)["torques uncertain by"]
+    after, *before = (float(x.rstrip("%")) for x in words.split(", before "))
+    assert 0 < after < (before[0] if beside else 100.0)
+    more = Answer(answer.question, answer.design, 400.0)  # four times as many samples
+    assert float(_row(more)["torques uncertain by"].split("%")[0]) < after
 
 
 def test_a_folder_without_a_model_is_told(outputs, tmp_path):
@@ -116,11 +146,11 @@ def test_a_file_of_questions_that_is_not_there_is_told_in_a_line(tmp_path):
 
 
 def test_what_is_proven_but_tells_nothing_is_no_design():
-    place, aim = _meant(Asked(), None, 100.0)
+    place, aim = Situation(), Aim()
     design = SimpleNamespace(
         coefficients=torch.zeros(2, 3, 2), criteria=SimpleNamespace(condition=math.inf), blocked=()
     )
-    answer = Answer(Question("still", Asked(), place, aim), design)
+    answer = Answer(Question("still", Asked(), place, aim), design, 100.0)
     assert answer.blocked == (_SINGULAR,)
-    known = Answer(Question("still", Asked(), place, Aim("determinant", np.eye(4))), design)
+    known = Answer(Question("still", Asked(), place, Aim("determinant", np.eye(4))), design, 100.0)
     assert known.blocked == ()
