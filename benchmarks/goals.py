@@ -6,8 +6,10 @@ tool, of parameters, of torques, by the model with friction and rotors.
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,8 +21,10 @@ from sidegan.base.typed import build
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.problem import Problem
-from sidegan.design.sequence import Search, designed, told
+from sidegan.design.sequence import Search, told
+from sidegan.designer import DesignerSettings
 from sidegan.identification import FULL, GoalSettings
+from sidegan.identification.designed import designed
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report import export
@@ -28,10 +32,12 @@ from sidegan.robot import load_robot
 from sidegan.seeds import Gradient
 from sidegan.validity import Constraints, Plane
 
-_EXCITE = "conf/experiment/excite.yaml"
+_EXCITE, _DESIGNER = "conf/experiment/excite.yaml", "conf/designer/default.yaml"
 _POOL, _STEPS, _ATTEMPTS, _RESERVE = 4, 120, 5, 0.05  # of the ordinary set, as ``excite`` makes it
 _POINTS = 200  # of a trajectory, at which its information is taken
 _LAST = ("link_6", "link_7")
+
+T = TypeVar("T")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -61,27 +67,40 @@ GOALS: dict[str, str | list[str]] = {
 def compared(problem: Problem, count: int) -> pd.DataFrame:
     """A row per set: deviations by each goal over those of the ordinary set, and those of a tool."""
     settings = OmegaConf.load(_EXCITE)
-    plain, search = OmegaConf.to_container(settings.goal), OmegaConf.to_container(settings.search)
-    goals = build(GoalSettings, plain)  # type: ignore[arg-type]
+    goals, search = built(GoalSettings, settings.goal), built(Search, settings.search)
+    designer = built(DesignerSettings, OmegaConf.load(_DESIGNER))
     rows: dict[str, dict[str, float]] = {}
+    taken: dict[str, float] = {}
 
     def aim(wanted: str | list[str]) -> Uncertain:
         return unmeasured(problem.body, FULL, replace(goals, wanted=wanted))
 
-    sets = {"ordinary": ordinary(problem, count)}
-    for name, wanted in GOALS.items():
+    def made(name: str, wanted: str | list[str] | None) -> Tensor:
         sys.stderr.write(f"{name} …\n")
-        random = torch.Generator().manual_seed(0)
-        sets[name] = designed([problem], aim(wanted), count, build(Search, search), random)[1]  # type: ignore[arg-type]
+        began = time.process_time()
+        if wanted is None:
+            c = ordinary(problem, count)
+        else:
+            c = designed(problem, aim(wanted), count, designer, goals.evaluations, search, seed=0)
+        taken[name] = time.process_time() - began
+        return c
+
+    sets = {name: made(name, wanted) for name, wanted in {"ordinary": None, **GOALS}.items()}
     for name, c in sets.items():
         rows[name] = {goal: left(problem, aim(wanted), c) for goal, wanted in GOALS.items()}
         tool = aim("payload")
         left(problem, tool, c)
         mass, first, second = (float(x.square().mean().sqrt()) for x in tool.deviations.split([1, 3, 6]))
+        rows[name] |= {"design [CPU s]": taken[name]}
         rows[name] |= {"mass [g]": 1e3 * mass, "m·c [g·m]": 1e3 * first, "inertia [g·m²]": 1e3 * second}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("designed for")
     table[[*GOALS]] /= table.loc["ordinary", [*GOALS]]
     return table.map(lambda x: float(f"{x:.3g}"))
+
+
+def built(schema: type[T], settings: Any) -> T:
+    """Settings of a part of the configuration."""
+    return build(schema, OmegaConf.to_container(settings))  # type: ignore[arg-type]
 
 
 def left(problem: Problem, aim: Uncertain, c: Tensor) -> float:

@@ -151,9 +151,11 @@ def _meant(asked: Asked, known: Known | None, body: RigidBody, rate: float) -> t
     """Where to move, and for what; beside what is known, with torques measured at a rate [Hz]."""
     regions = [region.shape for region in asked.regions or ()]
     place = Situation(asked.home, regions, asked.velocity, asked.torque, asked.period, asked.clearance)
-    model = TorqueModel(body, RIGID) if known is None else known.model
     kind: Kind = "variance" if asked.aim == "prediction" else asked.aim
-    tasks = usual_products(model, usual_torque(body)).mean(0).numpy() if asked.aim == "prediction" else None
+    tasks = None
+    if asked.aim == "prediction":
+        model = TorqueModel(body, RIGID) if known is None else known.model
+        tasks = usual_products(model, usual_torque(body)).mean(0).numpy()
     if known is None:
         return place, Aim(kind, None, asked.noise, asked.links, tasks=tasks)
     prior = information_on(known.covariance).numpy()

@@ -17,6 +17,8 @@ from sidegan.motion.dynamics import RigidBody
 Array = np.ndarray
 Kind = Literal["condition", "diagonal", "determinant", "variance"]
 
+_NO_PART = {"prior": "a prior has", "model": "a model has", "interest": "links of interest have"}
+
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
@@ -38,8 +40,8 @@ class Aim:
     """What a trajectory shall be good for.
 
     The condition number of YᵀY or the ratio of its diagonal is made small; or log det of the whole
-    information, that of the prior and of the trajectory, large; or variances small: of the base parameters
-    of interest, or of torques that are predicted for tasks.
+    information, that of the prior and of the trajectory, large, or log det of the covariance of links'
+    parameters small; or variances small: of base parameters, or of torques that are predicted for tasks.
     """
 
     kind: Kind = "condition"
@@ -47,7 +49,9 @@ class Aim:
     # model's parameters, (P, P)
     prior: Array | None = None
     noise: Sequence[float] | None = None  # standard deviation of each joint's torque [N·m or N], (J,)
-    interest: Mapping[str, float] | None = None  # weight of the variances of each link's base parameters
+    # weight of the variances of each link's base parameters; log det is of the links that have any, and of
+    # the terms of their joints
+    interest: Mapping[str, float] | None = None
     model: Linear | None = None  # what is identified, friction and rotors included; None: rigid bodies
     tasks: Array | None = None  # mean YᵀY of motions whose torques are to be predicted, (P, P)
 
@@ -57,13 +61,11 @@ class Aim:
                 f"an aim is {self.kind!r}, expected condition, diagonal, determinant or variance"
             )
         if self.kind in ("condition", "diagonal"):
-            for name in ("prior", "model"):
+            for name, said in _NO_PART.items():
                 if getattr(self, name) is not None:
                     raise ConfigError(
-                        f"a {name} has no part in the aim {self.kind!r}: ask for determinant or variance"
+                        f"{said} no part in the aim {self.kind!r}: ask for determinant or variance"
                     )
-        if self.interest is not None and self.kind != "variance":
-            raise ConfigError(f"links of interest have no part in the aim {self.kind!r}: ask for variance")
         if self.tasks is not None and (self.kind != "variance" or self.interest is not None):
             raise ConfigError("tasks are for the aim 'variance', and links of interest have no part in them")
 
@@ -86,8 +88,11 @@ class Aim:
         subspace = np.eye(len(order))
         subspace[:rigid, :rigid] = array(body.base.subspace)
         if self.tasks is None:
-            weights = self._interest(body.arm.link_names, columns // 10)
-            targets = (np.sqrt(weights)[:, None] * subspace[:rigid])[weights > 0]
+            links = columns // 10
+            if self.kind == "determinant":
+                links = np.concatenate([links, terms[:, 0]])
+            weights = self._interest(body.arm.link_names, links)
+            targets = (np.sqrt(weights)[:, None] * subspace[: len(links)])[weights > 0]
         else:
             tasks = _semidefinite("tasks", self.tasks, len(order))[np.ix_(order, order)]
             targets = root_of(torch.from_numpy(tasks)).T.numpy() @ subspace
@@ -116,7 +121,7 @@ class Aim:
         return 1 / noise
 
     def _interest(self, names: Sequence[str], links: Array) -> Array:
-        """Weight of each base parameter, whose links are given by number, (p,)."""
+        """Weight of each parameter, whose links are given by number, (P,)."""
         if self.interest is None:
             return np.ones(len(links))
         weights = np.zeros(len(links))

@@ -50,7 +50,8 @@ class CompiledDescents:
     def _plan(self, scene: Scene, aim: Aim, penalties: Penalties) -> plans.Plan:
         numbers, joints = self.numbers, len(scene.home)
         wanted, amount = aim.numbers(numbers.constraints.body), self.grid.rate * scene.period
-        goal = goals.Goal(_KINDS[aim.kind], _SMOOTH, wanted.prior, amount, wanted.targets)
+        kind = goals.VOLUME if aim.kind == "determinant" and aim.interest is not None else _KINDS[aim.kind]
+        goal = goals.Goal(kind, _SMOOTH, wanted.prior, amount, wanted.targets)
         free = np.full(joints, np.inf)
         middle, room = (numbers.upper + numbers.lower) / 2, (numbers.upper - numbers.lower) / 2
         bounds = Limits(0.0, 0.0, 0.0, middle, room, scene.speed, free, self._parameters)

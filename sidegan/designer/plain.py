@@ -80,9 +80,10 @@ class PlainDescents:
             factor, failed = torch.linalg.cholesky_ex(prior + amount * inner)
             if failed:
                 return torch.tensor(torch.inf, dtype=torch.float64)
-            if aim.kind == "determinant":
+            if aim.kind == "determinant" and aim.interest is None:
                 return -2 * factor.diagonal().log().sum()
-            return torch.linalg.solve_triangular(factor, targets.T, upper=False).square().sum().log()
+            half = torch.linalg.solve_triangular(factor, targets.T, upper=False)
+            return torch.logdet(half.T @ half) if aim.kind == "determinant" else half.square().sum().log()
 
         return function
 

@@ -5,11 +5,12 @@ the noise's variance, (P, P) each, of parameters that count in units of what is 
 """
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import torch
 from torch import Tensor
 
+from sidegan.designer.aim import Kind
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.verdict import joint_of
@@ -21,10 +22,22 @@ _TOLD = 0.5  # of the deviation before, below which something is told of a param
 _UNITS = ("kg", "kg·m", "kg·m²")
 
 
+class Form(NamedTuple):
+    """A goal as ``sidegan.designer.Aim`` has it."""
+
+    kind: Kind
+    interest: dict[str, float] | None = None
+    tasks: Tensor | None = None
+
+
 class Goal(Protocol):
     """What trajectories are to tell."""
 
     names: tuple[str, ...]  # of what is wanted, (K,)
+
+    @property
+    def form(self) -> Form | None:
+        """The same for a designer; None where it does not know such a goal."""
 
     def value(self, known: Tensor, motion: Tensor) -> Tensor:
         """What is to be made small, (…): the mean log of variances, of information (P, P) and (…, P, P)."""
@@ -43,7 +56,7 @@ class Everything:
     """Minus the mean log eigenvalue of the information on all parameters: D-optimal design."""
 
     def __init__(self, model: TorqueModel, unit: Tensor) -> None:
-        self.names, self._unit = tuple(model.names), unit
+        self.names, self.form, self._unit = tuple(model.names), Form("determinant"), unit
 
     def value(self, known: Tensor, motion: Tensor) -> Tensor:
         """The mean log variance along the principal axes, (…)."""
@@ -77,6 +90,7 @@ class OfLinks:
         self._ours = torch.tensor(ours)
         self.names = tuple(name for name, mine in zip(model.names, ours) if mine)
         self._unit = unit[self._ours]
+        self.form = Form("determinant", dict.fromkeys(links, 1.0))
         self._links = ", ".join(links)
 
     def value(self, known: Tensor, motion: Tensor) -> Tensor:
@@ -104,7 +118,7 @@ class Tool:
 
     def __init__(self, model: TorqueModel, unit: Tensor, identified: bool) -> None:
         joints, power = model.joints, torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2, 2], dtype=torch.float64)
-        self.names = tuple(f"tool {name}" for name in LINK_PARAMETERS)
+        self.names, self.form = tuple(f"tool {name}" for name in LINK_PARAMETERS), None
         self._typical = _TOOL * _ARM**power
         last = model.mapping[:, 10 * (joints - 1) : 10 * joints]
         self._columns = last * self._typical / unit[:, None]  # the tool's among the parameters', (P, 10)
@@ -143,7 +157,9 @@ class Torques:
 
     def __init__(self, model: TorqueModel, unit: Tensor, usual: Tensor) -> None:
         self.names = model.arm.joint_names
-        each = usual_products(model, usual) * unit * unit[:, None]
+        each = usual_products(model, usual)
+        self.form = Form("variance", tasks=each.mean(0))
+        each = each * unit * unit[:, None]
         values, vectors = torch.linalg.eigh(torch.cat([each, each.mean(0, keepdim=True)]))
         roots = vectors * values.clamp_min(0).sqrt()[:, None]
         self._roots, self._root = roots[:-1], roots[-1]  # of each joint's YᵀY, (J, P, P), and of their mean

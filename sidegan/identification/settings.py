@@ -88,6 +88,7 @@ class GoalSettings:
     assumed: Positive
     correlation: Seconds  # time over which that noise keeps its sign
     believed: Positive  # deviation of the description's parameters, in their typical sizes
+    evaluations: Count  # of each trajectory, by the designer
 
     def deviation(self, usual: Tensor) -> Tensor:
         """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N].

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.prediction import Prediction, Told, with_terms
+from sidegan.designer.aim import Aim
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques, Wanted
 from sidegan.identification.model import Terms, TorqueModel
@@ -49,8 +50,7 @@ class Uncertain(Prediction):
                 f"model with {model.count} parameters and {model.joints} joints"
             )
         self._model, self._certainty, self._rate = model, certainty, rate
-        self._scale = covariance.diagonal().clamp_min(1e-300).sqrt()  # deviations: units of the parameters
-        self._before = _inverted(covariance / self._scale / self._scale[:, None])
+        self._scale, self._before = _known(covariance)  # units of the parameters, information in these
         self._motion = torch.zeros_like(self._before)
         self.goal = wanted(model, self._scale)
 
@@ -71,6 +71,16 @@ class Uncertain(Prediction):
     def take(self, new: Told) -> None:
         """Count one trajectory as known."""
         self._motion = self._motion + new.information[0].detach()
+
+    def asked(self, rate: float) -> Aim | None:
+        """The same of a designer that takes torques at a rate [Hz]; None where it does not know the goal."""
+        if self.goal.form is None:
+            return None
+        kind, interest, tasks = self.goal.form
+        information = (self._before + self._motion) / self._scale / self._scale[:, None]
+        noise = ((rate / self._rate) ** 0.5 / self._certainty).tolist()
+        wanted = None if tasks is None else tasks.numpy()
+        return Aim(kind, information.numpy(), noise, interest, self._model, wanted)
 
     @property
     def before(self) -> Tensor:
@@ -108,16 +118,19 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
 
 def information_on(covariance: Tensor) -> Tensor:
     """Information on parameters whose errors have a covariance, (P, P); one that is certain is nearly so."""
+    unit, known = _known(covariance)
+    return known / unit / unit[:, None]
+
+
+def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
+    """Deviations, (P,), and information in units of them, positive definite, (P, P)."""
     variance = covariance.diagonal()
     least = variance.clamp_min(_LEAST * float(variance.max()))
-    whole, unit = covariance + torch.diag(least - variance), least.sqrt()
-    return _inverted(whole / unit / unit[:, None]) / unit / unit[:, None]
-
-
-def _inverted(scaled: Tensor) -> Tensor:
-    """Information in units of deviations, positive definite."""
-    known = torch.linalg.pinv(scaled, hermitian=True)
-    return (known + known.T) / 2 + _LEAST * torch.eye(len(scaled), dtype=torch.float64)
+    unit = least.sqrt()
+    known = torch.linalg.pinv(
+        (covariance + torch.diag(least - variance)) / unit / unit[:, None], hermitian=True
+    )
+    return unit, (known + known.T) / 2 + _LEAST * torch.eye(len(unit), dtype=torch.float64)
 
 
 def rigid_information(model: TorqueModel, covariance: Tensor) -> Tensor:

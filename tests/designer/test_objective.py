@@ -27,7 +27,9 @@ NAMES = (
     "determinant with a prior",
     "variance",
     "variance of a link",
+    "determinant of links",
     "determinant with friction",
+    "determinant of links and joints",
     "variance with friction",
     "variance of tasks",
 )
@@ -63,7 +65,7 @@ def aims(numbers):
     c = np.random.default_rng(0).standard_normal((1, *numbers.trajectory.shape))
     prior = information_of(body, numbers.trajectory, torch.from_numpy(c)).matrices(slice(None))[0].numpy()
     noise = np.linspace(0.5, 2.0, body.joints).tolist()
-    last = numbers.arm.link_names[-1]
+    last, links = numbers.arm.link_names[-1], numbers.arm.link_names[-2:]
     return {
         "condition": Aim(),
         "condition by noise": Aim(noise=noise),
@@ -72,6 +74,8 @@ def aims(numbers):
         "determinant with a prior": Aim("determinant", 100 * prior),
         "variance": Aim("variance", prior),
         "variance of a link": Aim("variance", noise=noise, interest={last: 2.0}),
+        "determinant of links": Aim("determinant", prior, interest=dict.fromkeys(links, 1.0)),
+        "determinant of links and joints": Aim("determinant", known, noise, {last: 1.0}, model),
         "determinant with friction": Aim("determinant", known, noise, model=model),
         "variance with friction": Aim("variance", known, noise, {last: 2.0}, model),
         "variance of tasks": Aim(

@@ -8,19 +8,28 @@ import pytest
 import torch
 
 from sidegan.design.problem import Problem
-from sidegan.design.sequence import Search, designed, told, value_and_gradient
-from sidegan.errors import ConfigError
+from sidegan.design.sequence import Search, told, value_and_gradient
+from sidegan.designer import Situation
+from sidegan.designer.descent import Penalties
+from sidegan.designer.plain import PlainDescents
+from sidegan.designer.scene import ArmNumbers
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import FULL, GoalSettings
+from sidegan.identification.designed import designed
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques
 from sidegan.identification.loaded import Loaded
 from sidegan.identification.model import states_within
 from sidegan.identification.uncertain import unmeasured, usual_torque, wanted_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints, check
+from sidegan.validity import Constraints, Plane, check
 from tests.identification.recordings import model_of, multisine
+from tests.tiny import tiny
 
-SETTINGS = GoalSettings(wanted="all", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
+SETTINGS = GoalSettings(
+    wanted="all", noise=None, assumed=0.05, correlation=0.03, believed=1.0, evaluations=100
+)
+DESIGNER = tiny(experiment="design").designer
 SEARCH = Search(starts=4, rough=15, strict=25, samples=4, reserve=0.02)
 TERMS = replace(FULL, sign_width=0.03)
 GOALS = {"all": "all", "links": ["forearm"], "payload": "payload", "prediction": "prediction"}
@@ -103,12 +112,25 @@ def test_the_gradient_is_that_of_the_value(problem, wanted):
     torch.testing.assert_close((gradient * direction).sum((1, 2, 3)), slope, rtol=1e-4, atol=1e-8)
 
 
-def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem):
+@pytest.fixture(params=["compiled", "plain"])
+def engine(request, monkeypatch):
+    if request.param == "plain":
+        monkeypatch.setattr("sidegan.identification.designed.compiled", lambda: False)
+    else:
+        pytest.importorskip("numba")
+    return request.param
+
+
+def for_goal(problem, aim, count):
+    return designed(problem, aim, count, DESIGNER, SETTINGS.evaluations, SEARCH, seed=0)
+
+
+def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem, engine):
     """Each goal's own design, beside those of the others, by each goal."""
     designs = {}
     for name, wanted in GOALS.items():
         aim = aim_of(problem, wanted)
-        _, designs[name] = designed([problem], aim, 1, SEARCH, torch.Generator().manual_seed(0))
+        designs[name] = for_goal(problem, aim, 1)
         assert aim.left < 1 and len(aim.deviations) == len(aim.goal.names)
     every = torch.cat([*designs.values()])
     assert check(problem.constraints, problem.trajectory, every).valid.all()
@@ -119,6 +141,42 @@ def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem):
         values = aim.value(told(problem, aim, torch.cat([every, drawn]), 80))
         assert values[k] < values[len(every) :].min()
         assert values[k] <= values[: len(every)].min() + 2 * np.log(1.05)  # 5 % of the deviations
+
+
+@pytest.mark.parametrize("wanted", ["all", ["forearm"], "prediction"], ids=["all", "links", "prediction"])
+def test_a_designer_is_asked_for_the_goal_itself_beside_what_was_told(problem, wanted):
+    """Between two trajectories both differ by as much, a goal's mean over what is wanted allowed for."""
+    aim, c = aim_of(problem, wanted), problem.start(3, torch.Generator().manual_seed(0), reach=0.5)
+    aim.take(told(problem, aim, c[2:], 40))
+    numbers = ArmNumbers(problem.constraints, problem.trajectory)
+    scene, descents = numbers.scene(Situation()), PlainDescents(numbers, DESIGNER)
+    descent = descents.descent(scene, aim.asked(DESIGNER.rate), Penalties(0.0, 0.0, 0.0, 0.0))
+    x = (c[:2].flatten(2).numpy() @ np.linalg.inv(numbers.turn).T) / scene.size
+    found = [descent.evaluate(one, np.zeros_like(one))[0] for one in x]
+    values = aim.value(told(problem, aim, c[:2], DESIGNER.samples)) * (
+        1 if wanted == "prediction" else len(aim.goal.names)
+    )
+    assert found[0] - found[1] == pytest.approx(float(values[0] - values[1]), rel=1e-6, abs=1e-8)
+
+
+def test_a_set_is_designed_one_after_another_and_known_then(problem, engine):
+    aim = aim_of(problem, "all")
+    c = for_goal(problem, aim, 3)
+    assert check(problem.constraints, problem.trajectory, c).valid.all()
+    again, lefts = aim_of(problem, "all"), []
+    for one in c:
+        again.take(told(problem, again, one[None], 80))
+        lefts.append(again.left)
+    assert lefts[0] > lefts[1] > lefts[2] == pytest.approx(aim.left, rel=0.02)
+    assert torch.equal(for_goal(problem, aim_of(problem, "all"), 3), c)
+
+
+def test_where_nothing_can_be_proven_that_is_told(planar):
+    pytest.importorskip("numba")
+    behind = Trajectory(2, harmonics=3, period=6.0, home=(-1.5, 0.0))
+    problem = Problem(Constraints(planar, [Plane(normal=(1, 0, 0), offset=-0.3)]), behind)
+    with pytest.raises(InfeasibleError, match="at home, keep_out of"):
+        for_goal(problem, aim_of(problem, "all"), 1)
 
 
 def test_settings_become_goals(planar):

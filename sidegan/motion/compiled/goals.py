@@ -15,7 +15,7 @@ from sidegan.motion.compiled.jit import kernel
 from sidegan.motion.compiled.lanes import clear
 from sidegan.motion.compiled.matrices import add_to, all_eigenpairs, factorise, invert_factor, product
 
-CONDITION, DIAGONAL, DETERMINANT, VARIANCE = range(4)  # kinds of goals
+CONDITION, DIAGONAL, DETERMINANT, VARIANCE, VOLUME = range(5)  # kinds of goals
 _TINY = 1e-300
 
 
@@ -31,15 +31,15 @@ class Smooth(NamedTuple):
 class Goal(NamedTuple):
     """What is to be made small.
 
-    The condition number, or the ratio of the diagonal, of G; minus log det M, or the logarithm of
-    Σ aᵀ M⁻¹ a over the targets a, for M = prior + amount · G in an orthonormal basis.
+    The condition number, or the ratio of the diagonal, of G; for M = prior + amount · G in an orthonormal
+    basis, minus log det M, or the logarithm of trace or determinant of A M⁻¹ Aᵀ for targets A.
     """
 
     kind: int
     smooth: Smooth
     prior: Array  # information that there is already, in the orthonormal basis, (p, p)
     amount: float  # what one unit of G is worth
-    targets: Array  # what variances are of, (R, p) with R ≤ p
+    targets: Array  # A, what variances are of, (R, p) with R ≤ p
 
 
 class Room(NamedTuple):
@@ -213,21 +213,53 @@ def _determinant(goal: Goal, subspace: Array, work: Room) -> float:
 
 
 @kernel
+def _direction(subspace: Array, inverse: Array, half: Array, whole: Array, base: Array) -> None:
+    """Write the direction over the base columns that L⁻ᵀ makes of a half one, for the inverse L⁻¹."""
+    size = len(subspace)
+    clear(whole)
+    for i in range(size):
+        add_to(whole, half[i], inverse[i], i + 1)
+    for i in range(size):
+        base[i] = product(subspace[i], whole, i + 1)
+
+
+@kernel
 def _variance(goal: Goal, subspace: Array, work: Room) -> float:
-    """Log of the variances of the targets; writes its directions."""
+    """Log of the sum of the targets' variances; writes its directions."""
     size, inverse, total = len(subspace), work.product, 0.0
-    half, whole = work.rows[0], work.rows[1]  # of M⁻¹ a for a target a
+    half = work.rows[0]  # of M⁻¹ a for a target a
     for m in range(len(goal.targets)):
-        clear(whole)
         for i in range(size):
             half[i] = product(inverse[i], goal.targets[m], i + 1)
-            add_to(whole, half[i], inverse[i], i + 1)
         total += product(half, half, size)
-        for i in range(size):
-            work.base[m, i] = product(subspace[i], whole, i + 1)
+        _direction(subspace, inverse, half, work.rows[1], work.base[m])
     for m in range(len(goal.targets)):
         work.weights[m] = -goal.amount / total
     return math.log(total)
+
+
+@kernel
+def _volume(goal: Goal, subspace: Array, work: Room) -> float:
+    """Log det of the targets' covariance; writes its directions."""
+    size, count, inverse, halves = len(subspace), len(goal.targets), work.product, work.inner
+    for m in range(count):
+        for i in range(size):
+            halves[m, i] = product(inverse[i], goal.targets[m], i + 1)
+    covariance, value = work.whole[0, :count, :count], 0.0
+    for m in range(count):
+        for k in range(m + 1):
+            covariance[m, k] = product(halves[m], halves[k], size)
+    if not factorise(covariance):
+        return np.inf
+    for m in range(count):  # rows of L⁻¹ for L Lᵀ = A M⁻¹ Aᵀ, times those halves
+        for k in range(m):
+            add_to(halves[m], -covariance[m, k], halves[k], size)
+        for i in range(size):
+            halves[m, i] /= covariance[m, m]
+        value += 2 * math.log(covariance[m, m])
+        work.weights[m] = -goal.amount
+        _direction(subspace, inverse, halves[m], work.rows[1], work.base[m])
+    return value
 
 
 @kernel
@@ -251,4 +283,6 @@ def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float
     invert_factor(work.whole[0], work.product)
     if goal.kind == DETERMINANT:
         return _determinant(goal, subspace, work), len(gram)
+    if goal.kind == VOLUME:
+        return _volume(goal, subspace, work), len(goal.targets)
     return _variance(goal, subspace, work), len(goal.targets)

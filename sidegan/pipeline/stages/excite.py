@@ -12,8 +12,8 @@ from sidegan.base.names import counted
 from sidegan.controllers import POINTS, SCRIPTED, approach, deliver, least_rate, slower
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
-from sidegan.design.sequence import designed
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
+from sidegan.identification.designed import designed
 from sidegan.identification.uncertain import Uncertain, unmeasured, usual_torque, wanted_of
 from sidegan.library import Library
 from sidegan.library.measure import measured
@@ -105,8 +105,9 @@ def _aim(task: Task) -> Uncertain | None:
 
 def _designed(task: Task, aim: Uncertain) -> Library:
     """Trajectories optimised for an aim, one after another; the aim knows them then."""
-    cfg, generator = task.cfg, torch.Generator().manual_seed(task.number("uncertain"))
-    _, c = designed([task.problem], aim, cfg.selection.count, cfg.search, generator)
+    cfg, seed = task.cfg, task.number("uncertain")
+    count, evaluations = cfg.selection.count, cfg.goal.evaluations
+    c = designed(task.problem, aim, count, cfg.designer, evaluations, cfg.search, seed)
     return measured(task.constraints, task.trajectory, c, "uncertain")
 
 
