@@ -16,7 +16,6 @@ from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import show
 from sidegan.report.style import colours
-from sidegan.worth.intervals import PARTS
 from sidegan.worth.orders import file_of, seconds_of
 
 if TYPE_CHECKING:  # slow to import
@@ -72,7 +71,6 @@ def present(found: Worth, folder: Path, tracker: Tracker) -> None:
         "same_ranking": measures.rankings(found),
         "floors": measures.floors(found),
         "looser": 1 + worth_tables.LOOSER,
-        "part": PARTS,
         "soon": min(measures.SOON, settings.horizon),
     }
     flat = {arm: measures.flat(x) for arm, x in numbers.items()}

@@ -133,16 +133,7 @@ class Prediction:
         """Regressor and misfits at states (S, J), differentiable in them."""
         base, rigid = self.model.body.base, self.model.body.base_regressor(q, dq, ddq)
         torque = rigid @ base.values.to(q)
-        return Rows(with_terms(self.model, rigid, dq, ddq), self._forms(q, dq, torque), _passing(dq))
-
-    def _forms(self, q: Tensor, dq: Tensor, torque: Tensor) -> Tensor:
-        """What the model lacks, each of size one, (S, J, K)."""
-        s, root = torch.tanh(dq / _SHARP), (dq * dq + 1e-4) ** 0.25
-        waves = [f(n * q) for n in (2, 8, 20, 100) for f in (torch.sin, torch.cos)]
-        size = torque / self.scale
-        forms = [s * torch.exp(-((dq / 0.1) ** 2)), s * torch.tanh(3 * size) * size]
-        forms += [s * root, s * dq, *waves, s * torch.sin(2 * q), s * torch.cos(2 * q)]
-        return torch.stack(forms, 2)
+        return Rows(with_terms(self.model, rigid, dq, ddq), lacking(q, dq, torque, self.scale), _passing(dq))
 
     def told(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Told:
         """What B trajectories of so many seconds tell, each alone, of their states (B, T, J)."""
@@ -213,6 +204,19 @@ def beside(aims: Sequence["Prediction"], times: int) -> "Prediction":
 def _in_a_row(parts: Sequence[Tensor], times: int) -> Tensor:
     """Tensors (…) as a batch in which each comes so many times, (len(parts) · times, …)."""
     return torch.stack(list(parts)).repeat_interleave(times, 0)
+
+
+def lacking(q: Tensor, dq: Tensor, torque: Tensor, scale: Tensor) -> Tensor:
+    """What models lack lastingly, in the order of ``Misfits.amplitudes``, each of size one, (…, J, K).
+
+    At positions, velocities and torques (…, J) of joints whose usual torque is the scale, (J,).
+    """
+    s, root = torch.tanh(dq / _SHARP), (dq * dq + 1e-4) ** 0.25
+    waves = [f(n * q) for n in (2, 8, 20, 100) for f in (torch.sin, torch.cos)]
+    size = torque / scale
+    forms = [s * torch.exp(-((dq / 0.1) ** 2)), s * torch.tanh(3 * size) * size]
+    forms += [s * root, s * dq, *waves, s * torch.sin(2 * q), s * torch.cos(2 * q)]
+    return torch.stack(forms, -1)
 
 
 def with_terms(model: Linear, rigid: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:

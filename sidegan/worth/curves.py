@@ -8,13 +8,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.design.prediction import lacking
 from sidegan.identification import TorqueModel
 from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.prior import belief
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.friction import Array
 from sidegan.plant.varied import Signals, VariedPlant
-from sidegan.worth.intervals import deviations, held, true_parameters, widened
+from sidegan.worth.intervals import Lacking, bias, deviations, held, recurring, true_parameters
 from sidegan.worth.orders import SetOf
 from sidegan.worth.settings import PIECE, Regime, Sensors, WorthSettings
 
@@ -53,6 +54,15 @@ class Curves(NamedTuple):
     widened: Tensor  # the same of intervals that allow for what the model lacks, (sets,)
 
 
+class Followed(NamedTuple):
+    """What sensors see of trajectories, or of pieces of them, without noise."""
+
+    regressor: Tensor  # (n, S, J, P)
+    torque: Tensor  # (n, S, J)
+    friction: Tensor  # (n, S, J)
+    lacking: Tensor  # torques that the model may lack, of the sizes that are to be expected, (n, S, J, K)
+
+
 class Repeated(NamedTuple):
     """A set in pieces that are executed again and again, without noise."""
 
@@ -60,13 +70,14 @@ class Repeated(NamedTuple):
     torque: Tensor  # (n, S, J)
     friction: Tensor  # (n, S, J)
     gram: Tensor  # of each joint, (n, J, P, P)
+    lacking: Lacking  # along each piece
 
     @classmethod
-    def of(cls, parts: tuple[Tensor, Tensor, Tensor], period: float) -> "Repeated":
+    def of(cls, parts: Followed, period: float) -> "Repeated":
         """Pieces of whole trajectories (n, S, …)."""
-        y, torque, friction = (_pieces(x, period) for x in parts)
+        y, torque, friction, lacks = (_pieces(x, period) for x in parts)
         rows = y.transpose(1, 2)
-        return cls(y, torque, friction, rows.mT @ rows)
+        return cls(y, torque, friction, rows.mT @ rows, Lacking.along(y, lacks))
 
     def moments(self, torque: Tensor) -> Tensor:
         """Σ Yᵀ τ of torques (R, S, J) of R pieces in a row, of each joint, (R, J, P)."""
@@ -107,8 +118,8 @@ class Judge:
         parts = []
         for i, move in enumerate(moves):
             own = Signals(*(x[i : i + 1, : len(move.time)] for x in signals))
-            parts.append(self._samples(own, plant.settings.rate))
-        y, torque = torch.cat([p[0][0] for p in parts]), torch.cat([p[1][0] for p in parts])
+            parts.append(self._samples(own, plant))
+        y, torque = torch.cat([p.regressor[0] for p in parts]), torch.cat([p.torque[0] for p in parts])
         rows, torque = y.transpose(0, 1), torque.T
         weight = 1 / (torque.shape[1] * torque.var(1))
         weighted = (rows * weight[:, None, None]).mT
@@ -130,9 +141,9 @@ class Judge:
                 found[name].append(Curves(truth.errors(parameters), *shares))
         return {name: Curves(*map(torch.stack, zip(*x))) for name, x in found.items()}
 
-    def followed(self, plant: VariedPlant, sets: Sequence[SetOf]) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """What sensors see of each set without noise: regressor (n, S, J, P), torque, friction (n, S, J)."""
-        found: dict[int, tuple[Tensor, Tensor, Tensor]] = {}
+    def followed(self, plant: VariedPlant, sets: Sequence[SetOf]) -> list[Followed]:
+        """What sensors see of each set without noise."""
+        found: dict[int, Followed] = {}
         for number, first in enumerate(sets):
             if number in found:
                 continue
@@ -141,8 +152,8 @@ class Judge:
             motions = torch.cat([sets[k].coefficients for k in alike])
             signals = plant.follow(family.roll_out(motions, _clock(family.period, plant.settings.rate)))
             sizes = [len(sets[k].coefficients) for k in alike]
-            samples = self._samples(signals, plant.settings.rate)
-            found |= dict(zip(alike, zip(*(x.split(sizes) for x in samples))))
+            samples = self._samples(signals, plant)
+            found |= dict(zip(alike, map(Followed._make, zip(*(x.split(sizes) for x in samples)))))
         return [found[k] for k in range(len(sets))]
 
     def _identified(
@@ -165,10 +176,10 @@ class Judge:
         residuals = measured - (motion.regressor @ parameters[-1])[order]
         errors = variance[-1] * inflation_of([residuals.flatten(0, 1)])
         told = deviations(sums[0][-1], variance[-1], errors, prior)
-        weighted = motion.moments(residuals / variance[-1]).sum(1)
-        scores = torch.zeros(count, weighted.shape[1], dtype=torch.float64).index_add(0, order, weighted)
-        matrix = prior + (sums[0][-1] / variance[-1][:, None, None]).sum(0)
-        return parameters, told, torch.maximum(told, widened(scores, matrix, prior))
+        times = torch.bincount(order).double()
+        lacks = Lacking(*(torch.tensordot(times, x, 1) for x in motion.lacking))
+        off = bias(lacks, sums[0][-1], variance[-1], prior, recurring(residuals, order))
+        return parameters, told, (told.square() + off.square()).sqrt()
 
     def _estimates(self, sums: list[Tensor], samples: Tensor, scale: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Weighted least squares with weights from residuals and a weak belief in the description.
@@ -192,11 +203,17 @@ class Judge:
             variance = torch.maximum(variance, (1e-3 * scale).square())
         return x, variance, prior
 
-    def _samples(self, signals: Signals, rate: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Regressor (B, S, J, P), torque, friction (B, S, J) at the sensors' rate, filtered without delay."""
-        states, torque, friction = _seen(signals, rate, self.settings.sensors)
+    def _samples(self, signals: Signals, plant: VariedPlant) -> Followed:
+        """At the sensors' rate, filtered without delay."""
+        states, torque, friction = _seen(signals, plant.settings.rate, self.settings.sensors)
         y = self.model.regressor(*(x.flatten(0, 1) for x in states)).unflatten(0, (len(torque), -1))
-        return y, torque, friction
+        rigid = y[..., : self.model.rigid] @ self.model.body.base.values
+        return Followed(y, torque, friction, self.lacking(plant, states[0], states[1], rigid))
+
+    def lacking(self, plant: VariedPlant, q: Tensor, dq: Tensor, torque: Tensor) -> Tensor:
+        """Torques that the model may lack, (…, J, K), where rigid bodies make these, (…, J)."""
+        scale = torch.from_numpy(plant.scale)
+        return lacking(q, dq, torque, scale) * self.settings.misfits.amplitudes(scale)[0].sqrt()
 
 
 def executed(plant: VariedPlant, one: SetOf, sensors: Sensors) -> tuple[list[Tensor], Tensor, Tensor]:

@@ -9,7 +9,7 @@ from torch import Tensor
 from sidegan.identification import Measurements, estimate
 from sidegan.plant.varied import VariedPlant
 from sidegan.worth.curves import Judge, Truth, disturbed, executed, mean_error
-from sidegan.worth.intervals import PARTS, held, true_parameters, widened
+from sidegan.worth.intervals import Lacking, bias, held, recurring, true_parameters
 from sidegan.worth.orders import SetOf
 from sidegan.worth.settings import PIECE, Regime, WorthSettings
 
@@ -29,14 +29,16 @@ class Judged(NamedTuple):
 def compared(
     judge: Judge, plant: VariedPlant, made: SetOf, truth: Truth, regime: Regime, outliers: bool, seed: int
 ) -> dict[str, Judged]:
-    """Estimators on one execution of a set; with outliers, some samples of the torques are far off."""
+    """Estimators on a set executed twice; with outliers, some samples of the torques are far off."""
     settings, random = judge.settings, np.random.default_rng(seed)
-    recordings = recorded(judge, plant, made, regime, outliers, random)
+    twice = [recorded(judge, plant, made, regime, outliers, random) for _ in range(2)]
+    recordings = [one for run in twice for one in run]
     true, found = true_parameters(plant, judge.model), {}
     for method, options in settings.estimators.items():
         one = estimate(method, judge.model, recordings, **_OPTIONS.get(method, {}), **(options or {}))
-        wide = torch.maximum(one.deviation, _widened(judge, recordings, one.parameters, one.weights))
-        shares = (float(held(one.parameters, deviation, true)) for deviation in (one.deviation, wide))
+        off = _bias(judge, plant, recordings, one.parameters, one.weights)
+        both = one.deviation, (one.deviation.square() + off.square()).sqrt()
+        shares = (float(held(one.parameters, deviation, true)) for deviation in both)
         found[method] = Judged(float(mean_error(truth.errors(one.parameters))), *shares)
     return found
 
@@ -68,14 +70,20 @@ def _outliers(
     return hit * random.standard_normal(shape) * plant.scale
 
 
-def _widened(judge: Judge, recordings: list[Measurements], parameters: Tensor, weights: Tensor) -> Tensor:
-    """Standard deviations (P,) of weighted least squares that allow for what the model lacks."""
-    size = round(PARTS * judge.settings.sensors.rate)
-    scores, matrix = [], torch.zeros(len(parameters), len(parameters), dtype=torch.float64)
-    for one in recordings:
-        y = judge.model.regressor(*one.inputs) * weights[:, None]
-        residual = one.torque * weights - y @ parameters
-        matrix += torch.tensordot(y, y, ([0, 1], [0, 1]))
-        each = torch.einsum("sjp,sj->sp", y, residual)
-        scores += [part.sum(0) for part in each.split(size)]
-    return widened(torch.stack(scores), matrix + _LEAST * matrix.diagonal().diag(), torch.zeros_like(matrix))
+def _bias(
+    judge: Judge, plant: VariedPlant, recordings: list[Measurements], parameters: Tensor, weights: Tensor
+) -> Tensor:
+    """Deviations (P,) that come of what the model lacks, of weights (J,), of recordings in two equal runs."""
+    count = len(recordings) // 2
+    y = torch.stack([judge.model.regressor(*one.inputs) for one in recordings])
+    residuals = torch.stack([one.torque for one in recordings]) - y @ parameters
+    q, dq = (
+        torch.stack([x for x in column]) for column in list(zip(*(one.inputs for one in recordings)))[:2]
+    )
+    rigid = y[..., : judge.model.rigid] @ judge.model.body.base.values
+    lacks = Lacking.along(y.flatten(0, 1), judge.lacking(plant, q, dq, rigid).flatten(0, 1))
+    rows = y.flatten(0, 1).transpose(0, 1)
+    information, variance = rows.mT @ rows, 1 / weights.square()
+    least = _LEAST * (information / variance[:, None, None]).sum(0).diagonal().diag()
+    coming = recurring(residuals, torch.arange(2 * count) % count)
+    return bias(lacks, information, variance, least, coming)

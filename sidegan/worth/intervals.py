@@ -1,14 +1,15 @@
 """95 % intervals of identified parameters, and whether they hold the plants' own."""
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
 from sidegan.identification import TorqueModel
 from sidegan.plant.varied import VariedPlant
-from sidegan.worth.settings import PIECE
 
 NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
-PARTS = PIECE  # [s] of motion within which errors may belong together
+_TINY = torch.finfo(torch.float64).tiny
 
 
 def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tensor) -> Tensor:
@@ -24,32 +25,64 @@ def deviations(information: Tensor, weights: Tensor, errors: Tensor, prior: Tens
     """
     matrix = prior + (information / weights[:, None, None]).sum(0)
     middle = prior + (information * (errors / weights**2)[:, None, None]).sum(0)
-    return _spread(matrix, middle)
-
-
-def widened(scores: Tensor, matrix: Tensor, prior: Tensor) -> Tensor:
-    """Standard deviations (P,) that allow for errors that belong together within each of K parts of a motion.
-
-    What a model lacks is no noise: it comes back with the motion, in all joints at once. Parts of the motion
-    are its independent samples.
-
-    Args:
-        scores: Σ w Yᵀ r of the residuals r of each part, all its repetitions together, (K, P).
-        matrix: Σ w YᵀY and the prior, (P, P).
-        prior: information that was believed, (P, P).
-
-    Source: Liang, Zeger 1986; Cameron, Miller 2015 for the factor K / (K − 1).
-    """
-    count = len(scores)
-    middle = prior + scores.T @ scores * count / max(1, count - 1)
-    return _spread(matrix, middle)
-
-
-def _spread(matrix: Tensor, middle: Tensor) -> Tensor:
-    """Roots of the diagonal of A⁻¹ M A⁻¹, (P,), of A and M (P, P), taken where A has a unit diagonal."""
-    unit = matrix.diagonal().sqrt()
+    unit = matrix.diagonal().sqrt()  # inverted where the diagonal is one
     inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix / unit[:, None] / unit))
     return (inverse @ (middle / unit[:, None] / unit) @ inverse).diagonal().clamp_min(0).sqrt() / unit
+
+
+class Lacking(NamedTuple):
+    """What a model may lack along a motion: K torques b of each joint, of sizes that are to be expected."""
+
+    moments: Tensor  # Σ Yᵀ b, (…, J, P, K)
+    squares: Tensor  # Σ b², (…, J, K)
+
+    @classmethod
+    def along(cls, regressor: Tensor, torques: Tensor) -> "Lacking":
+        """Of a motion's regressor (…, S, J, P) and the torques (…, S, J, K)."""
+        moments = regressor.movedim(-3, -2).mT @ torques.movedim(-3, -2)
+        return cls(moments, torques.square().sum(-3))
+
+
+def bias(lacking: Lacking, information: Tensor, weights: Tensor, prior: Tensor, coming: Tensor) -> Tensor:
+    """Standard deviations of weighted least squares that come of what the model lacks, (P,).
+
+    It is no noise: it comes back with the motion, and more motion of the same kind does not cure it. How
+    much of it there is tells what comes back in the residuals: each joint's torques count by as much as they
+    would leave of that.
+
+    Args:
+        lacking: along the motion.
+        information: Σ YᵀY of each joint, (J, P, P).
+        weights: variances that equations were divided by, (J,).
+        prior: information that was believed, (P, P).
+        coming: sum of squares of what comes back in each joint's residuals, (J,), of ``recurring``.
+    """
+    joints, _, kinds = lacking.moments.shape
+    matrix = prior + (information / weights[:, None, None]).sum(0)
+    unit = matrix.diagonal().sqrt()
+    factor = torch.linalg.cholesky(matrix / unit[:, None] / unit)
+    right = (lacking.moments / weights[:, None, None]).transpose(0, 1).flatten(1)
+    carried = torch.cholesky_solve(right / unit[:, None], factor) / unit[:, None]  # (P, J K)
+    left = torch.einsum("pk,jpq,qk->j", carried, information, carried) + lacking.squares.sum(1)
+    carried = carried.unflatten(1, (joints, kinds))
+    left = left - 2 * torch.einsum("jpk,pjk->j", lacking.moments, carried)
+    share = coming / left.clamp_min(_TINY)
+    return (carried.square().sum(2) @ share).sqrt()
+
+
+def recurring(residuals: Tensor, order: Tensor) -> Tensor:
+    """Sum of squares of what comes back in residuals (R, S, J) whenever a piece of motion does, (J,).
+
+    The pieces have numbers, (R,), from 0 on. Where none is repeated, all of the residuals may come back.
+    """
+    times = torch.bincount(order).to(residuals)
+    if len(times) == len(order):
+        return residuals.square().sum((0, 1))
+    mean = residuals.new_zeros(len(times), *residuals.shape[1:]).index_add(0, order, residuals)
+    mean = mean / times[:, None, None]
+    apart = (residuals - mean[order]).square().sum((0, 1)) / (times - 1).sum()  # of a piece, by noise
+    back = torch.einsum("n,nsj->j", times, mean.square()) - len(times) * apart
+    return back.clamp_min(0)
 
 
 def held(parameters: Tensor, deviation: Tensor, true: Tensor) -> Tensor:

@@ -73,7 +73,7 @@ class Session:
 
     def execute(self, one: SetOf) -> Known:
         """What is known after further trajectories, a recording each."""
-        y, torque, friction = self.judge.followed(self.plant, [one])[0]
+        y, torque, friction, _ = self.judge.followed(self.plant, [one])[0]
         for k in range(len(y)):
             random = np.random.default_rng([self.seed, len(self._recorded)])
             noise = disturbed(

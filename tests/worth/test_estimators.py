@@ -10,7 +10,7 @@ from sidegan.identification import TorqueModel
 from sidegan.plant.varied import VariedPlant
 from sidegan.worth import Judge, legs, make_set
 from sidegan.worth.estimators import compared, recorded
-from sidegan.worth.intervals import widened
+from sidegan.worth.intervals import Lacking, bias, recurring
 from sidegan.worth.orders import Order
 
 
@@ -59,20 +59,37 @@ def test_outliers_are_as_many_as_asked_for(study):
     assert float(share) == pytest.approx(judge.settings.outliers, rel=0.3)
 
 
-def test_intervals_are_widened_where_errors_belong_together():
-    """Errors that are alike within each part: least squares drawn again and again."""
+def test_what_comes_back_is_told_from_noise():
     random = torch.Generator().manual_seed(0)
-    x = torch.randn(40, 25, 2, generator=random, dtype=torch.float64) + 1
-    rows = x.flatten(0, 1)
-    matrix, nothing = rows.T @ rows, torch.zeros(2, 2, dtype=torch.float64)
-    told, spread = [], []
-    for _ in range(400):
-        noise = torch.randn(40, 1, generator=random, dtype=torch.float64).expand(40, 25)
-        parameters = torch.linalg.solve(matrix, rows.T @ noise.flatten())
-        residual = noise - x @ parameters
-        told.append(widened(torch.einsum("ksp,ks->kp", x, residual), matrix, nothing))
-        spread.append(parameters)
-    plain = matrix.inverse().diagonal().sqrt()
-    true = torch.stack(spread).std(0)
-    torch.testing.assert_close(torch.stack(told).square().mean(0).sqrt(), true, rtol=0.15, atol=0)
-    assert (true > 2 * plain).all()
+    order = torch.arange(30) % 4  # the first two pieces come eight times, the others seven
+    back = torch.randn(4, 50, 2, generator=random, dtype=torch.float64) * torch.tensor([1.0, 0.0])
+    noise = torch.randn(30, 50, 2, generator=random, dtype=torch.float64)
+    found, true = recurring(back[order] + noise, order), back[order].square().sum((0, 1))
+    assert float(found[0]) == pytest.approx(float(true[0]), rel=0.1)
+    assert 0 <= float(found[1]) < 0.1 * float(noise.square().sum((0, 1))[1])
+    once = recurring(noise[:4], torch.arange(4))  # nothing is repeated: all of it may come back
+    torch.testing.assert_close(once, noise[:4].square().sum((0, 1)))
+
+
+def test_bias_is_as_large_as_what_is_lacking_makes_the_parameters_wrong():
+    """Least squares on random misfits of the sizes that were given, drawn again and again."""
+    random = torch.Generator().manual_seed(0)
+    y = torch.randn(60, 2, 3, generator=random, dtype=torch.float64)
+    forms = torch.randn(60, 2, 4, generator=random, dtype=torch.float64)
+    rows, nothing = y.transpose(0, 1), torch.zeros(3, 3, dtype=torch.float64)
+    information, weights = rows.mT @ rows, torch.tensor([0.5, 2.0]).double()
+    matrix = (information / weights[:, None, None]).sum(0)
+    wrong, left = [], []
+    for _ in range(2000):
+        sizes = 3 * torch.randn(2, 4, generator=random, dtype=torch.float64)
+        torque = torch.einsum("sjk,jk->sj", forms, sizes)
+        parameters = torch.linalg.solve(matrix, torch.einsum("sjp,sj->p", y / weights[:, None], torque))
+        residuals = torque - y @ parameters
+        wrong.append(parameters)
+        left.append(recurring(residuals[None], torch.zeros(1, dtype=torch.long)))
+    lacks = Lacking.along(y, forms)
+    told = bias(lacks, information, weights, nothing, torch.stack(left).mean(0))
+    true = torch.stack(wrong).square().mean(0).sqrt()
+    torch.testing.assert_close(told, true, rtol=0.05, atol=0)
+    twice = bias(lacks, information, weights, nothing, 4 * torch.stack(left).mean(0))
+    torch.testing.assert_close(twice, 2 * told)
