@@ -146,8 +146,12 @@ class TorqueModel:
 
     def usual_rows(self, seed: int) -> Tensor:
         """Regressor (S, J, P) of random states at half of the velocity limits: where the model is to hold."""
+        return self.regressor(*self.usual_states(seed))
+
+    def usual_states(self, seed: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Position, velocity and acceleration of these states, (S, J) each."""
         q, dq, ddq = states_within(self.arm, _USUAL, seed=seed)
-        return self.regressor(q, _PACE * dq, _PACE * ddq)
+        return q, _PACE * dq, _PACE * ddq
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].

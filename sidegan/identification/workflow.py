@@ -12,6 +12,7 @@ from torch import Tensor
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
 from sidegan.identification.forward import Forward, forward_errors
+from sidegan.identification.lacking import Lacks, lacks
 from sidegan.identification.measurements import Measurements, halves_of, joined
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import typical
@@ -110,6 +111,26 @@ class IdentifiedArm:
             arms["description"] = model.arm
         found = {name: forward_errors(arm, self.drives, offset, segments) for name, arm in arms.items()}
         return {name: one for name, one in found.items() if one is not None}
+
+    @cached_property
+    def lacks(self) -> Lacks:
+        """What the residuals of the chosen method show of torques that the model lacks."""
+        return lacks(self.model, self.chosen, measurements_of(self.training))
+
+    @property
+    def left_over(self) -> list[str]:
+        """What that is, a sentence for each joint that shows something."""
+        return self.lacks.said(self.joint_names, self.trust.torque_deviation)
+
+    @property
+    def wanted_motions(self) -> list[str]:
+        """Motions that would help where it makes more of an error than noise does."""
+        return self.lacks.motions(self.joint_names, self.trust.torque_deviation)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """What to call the joints."""
+        return [self.trust.joint(j) for j in range(self.model.joints)]
 
     @property
     def unseen(self) -> dict[str, float]:

@@ -10,6 +10,7 @@ import torch
 from scipy.signal import butter, sosfiltfilt
 
 from sidegan.identification import Measurements, estimate, score, trust
+from sidegan.identification.lacking import lacks
 from sidegan.robot import load_robot
 from tests.identification.recordings import fitted, model_of
 
@@ -79,6 +80,15 @@ def test_ur10e_is_trusted(ur10e_model, ur10e_runs):
     result = trust(ur10e_model, found, ur10e_runs[1:])
     assert result.verdict == "good"
     assert result.estimate.condition < 20 and not result.weak
+
+
+def test_ur10e_shows_friction_that_grows_with_the_load(ur10e_model, ur10e_runs):
+    """At the joints that carry the arm, in both recordings, most of what is left."""
+    for run in ur10e_runs:
+        found = lacks(ur10e_model, fitted("weighted", ur10e_model, run), run)
+        first = {j: found.of(j)[0] for j in (1, 2)}
+        assert all(one.kind.name == "friction that grows with the load" for one in first.values())
+        assert first[1].share > 0.5 and first[2].share > 0.35
 
 
 def test_lwr_is_poorly_excited_and_says_so(arm):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from sidegan.base.storage import read_json, replacing
 from sidegan.errors import ConfigError, RecordingError, RobotError
+from sidegan.identification.lacking import BIASED
 from sidegan.identification.workflow import identify_arm
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
@@ -115,7 +116,8 @@ def _show(task: Task, tracker: Tracker) -> None:
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
     log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
-    for line in (verdict["advice"], *verdict["reasons"]):
+    biased = [line for line in verdict["left_over"] if line.endswith(BIASED)]
+    for line in (verdict["advice"], *verdict["reasons"], *biased):
         log.info("  %s", line)
     log.info("report: %s", target / REPORT)
 

@@ -9,6 +9,7 @@ import pandas as pd
 import torch
 import yaml
 
+from sidegan.base.names import listed
 from sidegan.identification.forward import Forward
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.score import shown
@@ -87,6 +88,7 @@ class Report:
     friction: Friction | None  # curves and samples; None of a model without any
     forward: Mapping[str, Forward]  # by model: errors when it is simulated; empty where recordings are short
     links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
+    left_over: Sequence[str]  # of the torques: what it is, a sentence for each joint that shows something
     recommendations: Sequence[str]  # what to do next, a sentence each
     settings: str  # as text
     files: Mapping[str, str]  # what → name of a file beside the report
@@ -140,6 +142,7 @@ def content(
         friction=_friction(identified),
         forward=identified.forward,
         links=links,
+        left_over=identified.left_over,
         recommendations=_recommendations(identified, origin.settings["identify"]["library"], origin.excite),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
@@ -254,15 +257,18 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
 
 def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
     """What to run next, a sentence each."""
-    runs = identified.trust.next_runs
+    runs, motions, asked = identified.trust.next_runs, identified.wanted_motions, list[str]()
+    if motions:
+        wanted = listed(motions, len(motions))
+        asked = [f"more motion of the same kind leaves the bias as it is: record {wanted}"]
     if runs is not None:
-        return [
-            f"run trajectory {index} of {library}: the variance of what is weak falls to {left:.0%}"
-            for index, left in zip(runs.indices.tolist(), runs.variance.tolist())
-        ]
+        each = zip(runs.indices.tolist(), runs.variance.tolist())
+        falls = "the variance of what is weak falls to"
+        return [*asked, *(f"run trajectory {i} of {library}: {falls} {left:.0%}" for i, left in each)]
     if not identified.trust.weak:
-        return []
+        return asked
     return [
+        *asked,
         "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
         f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
         "or give a library of trajectories as identify.library, and those that help most are named here",

@@ -170,10 +170,10 @@ def link_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """What a machine needs to decide whether to use the model; lists are in the order of the joints."""
-    trust, chosen, use = identified.trust, identified.chosen, identified.use
+    trust, chosen, use, arm = identified.trust, identified.chosen, identified.use, identified.model.arm
     return {
-        "robot": identified.model.arm.name,
-        "joints": list(identified.model.arm.joint_names),
+        "robot": arm.name,
+        "joints": list(arm.joint_names),
         "method": chosen.method,
         "use": use,
         "advice": advice(identified),
@@ -191,6 +191,12 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
+        "left_over": identified.left_over,
+        "torque_bias": _numbers(identified.lacks.error),
+        "lacking": [
+            {"joint": arm.joint_names[one.joint], "kind": one.kind.name, "share": _number(one.share)}
+            for one in identified.lacks.found
+        ],
         "whiteness": _numbers(1 / chosen.inflation),
         "next_trajectories": [] if trust.next_runs is None else trust.next_runs.indices.tolist(),
         "data": {recording.name: recording.warnings for recording in identified.recordings},
