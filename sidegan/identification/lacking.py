@@ -70,10 +70,11 @@ class Lacks:
         sentences = []
         for j, name in enumerate(names):
             if own := self.of(j):
-                kinds = listed([f"{one.share:.0%} {one.kind.name}" for one in own], _MOST)
+                first, *more = [f"{one.share:.0%} {one.kind.name}" for one in own]
+                kinds = listed([first.replace("%", "% of what is left is", 1), *more], _MOST)
                 error, beside = float(self.error[j]), float(noise[j])
                 sentences.append(
-                    f"{name}: of what is left {kinds}, and no noise; torques of other motions err by "
+                    f"{name}: {kinds}, and no noise; torques of other motions err by "
                     f"{error:.1%} for what the model lacks and by {beside:.1%} for noise: "
                     f"{BIASED if error > beside else 'noise dominates'}"
                 )

@@ -9,7 +9,6 @@ import pandas as pd
 import torch
 import yaml
 
-from sidegan.base.names import listed
 from sidegan.identification.forward import Forward
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.score import shown
@@ -257,10 +256,8 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
 
 def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
     """What to run next, a sentence each."""
-    runs, motions, asked = identified.trust.next_runs, identified.wanted_motions, list[str]()
-    if motions:
-        wanted = listed(motions, len(motions))
-        asked = [f"more motion of the same kind leaves the bias as it is: record {wanted}"]
+    runs, same = identified.trust.next_runs, "more motion of the same kind leaves the bias as it is"
+    asked = [f"record {motion}: {same}" for motion in identified.wanted_motions]
     if runs is not None:
         each = zip(runs.indices.tolist(), runs.variance.tolist())
         falls = "the variance of what is weak falls to"
