@@ -24,6 +24,7 @@ from sidegan.report.tables import over_groups
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
+PAPER = "ours_on_paper"  # the column of the paper's seeds
 MATERIAL = 0.05  # less expected error, from which on generated trajectories count as adding something
 _EVERY, _SOME, _NONE = "in every training", "in some trainings", "no"
 
@@ -61,7 +62,7 @@ def present(collected: tuple[Config, pd.DataFrame], folder: Path, tracker: Track
     for name, table in shown.items():
         show(table, f"Seeds of growing quality: {name}")
     numbers = means(frame, "seeds", [*COLUMNS["made"], *COLUMNS["added"]])
-    context = {"cfg": cfg, "material": MATERIAL, "stops": stops(frame)}
+    context = {"cfg": cfg, "material": MATERIAL, "stops": stops(frame), "paper": PAPER in cfg.columns}
     page = Page("quality", shown, {"quality": figure(frame)}, numbers, context)
     publish(page, Path(cfg.publish or folder), tracker)
 

@@ -79,6 +79,7 @@ def report():
         friction=Friction(velocity, 2 * velocity, samples, 2 * samples),
         forward={"consistent": forward(), "description": forward()},
         links=pd.DataFrame(link),
+        left_over=["joint 1: 70% of what is left is <b>friction</b>."],
         recommendations=["Run trajectory 12."],
         settings="method: weighted",
         files={"the verdict": "verdict.json"},
