@@ -66,21 +66,23 @@ class Aim:
                     raise ConfigError(
                         f"{said} no part in the aim {self.kind!r}: ask for determinant or variance"
                     )
-        if self.tasks is not None and (self.kind != "variance" or self.interest is not None):
-            raise ConfigError("tasks are for the aim 'variance', and links of interest have no part in them")
+        if self.tasks is not None and self.kind != "variance":
+            raise ConfigError(f"tasks have no part in the aim {self.kind!r}: ask for variance")
+        if self.tasks is not None and self.interest is not None:
+            raise ConfigError("links of interest have no part in the prediction of torques: leave them out")
 
     def numbers(self, body: RigidBody) -> Numbers:
         """The aim of an arm, in numbers.
 
         Raises:
-            ConfigError: for a model of another arm, and for links of interest that are none or have no
-                parameters of their own.
-            ShapeError: when prior or tasks are not symmetric and positive semidefinite matrices that fit.
+            ConfigError: for links of interest that are none or have no parameters of their own.
+            ShapeError: for a model of another arm; when prior or tasks are not symmetric and positive
+                semidefinite matrices that fit.
         """
         columns, rigid = array(body.base.columns), len(body.base.columns)
         extras = np.zeros(0, np.int64) if self.model is None else array(self.model.extras)
-        if self.model is not None and self.model.count != rigid + len(extras):
-            raise ShapeError(f"a model with {self.model.count} parameters is not of an arm with {rigid}")
+        if self.model is not None and not torch.equal(self.model.body.base.columns, body.base.columns):
+            raise ShapeError("the model is of another arm: it has other base parameters")
         joints = extras % body.joints
         by_joint = np.argsort(joints, kind="stable")
         order = np.concatenate([np.arange(rigid), rigid + by_joint])

@@ -12,6 +12,8 @@ from sidegan.design.excitation import excite
 from sidegan.design.information import information_of
 from sidegan.designer import Aim, Designer, Situation
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
+from sidegan.identification import TorqueModel
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.oracle import capsule_geometry, pinocchio_model
 from sidegan.validity import Box, Constraints, Plane, check
@@ -221,6 +223,21 @@ def test_what_makes_no_sense_is_refused(designer, asked, error):
         designer.ask(**asked)
 
 
+def test_what_does_not_fit_a_model_is_refused(designer, planar):
+    model = TorqueModel(designer.numbers.constraints.body)
+    other = TorqueModel(RigidBody(planar))
+    with pytest.raises(ConfigError, match="a model has no part in the aim 'condition'"):
+        Aim(model=model)
+    for aim, words in (
+        (Aim("determinant", model=other), "the model is of another arm"),
+        (Aim("determinant", np.eye(43), model=model), "prior is "),
+        (Aim("variance", model=model, tasks=-np.eye(model.count)), "tasks is not symmetric and positive"),
+        (Aim("variance", tasks=np.eye(model.count)), "tasks is "),
+    ):
+        with pytest.raises(ShapeError, match=words):
+            designer.ask(aim=aim, evaluations=1)
+
+
 @pytest.mark.parametrize(
     "make",
     [
@@ -231,6 +248,8 @@ def test_what_makes_no_sense_is_refused(designer, asked, error):
         lambda: Aim("fast"),
         lambda: Aim(prior=np.eye(43)),
         lambda: Aim(interest={"x": 1.0}),
+        lambda: Aim("determinant", tasks=np.eye(43)),
+        lambda: Aim("variance", interest={"link_7": 1.0}, tasks=np.eye(43)),
     ],
 )
 def test_impossible_requests_are_refused(make):
