@@ -105,6 +105,7 @@ class Designer:
         starts: what searches start from, of ``make_starts`` or ``make_generator`` for the same arm; None:
             random points.
         clock: what deadlines are read from [s].
+        seed: of random points.
     """
 
     def __init__(
@@ -114,8 +115,9 @@ class Designer:
         settings: DesignerSettings,
         starts: Starts | Generator | None = None,
         clock: Callable[[], float] = time.perf_counter,
+        seed: int = 0,
     ) -> None:
-        self.settings, self.starts, self.clock = settings, starts, clock
+        self.settings, self.starts, self.clock, self.seed = settings, starts, clock, seed
         self.numbers = ArmNumbers(constraints, trajectory)
         self.probes = Probes(self.numbers)
         self._pace = Pace()
@@ -163,7 +165,8 @@ class Designer:
         if not at_home.valid:
             blocked = tuple(f"at home, {fault}" for fault in self._faults(scene, at_home, timed=False))
             return self._answer(scene, None, budget, None, blocked)
-        pursuit = Pursuit(self.numbers, self.settings, self.prover, scene, at_home, budget)
+        random = np.random.default_rng(self.seed)
+        pursuit = Pursuit(self.numbers, self.settings, self.prover, scene, at_home, budget, random)
         descent = self.descents.descent(scene, aim, pursuit.penalties)
         c, verdict = pursuit.run(descent, self._candidates(scene))
         if c is None or verdict is None:

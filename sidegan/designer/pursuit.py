@@ -98,11 +98,11 @@ class Pursuit:
         scene: Scene,
         at_home: Verdict,
         budget: Budget,
+        random: np.random.Generator,
     ) -> None:
         self._numbers, self._settings, self._prover = numbers, settings, prover
-        self._scene, self._at_home, self._budget = scene, at_home, budget
+        self._scene, self._at_home, self._budget, self._random = scene, at_home, budget, random
         self._gradient = np.zeros_like(scene.size)
-        self._random = np.random.default_rng(0)
         self.best: Array | None = None
         self.verdict: Verdict | None = None
         self.goal = np.inf

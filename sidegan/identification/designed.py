@@ -33,7 +33,7 @@ def designed(
     """
     if not compiled() or aim.asked(settings.rate) is None:
         return sequence.designed([problem], aim, count, search, torch.Generator().manual_seed(seed))[1]
-    designer = Designer(problem.constraints, problem.trajectory, settings)
+    designer = Designer(problem.constraints, problem.trajectory, settings, seed=seed)
     points, found = round(_POINTS * problem.trajectory.period), []
     for _ in range(count):
         design = designer.ask(aim=aim.asked(settings.rate), evaluations=evaluations)

@@ -91,9 +91,7 @@ class Asked:
     clearance: NonNegative = 0.0  # [m] that is proven to be kept, if more than the workspace's
     aim: Literal["condition", "diagonal", "determinant", "variance", "prediction"] = "condition"
     noise: list[Positive] | None = None  # of each joint's torque [N·m or N]
-    links: dict[str, NonNegative] | None = (
-        None  # whose parameters count: determinant, variance
-    )
+    links: dict[str, NonNegative] | None = None  # whose parameters count: determinant, variance
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,8 @@ def test_a_set_is_designed_one_after_another_and_known_then(problem, engine):
         lefts.append(again.left)
     assert lefts[0] > lefts[1] > lefts[2] == pytest.approx(aim.left, rel=0.02)
     assert torch.equal(for_goal(problem, aim_of(problem, "all"), 3), c)
+    other = designed(problem, aim_of(problem, "all"), 1, DESIGNER, SETTINGS.evaluations, SEARCH, seed=1)
+    assert not torch.allclose(other, c[:1], rtol=1e-3)
 
 
 def test_where_nothing_can_be_proven_that_is_told(planar):
