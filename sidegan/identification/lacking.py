@@ -108,6 +108,20 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
     return Lacks(tuple(one for found, _ in each for one in found), (error.square().mean(0) / usual).sqrt())
 
 
+def turned(matrix: Tensor, weights: Tensor, moments: Tensor) -> Tensor:
+    """What torques that a model lacks make of least squares' parameters, (P, J, K).
+
+    Args:
+        matrix: Σ w YᵀY, what was believed before included, (P, P).
+        weights: of each joint's equations, (J,).
+        moments: Σ Yᵀ b of K torques b of each joint, (J, P, K).
+    """
+    unit = matrix.diagonal().clamp_min(torch.finfo(torch.float64).tiny).sqrt()
+    inverse = torch.linalg.pinv(matrix / unit[:, None] / unit, rtol=_ROUNDING, hermitian=True)
+    weighted = (weights[:, None, None] * moments).transpose(0, 1) / unit[:, None, None]
+    return torch.einsum("pq,qjk->pjk", inverse, weighted) / unit[:, None, None]
+
+
 @dataclass(frozen=True)
 class _Sums:
     """What the residuals tell of the forms."""
@@ -122,15 +136,11 @@ class _Sums:
         """Sums over the samples."""
         information, weights = estimate.sums.information, estimate.weights.square()
         moments, along, across, right, energy = _products(model, estimate, samples)
-        matrix = torch.einsum("j,jpq->pq", weights, information)
-        unit = matrix.diagonal().clamp_min(torch.finfo(torch.float64).tiny).sqrt()
-        inverse = torch.linalg.pinv(matrix / unit[:, None] / unit, rtol=_ROUNDING, hermitian=True)
-        weighted = (weights[:, None, None] * moments).transpose(0, 1) / unit[:, None, None]  # (P, J, K)
-        turned = torch.einsum("pq,qjk->pjk", inverse, weighted) / unit[:, None, None]
-        crossed = torch.einsum("jpk,pjl->jkl", moments, turned)
-        kept = torch.einsum("pjk,jpq,qjl->jkl", turned, information, turned)
-        left = across - torch.einsum("pjk,jp->jk", turned, along)
-        return cls(turned, right - crossed - crossed.mT + kept, left, energy)
+        wrong = turned(torch.einsum("j,jpq->pq", weights, information), weights, moments)
+        crossed = torch.einsum("jpk,pjl->jkl", moments, wrong)
+        kept = torch.einsum("pjk,jpq,qjl->jkl", wrong, information, wrong)
+        left = across - torch.einsum("pjk,jp->jk", wrong, along)
+        return cls(wrong, right - crossed - crossed.mT + kept, left, energy)
 
     def explained(self, joint: int, chance: float) -> tuple[list[Lack], Tensor]:
         """Kinds that a joint shows, and how much of each form, (K,); a form explains this share by chance."""

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.identification import TorqueModel
+from sidegan.identification.lacking import turned
 from sidegan.plant.varied import VariedPlant
 
 NORMAL = 1.96  # standard deviations on either side of which an interval of 95 % ends
@@ -57,17 +58,12 @@ def bias(lacking: Lacking, information: Tensor, weights: Tensor, prior: Tensor, 
         prior: information that was believed, (P, P).
         coming: sum of squares of what comes back in each joint's residuals, (J,), of ``recurring``.
     """
-    joints, _, kinds = lacking.moments.shape
     matrix = prior + (information / weights[:, None, None]).sum(0)
-    unit = matrix.diagonal().sqrt()
-    factor = torch.linalg.cholesky(matrix / unit[:, None] / unit)
-    right = (lacking.moments / weights[:, None, None]).transpose(0, 1).flatten(1)
-    carried = torch.cholesky_solve(right / unit[:, None], factor) / unit[:, None]  # (P, J K)
-    left = torch.einsum("pk,jpq,qk->j", carried, information, carried) + lacking.squares.sum(1)
-    carried = carried.unflatten(1, (joints, kinds))
-    left = left - 2 * torch.einsum("jpk,pjk->j", lacking.moments, carried)
+    wrong = turned(matrix, 1 / weights, lacking.moments)
+    left = torch.einsum("pkl,jpq,qkl->j", wrong, information, wrong) + lacking.squares.sum(1)
+    left = left - 2 * torch.einsum("jpk,pjk->j", lacking.moments, wrong)
     share = coming / left.clamp_min(_TINY)
-    return (carried.square().sum(2) @ share).sqrt()
+    return (wrong.square().sum(2) @ share).sqrt()
 
 
 def recurring(residuals: Tensor, order: Tensor) -> Tensor:
