@@ -207,8 +207,10 @@ def _uncertain(one: Answer) -> dict[str, str]:
     body, family = design.numbers.constraints.body, design.trajectory
     states = family.roll_out(design.coefficients[None], family.grid(round(family.period * one.rate)))[1:]
     q, dq, ddq = (x[0] for x in states)
-    model = TorqueModel(body, RIGID) if aim.model is None else aim.model
-    y = with_terms(model, body.base_regressor(q, dq, ddq), dq, ddq) / q.new_tensor(aim.noise)[:, None]
+    y = body.base_regressor(q, dq, ddq)
+    if aim.model is not None:
+        y = with_terms(aim.model, y, dq, ddq)
+    y = y / q.new_tensor(aim.noise)[:, None]
     told, tasks = y.flatten(0, 1).T @ y.flatten(0, 1), variance(torch.from_numpy(aim.tasks))
     known = told.new_zeros(told.shape) if aim.prior is None else torch.from_numpy(aim.prior)
     before, after = (f"{math.exp(-float(tasks.value(x[None])) / 2):.2%}" for x in (known, known + told))

@@ -31,7 +31,7 @@ def designed(
     Raises:
         InfeasibleError: when a search proves no trajectory.
     """
-    if not compiled() or aim.asked(settings.rate) is None:
+    if not compiled() or aim.goal.form is None:
         return sequence.designed([problem], aim, count, search, torch.Generator().manual_seed(seed))[1]
     designer = Designer(problem.constraints, problem.trajectory, settings, seed=seed)
     points, found = round(_POINTS * problem.trajectory.period), []

@@ -77,9 +77,7 @@ def _bias(
     count = len(recordings) // 2
     y = torch.stack([judge.model.regressor(*one.inputs) for one in recordings])
     residuals = torch.stack([one.torque for one in recordings]) - y @ parameters
-    q, dq = (
-        torch.stack([x for x in column]) for column in list(zip(*(one.inputs for one in recordings)))[:2]
-    )
+    q, dq = (torch.stack([getattr(one, name) for one in recordings]) for name in ("position", "velocity"))
     rigid = y[..., : judge.model.rigid] @ judge.model.body.base.values
     lacks = Lacking.along(y.flatten(0, 1), judge.lacking(plant, q, dq, rigid).flatten(0, 1))
     rows = y.flatten(0, 1).transpose(0, 1)
