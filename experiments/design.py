@@ -16,7 +16,7 @@ from sidegan.base.typed import build
 from sidegan.controllers import POINTS, Course, csv_text
 from sidegan.design.criteria import variance
 from sidegan.design.prediction import with_terms
-from sidegan.designer import Aim, Design, Designer, Situation
+from sidegan.designer import Aim, Design, Designer, Situation, noise_at
 from sidegan.designer.aim import Kind
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.goals import usual_products
@@ -159,7 +159,7 @@ def _meant(asked: Asked, known: Known | None, body: RigidBody, rate: float) -> t
     if known is None:
         return place, Aim(kind, None, asked.noise, asked.links, tasks=tasks)
     prior = information_on(known.covariance).numpy()
-    noise = asked.noise or ((rate / known.rate) ** 0.5 / known.certainty).tolist()
+    noise = asked.noise or noise_at(rate, known.rate * known.certainty.square())
     return place, Aim(kind, prior, noise, asked.links, known.model, tasks)
 
 

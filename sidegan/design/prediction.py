@@ -102,6 +102,10 @@ class Prediction:
         scale: torque of the joints [N·m or N], (J,), of which sizes are shares.
         misfits: the sizes.
         belief: information of what is known before, (P, P), positive definite.
+
+    Attributes:
+        per_second: one over the variance of a mean over a second of each joint's torque, (J,).
+        known: what trajectories tell that are known.
     """
 
     def __init__(
@@ -117,7 +121,7 @@ class Prediction:
         # What is left over has misfits in it: equations are weighted by that, as after an identification, and
         # the variance is that of errors of this size, more than noise alone would make.
         spread = scale * (misfits.noise**2 + (_LEFT * misfits.friction) ** 2) ** 0.5
-        self._rate = 1 / (2 * misfits.correlation * spread**2)  # information of a second
+        self.per_second = 1 / (2 * misfits.correlation * spread**2)
         rows = self.rows(*tasks)
         share = 1 / (scale**2 * rows.regressor[:, :, 0].numel())
         y = rows.regressor * share[:, None]
@@ -140,7 +144,7 @@ class Prediction:
         batch, count, joints = q.shape
         rows = self.rows(*(x.reshape(-1, joints) for x in (q, dq, ddq)))
         y, lasting, passing = (x.unflatten(0, (batch, count)) for x in rows)
-        weighted = y * (self._rate * seconds / count)[:, None]
+        weighted = y * (self.per_second * seconds / count)[:, None]
         information = weighted.flatten(1, 2).mT @ y.flatten(1, 2)
         moments = (_moments(weighted, b) for b in (lasting, passing))
         return Told(information, next(moments), next(moments) * self._passing.flatten().sqrt())
@@ -168,7 +172,7 @@ class Prediction:
             information: on the parameters, (P, P).
             rate: information of a second of torque, one over the variance of a mean over it, (J,).
         """
-        self._rate = rate
+        self.per_second = rate
         self.known = Told(information.clone(), torch.zeros_like(self.best), torch.zeros_like(information))
 
     def parts(self) -> tuple[float, float, float]:

@@ -22,6 +22,9 @@ _REACH = 0.8  # of the tightest limit that starts use
 _FULL = 0.995  # share of the limits that are linear in the coefficients, to which a design is scaled back
 _TRIES = 5
 
+# Where so many searches for an aim begin, (n, J, H, 2) [rad/s].
+Begin = Callable[[Problem, Prediction, int, torch.Generator], Tensor]
+
 
 @dataclass(frozen=True)
 class Search:
@@ -33,18 +36,26 @@ class Search:
     samples: Count  # time points per second
     reserve: Share  # of each limit, and twice that share of 0.25 m, while searching
 
-    def one(self, problem: Problem, aim: Prediction, generator: torch.Generator) -> tuple[Tensor, float]:
+    def one(
+        self, problem: Problem, aim: Prediction, generator: torch.Generator, begin: Begin | None = None
+    ) -> tuple[Tensor, float]:
         """The best valid trajectory beside those that the aim knows, (J, H, 2), and its value.
 
         Raises:
             InfeasibleError: when no search ends within the constraints.
         """
-        return self.each(problem, [aim], [generator])[0]
+        return self.each(problem, [aim], [generator], begin)[0]
 
     def each(
-        self, problem: Problem, aims: Sequence[Prediction], generators: Sequence[torch.Generator]
+        self,
+        problem: Problem,
+        aims: Sequence[Prediction],
+        generators: Sequence[torch.Generator],
+        begin: Begin | None = None,
     ) -> list[tuple[Tensor, float]]:
         """The same for each of several aims that differ in what they know alone, all searches at once.
+
+        Searches begin anywhere, or where they are told to; then those places count as found, too.
 
         Raises:
             InfeasibleError: when no search of one of them ends within the constraints.
@@ -52,9 +63,9 @@ class Search:
         found: dict[int, tuple[Tensor, float]] = {}
         for _ in range(_TRIES):
             left = [k for k in range(len(aims)) if k not in found]
-            c = self._descend(problem, [aims[k] for k in left], [generators[k] for k in left])
-            valid = check(problem.constraints, problem.trajectory, c).valid
-            for k, own, good in zip(left, c.split(self.starts), valid.split(self.starts)):
+            c = self._ends(problem, [aims[k] for k in left], [generators[k] for k in left], begin)
+            valid = check(problem.constraints, problem.trajectory, c.flatten(0, 1)).valid
+            for k, own, good in zip(left, c, valid.view(len(left), -1)):
                 if good.any():
                     found[k] = self._best(problem, aims[k], own[good])
             if len(found) == len(aims):
@@ -67,12 +78,27 @@ class Search:
         best = int(values.argmin())
         return c[best], float(values[best])
 
-    def _descend(
-        self, problem: Problem, aims: Sequence[Prediction], generators: Sequence[torch.Generator]
+    def _ends(
+        self,
+        problem: Problem,
+        aims: Sequence[Prediction],
+        generators: Sequence[torch.Generator],
+        begin: Begin | None,
     ) -> Tensor:
-        """Where the searches of the aims end, (aims · starts, J, H, 2)."""
-        coordinates, aim = Coordinates.of(problem), beside(aims, self.starts)
-        x = torch.cat([coordinates.start(problem, self.starts, one, _REACH) for one in generators])
+        """Where the searches of the aims end, and where they were told to begin, (aims, n, J, H, 2)."""
+        coordinates, each = Coordinates.of(problem), (len(aims), self.starts)
+        if begin is None:
+            x = torch.cat([coordinates.start(problem, self.starts, one, _REACH) for one in generators])
+            return self._descend(problem, aims, coordinates, x).unflatten(0, each)
+        first = torch.stack([begin(problem, one, self.starts, own) for one, own in zip(aims, generators)])
+        ends = self._descend(problem, aims, coordinates, coordinates.points(first.flatten(0, 1)))
+        return torch.cat([ends.unflatten(0, each), first], 1)
+
+    def _descend(
+        self, problem: Problem, aims: Sequence[Prediction], coordinates: Coordinates, x: Tensor
+    ) -> Tensor:
+        """Where searches from points of all aims end, (aims · starts, J, H, 2)."""
+        aim = beside(aims, self.starts)
         phases = ((_ROUGH, 0.5, self.rough), (_STRICT, 1.0, self.strict))
         search: BatchedLbfgs | None = None
         for weight, share, steps in phases:
@@ -126,6 +152,7 @@ def designed(
     search: Search,
     generator: torch.Generator,
     report: Callable[[int, int], None] = lambda done, total: None,
+    begin: Begin | None = None,
 ) -> tuple[Problem, Tensor]:
     """A set of ``count`` trajectories, (count, J, H, 2), each designed given those before it.
 
@@ -139,11 +166,11 @@ def designed(
         problem, first = problems[0], None
         if len(problems) > 1:
             now = _now(aim)
-            firsts = [(one, *search.one(one, aim, generator)) for one in problems]
+            firsts = [(one, *search.one(one, aim, generator, begin)) for one in problems]
             problem, first, _ = min(firsts, key=lambda x: (x[2] - now) / x[0].trajectory.period)
             _take(problem, aim, search, first)
         rest = count if first is None else count - 1
-        (c,) = together(problem, [aim], rest, search, [generator], report)
+        (c,) = together(problem, [aim], rest, search, [generator], report, begin)
         return problem, c if first is None else torch.cat([first[None], c])
 
 
@@ -154,6 +181,7 @@ def together(
     search: Search,
     generators: Sequence[torch.Generator],
     report: Callable[[int, int], None] = lambda done, total: None,
+    begin: Begin | None = None,
 ) -> list[Tensor]:
     """Sets of ``count`` trajectories, (count, J, H, 2), for aims that differ in what they know alone.
 
@@ -165,7 +193,7 @@ def together(
     chosen: list[list[Tensor]] = [[] for _ in aims]
     with torch.no_grad():
         for number in range(count):
-            for own, aim, (c, _) in zip(chosen, aims, search.each(problem, aims, generators)):
+            for own, aim, (c, _) in zip(chosen, aims, search.each(problem, aims, generators, begin)):
                 _take(problem, aim, search, c)
                 own.append(c)
             report(number + 1, count)

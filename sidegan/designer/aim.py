@@ -141,6 +141,14 @@ class Aim:
         return weights
 
 
+def noise_at(rate: float, information: torch.Tensor) -> list[float]:
+    """Deviation of each joint's torque [N·m or N] that samples at a rate [Hz] have, (J,).
+
+    Of independent samples, which tell as much in a second as ``information`` says, (J,).
+    """
+    return (rate / information).sqrt().tolist()
+
+
 def _semidefinite(name: str, given: Array, size: int) -> Array:
     """A matrix of so many parameters that is one of information, (P, P)."""
     matrix = np.array(given, dtype=float)

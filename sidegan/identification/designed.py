@@ -1,13 +1,14 @@
 """Sets of trajectories for what is uncertain of a model, each designed given those before it."""
 
+from functools import partial
+
 import torch
 from torch import Tensor
 
 from sidegan.design import sequence
 from sidegan.design.problem import Problem
 from sidegan.design.sequence import Search, told
-from sidegan.designer import Designer, DesignerSettings
-from sidegan.errors import InfeasibleError
+from sidegan.designer import Designer, DesignerSettings, one_by_one
 from sidegan.identification.uncertain import Uncertain
 from sidegan.motion.compiled import compiled
 
@@ -34,11 +35,9 @@ def designed(
     if not compiled() or aim.goal.form is None:
         return sequence.designed([problem], aim, count, search, torch.Generator().manual_seed(seed))[1]
     designer = Designer(problem.constraints, problem.trajectory, settings, seed=seed)
-    points, found = round(_POINTS * problem.trajectory.period), []
-    for _ in range(count):
-        design = designer.ask(aim=aim.asked(settings.rate), evaluations=evaluations)
-        if design.coefficients is None:
-            raise InfeasibleError("; ".join(design.blocked))
-        aim.take(told(problem, aim, design.coefficients[None], points))
-        found.append(design.coefficients)
-    return torch.stack(found)
+    points = round(_POINTS * problem.trajectory.period)
+
+    def take(c: Tensor) -> None:
+        aim.take(told(problem, aim, c[None], points))
+
+    return one_by_one(designer, partial(aim.asked, settings.rate), take, count, evaluations)

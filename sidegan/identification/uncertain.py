@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.prediction import Prediction, Told, with_terms
-from sidegan.designer.aim import Aim
+from sidegan.designer.aim import Aim, noise_at
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques, Wanted
 from sidegan.identification.model import Terms, TorqueModel
@@ -72,13 +72,17 @@ class Uncertain(Prediction):
         """Count one trajectory as known."""
         self._motion = self._motion + new.information[0].detach()
 
-    def asked(self, rate: float) -> Aim | None:
-        """The same of a designer that takes torques at a rate [Hz]; None where it does not know the goal."""
+    def asked(self, rate: float) -> Aim:
+        """The same of a designer that takes torques at a rate [Hz].
+
+        Raises:
+            TypeError: when no designer knows the goal, which has no form then.
+        """
         if self.goal.form is None:
-            return None
+            raise TypeError("no designer knows this goal")
         kind, interest, tasks = self.goal.form
         information = (self._before + self._motion) / self._scale / self._scale[:, None]
-        noise = ((rate / self._rate) ** 0.5 / self._certainty).tolist()
+        noise = noise_at(rate, self._rate * self._certainty.square())
         wanted = None if tasks is None else tasks.numpy()
         return Aim(kind, information.numpy(), noise, interest, self._model, wanted)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -12,12 +13,14 @@ from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import LACKING, Prediction, Volume
-from sidegan.design.sequence import designed, together
+from sidegan.design.sequence import Begin, designed, together, told
+from sidegan.designer import Designer, begin_designed, one_by_one, variance_of
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.identification import RIGID, TorqueModel
 from sidegan.identification.prior import belief
 from sidegan.library import Library
 from sidegan.library.draw import random_valid
+from sidegan.motion.compiled import compiled
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
 from sidegan.seeds.gradient import Gradient
@@ -26,6 +29,7 @@ from sidegan.worth.orders import Order, SetOf
 from sidegan.worth.tasks import legs, states
 from sidegan.worth.waypoints import Rests
 
+BY_DESIGNER = ("variance", "prediction")  # makers in whose sets the designer has a part
 FROM_FILE = "waypoints"  # the maker whose motions are all in a file
 _REACH = 0.9  # of the tightest limit, that random motions and sines use
 _TINY = 0.03  # the same of motions that are known to be bad
@@ -67,8 +71,15 @@ def _at_once(orders: Sequence[Order]) -> list[SetOf]:
     first = orders[0]
     problem, aims = first.problem(), [aim_of(one, *DESIGNED[one.contender.maker]) for one in orders]
     generators = [one.generator for one in orders]
-    made = together(problem, aims, first.count, first.settings.search, generators)
+    made = together(problem, aims, first.count, first.settings.search, generators, begin=_begin(first))
     return [SetOf(problem.trajectory, c) for c in made]
+
+
+def _begin(order: Order) -> Begin | None:
+    """Where searches for a contender begin: ``prediction``'s where the designer makes the variance small."""
+    if order.contender.maker != "prediction" or not compiled():
+        return None
+    return begin_designed(order.settings.designer, order.settings.begun)
 
 
 def aim_of(order: Order, kind: type[Prediction], friction: bool = True) -> Prediction:
@@ -223,8 +234,22 @@ def _prediction(order: Order) -> SetOf:
     periods = dict.fromkeys((period, order.option("or", period)))
     problems = [order.problem(one) for one in periods]
     aim = aim_of(order, Prediction)
-    problem, c = designed(problems, aim, order.count, order.settings.search, order.generator)
+    search, begin = order.settings.search, _begin(order)
+    problem, c = designed(problems, aim, order.count, search, order.generator, begin=begin)
     return SetOf(problem.trajectory, c)
+
+
+def _variance(order: Order) -> SetOf:
+    """Designed by the designer for the variance of torques on tasks alone."""
+    settings, problem, aim = order.settings, order.problem(), aim_of(order, Prediction)
+    seed = int(torch.randint(2**31, (1,), generator=order.generator))
+    designer = Designer(problem.constraints, problem.trajectory, settings.designer, seed=seed)
+
+    def take(c: Tensor) -> None:
+        aim.take(told(problem, aim, c[None], problem.samples))
+
+    asked = partial(variance_of, aim, settings.designer.rate)
+    return SetOf(problem.trajectory, one_by_one(designer, asked, take, order.count, settings.evaluations))
 
 
 MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
@@ -238,6 +263,7 @@ MAKERS: Mapping[str, Callable[[Order], SetOf]] = {
     "volume": lambda order: _at_once([order])[0],
     "rigid_volume": lambda order: _at_once([order])[0],
     "prediction": _prediction,
+    "variance": _variance,
     "library": _library,
     FROM_FILE: _waypoints,
 }

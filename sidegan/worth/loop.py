@@ -13,7 +13,7 @@ from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import Prediction
 from sidegan.design.problem import Problem
 from sidegan.design.sequence import Search, told
-from sidegan.designer import Aim, Designer
+from sidegan.designer import Aim, Designer, noise_at
 from sidegan.designer.aim import Kind
 from sidegan.errors import InfeasibleError
 from sidegan.identification import TorqueModel
@@ -76,7 +76,7 @@ class Designed:
         Raises:
             InfeasibleError: when none is proven.
         """
-        noise = (known.intensity * self.designer.settings.rate).sqrt().tolist()
+        noise = noise_at(self.designer.settings.rate, 1 / known.intensity)
         tasks = None if self.tasks is None else self.tasks.numpy()
         kind: Kind = "determinant" if tasks is None else "variance"
         aim = Aim(kind, known.information.numpy(), noise, model=self.model, tasks=tasks)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from sidegan.base.typed import Count, Hertz, NonNegative, Positive, Seconds, Share, Size
 from sidegan.design.prediction import Misfits
 from sidegan.design.sequence import Search
+from sidegan.designer import DesignerSettings
 from sidegan.errors import ConfigError
 from sidegan.identification import Terms
 from sidegan.plant.friction import Form
@@ -82,8 +83,7 @@ class WorthSettings:
     plants: Count
     compared: Count  # of them in the regimes too that are not judged, and identified by every estimator
     sets: Count  # of each contender
-    distinct: Seconds  # of motion of its own in a set that nobody designs
-    designed: Seconds  # of one that is designed
+    distinct: Seconds  # of motion of its own in a set
     horizon: Seconds  # how long a robot moves at most
     within: Positive  # share of the floor by which an error may exceed it
     resolution: Positive  # relative error that a floor counts as at least
@@ -100,6 +100,9 @@ class WorthSettings:
     design_tasks: dict[str, Legs]  # that ``prediction`` designs for
     misfits: Misfits  # that it knows
     search: Search
+    designer: DesignerSettings
+    evaluations: Count  # of the designer for each trajectory of a set
+    begun: Count  # the same for each point where a search for ``prediction`` begins
     contenders: dict[str, Contender]
     estimated: str  # whose sets estimators are compared on
     outliers: Share  # of the samples, where estimators are compared on outliers

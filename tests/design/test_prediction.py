@@ -63,7 +63,7 @@ def test_the_bias_is_that_of_weighted_least_squares_on_the_misfit(planar_problem
         for x in planar_problem.trajectory.roll_out(c, planar_problem.trajectory.grid(100))[1:]
     ]
     rows = aim.rows(*states)
-    size, weight = 0.3 * misfits.friction * aim.scale, aim._rate.sqrt() * (8.0 / 100) ** 0.5
+    size, weight = 0.3 * misfits.friction * aim.scale, aim.per_second.sqrt() * (8.0 / 100) ** 0.5
     total = 0.0
     tasks = aim.rows(*states_within(planar_problem.constraints.arm, 200, seed=5))
     relative = tasks.regressor / aim.scale[:, None] / (200 * 2) ** 0.5

@@ -27,7 +27,7 @@ from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
 from sidegan.validity import Constraints
 from sidegan.worth import Contender, Judge, Regime, SetOf, Truth, legs
-from sidegan.worth.contenders import FROM_FILE, make_sets
+from sidegan.worth.contenders import BY_DESIGNER, FROM_FILE, make_sets
 from sidegan.worth.cost import Cost, cost, pace
 from sidegan.worth.curves import Curves, mean_error
 from sidegan.worth.estimators import compared
@@ -41,6 +41,7 @@ OUTLIERS = "outliers"
 JUDGED, OTHERS = "", "others"  # groups of regimes
 _STUDY = ("sets", "horizon", "plant", "sensors", "model", "believed", "tasks", "acceleration")
 _DESIGN = ("sets", "plant", "model", "believed", "design_tasks", "misfits", "search")
+_DESIGNER = ("designer", "evaluations", "begun")
 
 
 def arms(task: Task) -> dict[str, Task]:
@@ -83,7 +84,8 @@ def sets(task: Task, name: str) -> Artifact:
     """The excitation sets of one contender."""
     settings = task.cfg.worth
     one = settings.contenders[name]
-    own = {key: asdict(settings)[key] for key in _DESIGN}
+    parts = _DESIGN + _DESIGNER if one.maker in BY_DESIGNER else _DESIGN
+    own = {key: asdict(settings)[key] for key in parts}
     own |= {"count": settings.count(one), "contender": asdict(one), "acceleration": settings.acceleration}
     for other in ("title", "practice", "files"):
         own["contender"].pop(other)
