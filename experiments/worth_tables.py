@@ -104,6 +104,8 @@ def quotient(x: Estimate) -> str:
         return "theirs never" if x.median == 0 else "ours never"
     if x == (1.0, 1.0, 1.0):
         return "neither arrives"
+    if x.median == 1.0 and (x.low == 0 or np.isinf(x.high)):  # infinite over infinite, not in every draw
+        return "neither by the median"
     words = [f"{v:.3g}" if np.isfinite(v) else "∞" for v in x]
     return f"{words[0]} × ({words[1]} … {words[2]})"
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sidegan.worth.score import estimate, ratio, resampled, seconds_within
+from experiments import worth_tables
+from sidegan.worth.score import Estimate, estimate, ratio, resampled, seconds_within
 
 TIMES = np.array([4.0, 8.0, 16.0, 32.0])
 
@@ -50,3 +51,19 @@ def test_who_never_arrives_is_infinite():
     assert ratio(some, some, 50).median == 1.0
     assert ratio(np.full((2, 2), 3.0), np.full((2, 2), np.inf), 50).median == 0.0
     assert resampled(some, 7, np.random.default_rng(0)).shape == (7,)
+
+
+@pytest.mark.parametrize(
+    "medians, said",
+    [
+        ((0.5, 0.4, 0.75), "0.5 × (0.4 … 0.75)"),
+        ((1.0, 1.0, 1.0), "neither arrives"),
+        ((1.0, 0.0, 1.0), "neither by the median"),  # in some draws ours arrive alone
+        ((1.0, 1.0, np.inf), "neither by the median"),
+        ((0.0, 0.0, 1.0), "theirs never"),
+        ((np.inf, 1.0, np.inf), "ours never"),
+        ((1.0, 0.5, np.inf), "neither by the median"),
+    ],
+)
+def test_a_ratio_is_told_to_people(medians, said):
+    assert worth_tables.quotient(Estimate(*medians)) == said
