@@ -24,7 +24,7 @@ from sidegan.base.typed import build
 from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import Prediction
-from sidegan.designer import Designer, DesignerSettings
+from sidegan.designer import Designer, DesignerSettings, begin_designed
 from sidegan.identification import TorqueModel
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.run import CONF, composed
@@ -125,8 +125,11 @@ class Study:
             return Picked(model, family, self.pool)
         if name in (DESIGNED, ASKED):
             return Designed(model, self.designer, _EVALUATIONS, self.tasks if name == ASKED else None)
-        aim = aim_of(exact(order) if name == VARIANCE else order, Prediction)
-        return Predicted(order.problem(), aim, self.settings.search, order.generator)
+        search, generator = self.settings.search, order.generator
+        if name == VARIANCE:
+            return Predicted(order.problem(), aim_of(exact(order), Prediction), search, generator)
+        begin = begin_designed(self.settings.designer, self.settings.begun)
+        return Predicted(order.problem(), aim_of(order, Prediction), search, generator, begin)
 
     @cached_property
     def tasks(self) -> torch.Tensor:

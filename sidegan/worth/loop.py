@@ -12,7 +12,7 @@ from sidegan.design.information import information_of
 from sidegan.design.optimal import d_optimal
 from sidegan.design.prediction import Prediction
 from sidegan.design.problem import Problem
-from sidegan.design.sequence import Search, told
+from sidegan.design.sequence import Begin, Search, told
 from sidegan.designer import Aim, Designer, noise_at
 from sidegan.designer.aim import Kind
 from sidegan.errors import InfeasibleError
@@ -94,6 +94,7 @@ class Predicted:
     aim: Prediction
     search: Search
     generator: torch.Generator
+    begin: Begin | None = None  # where the search begins, if not anywhere
     _chosen: list[Tensor] = field(default_factory=list)
 
     def next(self, known: Known) -> Tensor:
@@ -107,7 +108,7 @@ class Predicted:
             for c in self._chosen:  # their bias; what they told is known already
                 one = told(self.problem, self.aim, c[None], self.problem.samples)
                 self.aim.take(one._replace(information=torch.zeros_like(one.information)))
-            c, _ = self.search.one(self.problem, self.aim, self.generator)
+            c, _ = self.search.one(self.problem, self.aim, self.generator, self.begin)
         self._chosen.append(c)
         return c
 
