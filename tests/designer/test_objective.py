@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from sidegan.design.information import information_of
-from sidegan.designer import Aim, Situation
+from sidegan.designer import Aim, Designer, Situation
 from sidegan.designer.descent import Penalties
 from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
@@ -173,17 +173,21 @@ def test_an_aim_with_a_model_is_what_its_own_regressor_gives(designer, settings,
     assert goal == pytest.approx(-np.linalg.slogdet(whole)[1] - 2 * basis, abs=1e-6)
 
 
-def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(designer):
-    """σ on tasks of the whole model: what is designed for it beats what is designed for rigid bodies."""
-    numbers, found = designer.numbers, {}
-    wanted = aims(numbers)["variance of tasks"]
-    rigid = Aim("determinant", noise=wanted.noise)
-    for name, aim in {"whole": wanted, "rigid": rigid}.items():
-        design = designer.ask(aim=aim, evaluations=200)
-        states = [
-            s[0]
-            for s in design.trajectory.roll_out(design.coefficients[None], design.trajectory.times(100.0))[1:]
-        ]
-        told = information_on(wanted.model, states, wanted.noise) * len(states[0])
-        found[name] = np.trace(wanted.tasks @ np.linalg.inv(wanted.prior + told))
-    assert found["whole"] < 0.9 * found["rigid"]
+def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(workspace, settings):
+    """σ on tasks of the whole model: what is designed for it beats what is designed for rigid bodies.
+
+    From several starts, since a single search may end in a worse place than its neighbour.
+    """
+    ratios = []
+    for seed in range(12):
+        designer, found = Designer(*workspace, settings, seed=seed), {}
+        wanted = aims(designer.numbers)["variance of tasks"]
+        rigid = Aim("determinant", noise=wanted.noise)
+        for name, aim in {"whole": wanted, "rigid": rigid}.items():
+            design = designer.ask(aim=aim, evaluations=200)
+            times = design.trajectory.times(100.0)
+            states = [s[0] for s in design.trajectory.roll_out(design.coefficients[None], times)[1:]]
+            told = information_on(wanted.model, states, wanted.noise) * len(states[0])
+            found[name] = np.trace(wanted.tasks @ np.linalg.inv(wanted.prior + told))
+        ratios.append(found["whole"] / found["rigid"])
+    assert np.exp(np.log(ratios).mean()) < 0.95, ratios  # where friction has no part both are asked alike
