@@ -3,12 +3,14 @@
 import pytest
 import torch
 
+from sidegan.base.storage import write_torch
 from sidegan.errors import ConfigError
+from sidegan.identification.sums import Sums
 from sidegan.pipeline.stages.elsewhere import FAST, MOVES, RANDOM, SLOW, kinds_of_test
 from sidegan.pipeline.stages.random import REACH, random_valid
 from sidegan.pipeline.stages.readings import covariance, readings
-from sidegan.pipeline.stages.replication import Measured, replication, sums, whole_sets
-from sidegan.pipeline.store import Store
+from sidegan.pipeline.stages.replication import SUMS, Measured, draws, replication, sums, whole_sets
+from sidegan.pipeline.store import Store, write_stamp
 from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
@@ -60,6 +62,19 @@ def test_what_is_exact_is_measured_once(tmp_path):
         seeds, *libraries = (Measured.of(under[name], pool) for pool in whole_sets(under[name]))
         assert (seeds.repeats, seeds.replicas) == (3, 10)
         assert {(one.repeats, one.replicas) for one in libraries} == {(repeats, 1)}
+
+
+@pytest.mark.parametrize("name, held, taken", [("replications", 1, [0, 0, 0]), ("torques", 3, [0, 1, 2])])
+def test_each_noise_draw_is_taken_once_and_what_is_exact_every_time(name, held, taken, tmp_path):
+    one = readings(task(tmp_path, f"readings.{name}.repeats=3"))[name]
+    pool = whole_sets(one)[1]
+    artifact = sums(one, pool)
+    folder = one.store.folder(artifact)
+    folder.mkdir(parents=True)
+    parts = {field: torch.zeros(1) for field in Sums._fields}
+    write_torch(folder / SUMS, [[parts | {"weight": torch.tensor(k)}] for k in range(held)])
+    write_stamp(folder, artifact.stamp)
+    assert [int(part.weight) for (part,) in draws(one, pool)] == taken
 
 
 def test_norms_follow_the_recursions_and_the_noise(tmp_path):
