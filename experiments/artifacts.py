@@ -2,7 +2,6 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,7 +10,6 @@ import numpy as np
 import pandas as pd
 import torch
 
-from sidegan.gan import Variant
 from sidegan.library import Library
 from sidegan.library.measure import summary
 from sidegan.pipeline.columns import OURS, columns, groups
@@ -119,20 +117,14 @@ class Artifacts:
     @cached_property
     def histories(self) -> pd.DataFrame:
         """Metrics of each variant after every epoch of every training, a row per variant, training, epoch."""
-        return self._histories(self.task, self.cfg.gan)
+        return self._histories(self.task)
 
     @cached_property
     def subsets(self) -> pd.DataFrame:
         """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
         sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
         parts = ((size, on_subset(self.task, size)) for size in sizes)
-        return pd.concat([self._histories(part, part.cfg.gan).assign(seeds=n) for n, part in parts])
-
-    @cached_property
-    def ablation(self) -> pd.DataFrame:
-        """Metrics after every epoch of the ablation's variants, the recipe itself first."""
-        others = self._histories(self.task, self.cfg.ablation, self.cfg.scale.ablation_trainings)
-        return pd.concat([self.histories[self.histories.variant == "eigen"], others], ignore_index=True)
+        return pd.concat([self._histories(part).assign(seeds=n) for n, part in parts])
 
     @cached_property
     def generators(self) -> pd.DataFrame:
@@ -203,13 +195,11 @@ class Artifacts:
         """Wall time in which an artifact was made [s]; not a number where that was not kept."""
         return float(self.costs(artifact)["seconds"])
 
-    def _histories(
-        self, task: Task, variants: dict[str, Variant], trainings: Iterable[int] | None = None
-    ) -> pd.DataFrame:
+    def _histories(self, task: Task) -> pd.DataFrame:
         parts = [
             self._history(generator(task, name, k, variant)).assign(variant=name, training=k)
-            for name, variant in variants.items()
-            for k in trainings or task.cfg.trainings
+            for name, variant in task.cfg.gan.items()
+            for k in task.cfg.trainings
         ]
         return pd.concat(parts, ignore_index=True)
 

@@ -7,7 +7,6 @@ import pandas as pd
 import torch
 
 from experiments.artifacts import Artifacts
-from experiments.training import EARLY
 from experiments.words import COLUMNS, PAPER
 from sidegan.design.excitation import effective_rank, mean_distance
 from sidegan.library import Library
@@ -18,14 +17,6 @@ from sidegan.report import tables
 from sidegan.report.style import NOT_MEASURED, number
 
 Kinds = dict[str, tuple[dict[str, Any], Library]]
-
-
-def ablation(histories: pd.DataFrame) -> pd.DataFrame:
-    """What each part of the recipe does, over trainings."""
-    length = histories.groupby("variant").epoch.transform("max")
-    early = histories[histories.epoch == length.clip(upper=EARLY)]
-    first = tables.over_groups(early, "variant", {"success": f"valid after {EARLY} epochs"})
-    return first.join(tables.over_groups(histories[histories.kept], "variant", COLUMNS["ablation"]))
 
 
 def densities(frame: pd.DataFrame) -> pd.DataFrame:

@@ -1,13 +1,15 @@
-"""From the paper's recipe to ours, one change at a time, and what each change brings."""
+"""From the paper's recipe to ours, one change at a time; what each change brings, and what ours lacks without it."""
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from experiments.pages import Page, means, publish
 from experiments.words import COLUMNS
+from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stages import ladder
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
@@ -34,11 +36,16 @@ def collect(task: Task) -> Task:
 
 def present(task: Task, folder: Path, tracker: Tracker) -> None:
     """Print what the generators of each rung make, over trainings, and write and record ``ladder.md``."""
-    every = rows(task)
-    made = over_groups(every, "rung", COLUMNS["ladder"])
-    show(made, "From the paper's recipe to ours: of the kept epoch, true physics, no sample filtered")
+    every, without = rows(task), parts(task)
+    tables = {
+        "ladder": over_groups(every, "rung", COLUMNS["ladder"]),
+        "parts": over_groups(without, "rung", COLUMNS["ladder"]).rename_axis("ours, but"),
+    }
+    show(tables["ladder"], "From the paper's recipe to ours: of the kept epoch, true physics, no sample filtered")
+    show(tables["parts"], "Ours with one part changed at a time: likewise")
+    numbers = means(pd.concat([every, without]), "rung", COLUMNS["ladder"])
     context = {"cfg": task.cfg, "steps": largest_steps(every)}
-    page = Page("ladder", {"ladder": made}, {}, means(every, "rung", COLUMNS["ladder"]), context)
+    page = Page("ladder", tables, {}, numbers, context)
     publish(page, Path(task.cfg.publish or folder), tracker)
 
 
@@ -64,6 +71,14 @@ def rows(task: Task) -> pd.DataFrame:
     """A row for the seeds, and one per rung and training."""
     rows = [{"rung": "seeds", "success": 1.0, **task.report(seed_set(task))}]
     rows[0]["condition_valid"] = rows[0]["condition"]
-    for name, trainings in ladder.rungs(task).items():
-        rows += [{"rung": name, **task.report(one)} for one in trainings]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows + _reports(task, ladder.rungs(task)))
+
+
+def parts(task: Task) -> pd.DataFrame:
+    """A row per training of ours, and of ours with each part changed."""
+    ours = ladder.rungs(task)[_LAST]
+    return pd.DataFrame(_reports(task, {_LAST: ours} | ladder.parts(task)))
+
+
+def _reports(task: Task, made: Mapping[str, Iterable[Artifact]]) -> list[dict[str, Any]]:
+    return [{"rung": name, **task.report(one)} for name, some in made.items() for one in some]

@@ -124,7 +124,6 @@ def _own_tables(groups: Groups) -> dict[str, pd.DataFrame]:
     shown = {
         "timing": comparisons.costs(comparisons.durations(artifacts, _colony(groups))),
         "kinds": comparisons.kinds(kinds_of(groups)),
-        "ablation": comparisons.ablation(artifacts.ablation),
     }
     for end, weighted in {"": False, "_weighted": True}.items():
         if (changed.weighted == weighted).any():

@@ -56,8 +56,7 @@ class Scale:
     draws: Count  # of a kernel density estimate
     trainings: list[Natural]  # of each variant
     side_trainings: list[Natural]  # of each variant on fewer seeds
-    ablation_trainings: list[Natural]  # of each variant of the ablation
-    ladder_trainings: list[Natural]  # of each rung of the ladder
+    ladder_trainings: list[Natural]  # of each rung of the ladder, and of each variant of the ablation
     brief_epochs: Count  # of exact variants that are compared with each other only
     transfer_epochs: Count  # of a training from scratch that transfer is compared with
     polished: Count  # trajectories of the polish curve

@@ -48,14 +48,13 @@ def test_the_report_is_a_page_a_document_tables_figures_and_metrics(run, page, g
         "Figure 3",
         "Figure 2",
         "Timing",
-        "Ablation",
         "Sensitivity",
     ):
         assert f"## {title}" in text and title in web
     assert "default-src 'none'" in web  # nothing is fetched
     assert web.count('<img src="data:image/png;base64,') == 3 + 3 * len(groups)
     assert all(f'id="{name}"' in web for name in ("traces", "stacked", "snapshots"))  # to turn and to play
-    names = {"table1", "table2", "table3", "generators", "timing", "ablation", "density", "sensitivity"}
+    names = {"table1", "table2", "table3", "generators", "timing", "density", "sensitivity"}
     names |= {"readings", "reading_verdicts", "recursions", "elsewhere", "elsewhere_weighted"}
     assert names <= tables
     assert not list(docs.glob("*/figures/*.svg"))
@@ -164,7 +163,6 @@ def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
 
 
 def test_tables_for_people_show_every_row(artifacts):
-    assert list(comparisons.ablation(artifacts.ablation).index) == ["eigen", "eigen_cold"]
     assert len(comparisons.densities(artifacts.density)) == 5
     costs = comparisons.costs(comparisons.durations(artifacts, 4.0))
     assert costs.loc["one seed by gaco + compass search, CPU", "ours [s]"] == "4"

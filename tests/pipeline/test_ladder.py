@@ -37,6 +37,16 @@ def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
     assert shown["rank"] == pytest.approx(page.rows(task).set_index("rung")["rank"]["ours"], rel=1e-3)
 
 
+def test_ours_without_each_part_stands_beside_ours(climbed):
+    task, folder = climbed
+    table = pd.read_csv(folder / "ladder" / "tables" / "parts.csv", index_col=0)
+    assert list(table.index) == ["ours", "eigen_cold"]
+    text = (folder / "ladder.md").read_text(encoding="utf-8")
+    assert "| eigen_cold |" in text
+    (cold,) = ladder.parts(task)["eigen_cold"]
+    assert float(table["effective rank"]["eigen_cold"]) == pytest.approx(task.report(cold)["rank"], rel=0.01)
+
+
 def test_rungs_share_the_surrogates_of_their_kind(climbed):
     task, _ = climbed
     made = {name: artifacts[0].inputs for name, artifacts in ladder.rungs(task).items()}

@@ -59,12 +59,12 @@ def test_a_command_composes_what_it_uses():
 
 
 def test_an_ablation_is_a_variant_with_changes():
-    config = configured()
-    eigen, cold = config.gan["eigen"], config.ablation["eigen_cold"]
+    config = configured(experiment="ladder")
+    eigen, cold = config.ladder["ours"], config.ablation["eigen_cold"]
     assert cold == dataclasses.replace(eigen, gaussian_start=False) != eigen
     undiverse = config.ablation["eigen_undiverse"].weights
     assert undiverse == dataclasses.replace(eigen.weights, spread=0, distance=0, rank=0)
-    assert configured("scale=paper").ablation["eigen_conv"].epochs == 50
+    assert configured("scale=paper", experiment="ladder").ablation["eigen_conv"].epochs == 50
     with pytest.raises(ConfigError, match=r"ablation needs variants, and changes"):
         altered({"variants": {}, "changes": {"new": {"of": "eigen"}}}, "ablation")
     chain = {"one": {"of": "base", "a": {"x": 1}}, "two": {"of": "one", "b": 2}}
@@ -73,7 +73,7 @@ def test_an_ablation_is_a_variant_with_changes():
         "two": {"a": {"x": 1, "y": 0}, "b": 2},
     }
     with pytest.raises(ConfigError, match=r"ablation\.eigen_conv\.width is 0, expected a whole number"):
-        configured("ablation.changes.eigen_conv.width=0")
+        configured("ablation.changes.eigen_conv.width=0", experiment="ladder")
 
 
 def test_the_paper_is_taken_to_the_letter():
