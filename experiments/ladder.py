@@ -1,4 +1,4 @@
-"""From the paper's recipe to ours, one change at a time; what each change brings, and what ours lacks without it."""
+"""From the paper's recipe to ours, one change at a time, and ours without each of its parts."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -41,8 +41,9 @@ def present(task: Task, folder: Path, tracker: Tracker) -> None:
         "ladder": over_groups(every, "rung", COLUMNS["ladder"]),
         "parts": over_groups(without, "rung", COLUMNS["ladder"]).rename_axis("ours, but"),
     }
-    show(tables["ladder"], "From the paper's recipe to ours: of the kept epoch, true physics, no sample filtered")
-    show(tables["parts"], "Ours with one part changed at a time: likewise")
+    told = "of the kept epoch, true physics, no sample filtered"
+    show(tables["ladder"], f"From the paper's recipe to ours: {told}")
+    show(tables["parts"], f"Ours with one part changed at a time: {told}")
     numbers = means(pd.concat([every, without]), "rung", COLUMNS["ladder"])
     context = {"cfg": task.cfg, "steps": largest_steps(every)}
     page = Page("ladder", tables, {}, numbers, context)

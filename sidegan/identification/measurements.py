@@ -41,6 +41,8 @@ class Measurements:
                 raise ShapeError(
                     f"{name} is {tuple(x.shape)}, expected (S, J) like torque {tuple(self.torque.shape)}"
                 )
+            if x.sum().isfinite():  # then all are: sums are many times faster than looking at each
+                continue
             bad = ~x.isfinite().all(1)
             if bad.any():
                 raise ShapeError(f"{name} of sample {int(bad.nonzero()[0])} is not finite")

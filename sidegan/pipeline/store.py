@@ -11,7 +11,7 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -31,6 +31,7 @@ from sidegan.pipeline.graph import Artifact, Build, difference
 log = logging.getLogger(__name__)
 
 STAMP = "stamp.json"
+_BEHIND = "left_out"  # key of a stamp
 _PROBE = bytes(2**20)  # room that a run needs at the very least
 _SHOWN = 6  # differences of a stamp that are told
 
@@ -119,6 +120,7 @@ class Store:
 
         Raises:
             StorageError: when something cannot be written.
+            ArtifactError: when it has to be made from what was copied without some of its files.
         """
         with self._lock(artifact):
             folder = self.find(artifact)
@@ -128,7 +130,16 @@ class Store:
             log.info("%s: reused from %s", artifact.maker, folder)
             return folder
 
+    def _refuse_excerpts(self, artifact: Artifact) -> None:
+        for folder in map(self.folder, artifact.parents):
+            if behind := left_out(folder):
+                raise ArtifactError(
+                    f"{artifact.maker}/{artifact.label} is made from {folder}, which is an excerpt without "
+                    f"{', '.join(behind)}: remove that folder, and its stage makes it anew"
+                )
+
     def _make(self, artifact: Artifact, report: Report) -> Path:
+        self._refuse_excerpts(artifact)
         final = self.folder(artifact)
         work = self._work(artifact)
         folder = final.with_name(f".{final.name}.tmp")
@@ -207,6 +218,7 @@ def read_stamp(folder: Path) -> dict[str, Any]:
     stamp = read_json(folder / STAMP)
     if not isinstance(stamp, dict) or not isinstance(files := stamp.pop("files", None), dict):
         raise ArtifactError(f"{folder / STAMP} is not a stamp")
+    stamp.pop(_BEHIND, None)
     if "maker" not in stamp:
         raise ArtifactError(f"{folder} is of version 0.1")
     for name, digest in files.items():
@@ -218,11 +230,17 @@ def read_stamp(folder: Path) -> dict[str, Any]:
     return stamp
 
 
-def write_stamp(folder: Path, stamp: Mapping[str, Any]) -> None:
-    """Stamp of a folder, with the SHA-256 of each of its files."""
+def left_out(folder: Path) -> list[str]:
+    """Names of the files that an artifact was copied without."""
+    path = folder / STAMP
+    return list(read_json(path).get(_BEHIND, ())) if path.exists() else []
+
+
+def write_stamp(folder: Path, stamp: Mapping[str, Any], behind: Sequence[str] = ()) -> None:
+    """Stamp of a folder, with the SHA-256 of each file, and the names of those it was copied without."""
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / STAMP)
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
-    write_json(folder / STAMP, {**stamp, "files": digests})
+    write_json(folder / STAMP, {**stamp, "files": digests, **({_BEHIND: list(behind)} if behind else {})})
 
 
 def file_digest(path: Path) -> str:

@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -10,11 +11,12 @@ from experiments.artifacts import Group
 from experiments.claims import claims, counted
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED
 from experiments.words import PAPER
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.errors import ArtifactError, ConfigError, SideganError
+from sidegan.pipeline.excerpt import excerpt
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.subsets import on_subset
-from sidegan.pipeline.store import Store
+from sidegan.pipeline.store import Store, left_out
 from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
@@ -266,6 +268,64 @@ def test_epochs_to_reliability():
 def test_a_report_without_its_artifacts_names_what_is_missing(tmp_path):
     with pytest.raises(ArtifactError, match="run stage surrogates first"):
         run_stages(config(tmp_path, "stages=[table]"), tmp_path / "run", "alone")
+
+
+class TestExcerpt:
+    """What the page is made from, without the rest."""
+
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def copied(outputs, run, tmp_path_factory):
+        """The excerpt's folder, and how many artifacts are there and not."""
+        folder = tmp_path_factory.mktemp("excerpt") / "results"
+        task = Task(config(outputs), Store(outputs))
+        return folder, excerpt(task, folder)
+
+    def test_has_no_networks_but_those_that_are_drawn_and_timed(self, copied):
+        folder, (there, missing) = copied
+        assert there > 50 and missing == 0
+        networks = {path.relative_to(folder).as_posix() for path in folder.rglob("*.pt")}
+        assert networks == {"gan/planar2-eigen-seed0-training0/generator.pt"}
+        libraries = [path.parent.name for path in (folder / "library").rglob("library.parquet")]
+        assert libraries == ["planar2-eigen-seed0-training0"]
+        assert left_out(folder / "gan" / "planar2-eigen-seed0-training1") == ["generator.pt"]
+        assert list((folder / "costs").rglob("*.json"))
+
+    def test_gives_the_same_page(self, copied, run, tmp_path):
+        folder, _ = copied
+        outputs = tmp_path / "outputs"
+        shutil.copytree(folder, outputs)
+        again = config(outputs, "named=true", "stages=[table]")
+        run_stages(again, tmp_path / "run", "again")
+        for name in ("claims", "table1", "table3", "generators", "letter-table2"):
+            one, other = (x / PAGE / "tables" / f"{name}.csv" for x in (tmp_path / "run", run / "docs"))
+            assert one.read_text(encoding="utf-8") == other.read_text(encoding="utf-8"), name
+
+    def test_what_needs_more_is_refused_with_what_to_remove(self, copied, tmp_path):
+        folder, _ = copied
+        outputs = tmp_path / "outputs"
+        shutil.copytree(folder, outputs)
+        shutil.rmtree(outputs / "selection" / "planar2-eigen-seed0-training1")
+        message = r"library/planar2-eigen-seed0-training1, which is an excerpt without library\.parquet"
+        with pytest.raises(ArtifactError, match=message):
+            run_stages(config(outputs, "named=true", "stages=[selection]"), tmp_path / "run", "more")
+
+    def test_what_something_missing_needs_stays_behind_altogether(self, copied, tmp_path):
+        folder, (there, _) = copied
+        outputs = tmp_path / "outputs"
+        shutil.copytree(folder, outputs)
+        shutil.rmtree(outputs / "selection" / "planar2-eigen-seed0-training1")
+        task = Task(config(outputs, "named=true"), Store(outputs, named=True))
+        kept, missing = excerpt(task, tmp_path / "less")
+        assert kept + missing == there and missing >= 4
+        assert not (tmp_path / "less" / "library" / "planar2-eigen-seed0-training1").exists()
+        assert not (tmp_path / "less" / "gan" / "planar2-eigen-seed0-training1").exists()
+        assert (tmp_path / "less" / "gan" / "planar2-eigen-seed0-training0").exists()
+
+    def test_of_nothing_is_refused(self, tmp_path):
+        root = tmp_path / "outputs"
+        with pytest.raises(SideganError, match="holds nothing of the experiment 'reproduction'"):
+            excerpt(Task(config(root), Store(root)), tmp_path / "none")
 
 
 @pytest.mark.parametrize(
