@@ -1,9 +1,9 @@
 """What a page is made from, without the rest: ``python -m sidegan.pipeline.excerpt OUTPUTS FOLDER``.
 
 Of everything that the reproduction made at the paper's scale in OUTPUTS, by runs with ``named=true``, the
-folder gets what its page shows: reports, histories and tables, the seeds and the sets that were picked. Networks,
-sums of least squares and libraries stay behind, apart from those of the one generator that the page draws and
-times. Where something is not made yet, what that would need stays behind altogether and is made anew.
+folder gets what its page shows: reports, histories and tables, the seeds and the sets that were picked.
+Networks, sums of least squares and libraries stay behind, apart from those of the one generator that the page
+draws and times. Where something is not made yet, what that would need stays behind and is made anew.
 
 Runs take the folder's artifacts for their own: ``mkdir -p outputs && cp -r FOLDER/. outputs/``.
 """
