@@ -136,7 +136,7 @@ class BeyondArtifacts(Artifacts):
         pools = own_pools(task)
         if not all(self._exists(best_sets(task, pool)) for pool in pools):
             return pd.DataFrame()
-        best, histories = self._judged(pools, task), self._histories(task, task.cfg.gan)
+        best, histories = self._judged(pools, task), self._histories(task)
         ends = histories[histories.kept].rename(columns={"variant": "name"})
         ends = ends[["name", "success", "condition", "distance", "rank"]]
         return best[best.name.isin(task.cfg.gan)].merge(ends, on="name", suffixes=("", "_one"))
