@@ -19,6 +19,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,6 +71,21 @@ def operators() -> list[str]:
         raise ConfigError("mutants need cosmic-ray: pip install 'sidegan[mutants]'") from error
     names = [name.split("/")[1] for name in plugins.operator_names()]
     return [name for name in names if _changes(name)]
+
+
+def draw(root: Path, count: int, seed: int) -> list[Mutant]:
+    """So many random mutants of the code below a root; those that are no Python are none."""
+    every = list(mutants(root))
+    random.Random(seed).shuffle(every)
+    return list(islice((one for one in every if _parses(one, root)), count))
+
+
+def _parses(one: Mutant, root: Path) -> bool:
+    try:  # ** of a dictionary is changed like that of a power
+        ast.parse(mutated(one, (root / one.file).read_text(encoding="utf-8")))
+    except SyntaxError:
+        return False
+    return True
 
 
 def _changes(name: str) -> bool:
@@ -222,7 +238,7 @@ def run(count: int, seed: int, work: Path) -> pd.DataFrame:
     tree, record = copied(ROOT, work / "tree"), work / f"{count}-{seed}.jsonl"
     for whole in tree.rglob(f"*{_WHOLE}"):  # of a run that was killed
         whole.replace(whole.with_name(whole.name.removesuffix(_WHOLE)))
-    drawn = random.Random(seed).sample(list(mutants(tree)), count)
+    drawn = draw(tree, count, seed)
     rows: list[dict[str, Any]] = []
     if record.exists():
         rows = [json.loads(line) for line in record.read_text(encoding="utf-8").splitlines()]

@@ -47,6 +47,16 @@ def test_mutants_are_of_formulas_and_conditions(project):
     assert mutants.change(DIVIDED, project) == "return sum(x) / len(x) → return sum(x) * len(x)"
 
 
+def test_what_is_no_python_is_no_mutant(project):
+    path = project / "sidegan/motion/means.py"
+    path.write_text("def both(a, b):\n    return {**a, **b}\n")
+    assert list(mutants.mutants(project)) and mutants.draw(project, 5, 0) == []
+    path.write_text("def both(a, b):\n    return {**a, 1: b}, a**2\n")
+    drawn = mutants.draw(project, 100, 0)
+    assert "NumberReplacer" in {one.operator for one in drawn}
+    assert [one.occurrence for one in drawn if one.operator == "ReplaceBinaryOperator_Pow_Add"] == [1]
+
+
 def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project, warm):
     found, seconds = mutants.noticed(DIVIDED, project, warm)
     assert found and seconds > 0
