@@ -51,6 +51,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "left_out": left_out(groups),
         "claims": judged,
         "signed": claims.signed,
+        "checked": checked(groups),
         "barren": {name: claims.barren_variants(group) for name, group in groups.items()},
         "recursions": {
             name: readings.distances(group.frame("covariances")) for name, group in groups.items()
@@ -75,6 +76,14 @@ def left_out(groups: Groups) -> list[str]:
     """Titles and names of the columns in ``conf/`` that the page is made without."""
     there = {column for group in groups.values() for column in group.parts}
     return [f"{title} ({name})" for name, title in configured().items() if name not in there]
+
+
+def checked(groups: Groups) -> dict[str, list[str]]:
+    """What counts as valid, and the titles of the columns in which it does."""
+    words: dict[str, list[str]] = {}
+    for group in groups.values():
+        words.setdefault(group.first.task.constraints.described(), []).append(group.title)
+    return words
 
 
 def metrics(groups: Groups) -> dict[str, dict[str, float]]:

@@ -5,6 +5,7 @@ inertial parameters are v: the gradient of any function of a few eigenvalues cos
 dynamics, never a differentiated regressor.
 """
 
+import math
 from collections.abc import Iterator
 
 import torch
@@ -41,8 +42,10 @@ def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
     """Smooth log ratio of largest to smallest of positive values, ascending, (B,), and its slopes, (B, p).
 
     At most (log 3 + log 2) / 6 above the logarithm of the ratio. What is under 10⁻¹² of the largest counts as
-    that much, and has the slope of it. None but the first three and the last two values matter.
+    that much, and has the slope of it. None but the first three and the last two values matter. Where none is
+    positive nothing is told at all, which is as bad and has no slope.
     """
+    told = values[:, -1] > 0
     floor = (values[:, -1:] / HOPELESS).clamp_min(torch.finfo(values.dtype).tiny)
     values = torch.maximum(values, floor)
     low, high = values[:, :LOWEST], values[:, -HIGHEST:]
@@ -50,7 +53,8 @@ def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
     slopes = torch.zeros_like(values)
     slopes[:, :LOWEST] -= torch.softmax(logs[0], 1) / low
     slopes[:, -HIGHEST:] += torch.softmax(logs[1], 1) / high
-    return (torch.logsumexp(logs[0], 1) + torch.logsumexp(logs[1], 1)) / SHARPNESS, slopes
+    value = (torch.logsumexp(logs[0], 1) + torch.logsumexp(logs[1], 1)) / SHARPNESS
+    return value.where(told, math.log(HOPELESS)), slopes.where(told[:, None], 0.0)
 
 
 def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tensor, Tensor]:

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from sidegan.base.storage import read_json
 from sidegan.errors import SideganError
 from sidegan.pipeline.dvc import task
 from sidegan.pipeline.graph import Artifact, waves
@@ -108,7 +109,9 @@ def main() -> int:
         sys.stderr.write(f"error: {error}\n")
         return 1
     size = sum(path.stat().st_size for path in given.folder.rglob("*") if path.is_file())
-    sys.stdout.write(f"{there} artifacts, {size / 1e6:.1f} MB; {missing} are not made yet or not whole\n")
+    spent = sum(read_json(path).get("cpu_seconds", 0.0) for path in (given.folder / "costs").rglob("*.json"))
+    about = f"{there} artifacts, {size / 1e6:.1f} MB, made in {spent / 3600:.1f} hours of one core"
+    sys.stdout.write(f"{about}; {missing} are not made yet or not whole\n")
     return 0
 
 

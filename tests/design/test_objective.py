@@ -72,7 +72,17 @@ def test_three_values_below_and_two_above_are_smoothed():
 def test_what_is_not_excited_counts_as_hopeless():
     value, slopes = smooth_condition(torch.tensor([[0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5]).double())
     assert value[0] == pytest.approx(math.log(2 * HOPELESS / 2), abs=0.2) and value.isfinite().all()
+    assert value[1] == pytest.approx(math.log(HOPELESS)) and (slopes[1] == 0).all()  # nothing is told at all
     assert slopes[0, 0] == pytest.approx(-HOPELESS / 2) and slopes.isfinite().all()
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_rest_that_feels_no_torque_is_the_worst_there_is(planar, diagonal):
+    """Without gravity: all elements of its Gram matrix are equal, which is not the best ratio of them."""
+    arm = replace(planar, gravity=0 * planar.gravity)
+    problem = Problem(Constraints(arm), Trajectory(2, 3, 8.0), diagonal=diagonal)
+    value, gradient = value_and_gradient(problem, torch.zeros(2, 2, 3, 2).double(), Penalty(0.0))
+    assert (value == pytest.approx(math.log(HOPELESS))) and (gradient == 0).all()
 
 
 def test_a_direction_that_is_not_excited_is_as_bad_as_hopeless_and_no_worse():

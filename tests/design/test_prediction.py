@@ -97,6 +97,19 @@ def test_the_variance_is_that_of_drawn_noise(planar_problem, made, misfits, rand
     assert aim.parts()[1:] == pytest.approx((0.0, 0.0), abs=1e-15)
 
 
+@pytest.mark.parametrize("times", [1e-3, 1e3])
+def test_the_unit_of_the_torque_does_not_matter(planar_problem, made, misfits, random, times):
+    """But for friction that follows the torque itself."""
+    usual, c = made(sizes=replace(misfits, load=0.0)), planar_problem.start(1, random)
+    tasks = states_within(planar_problem.constraints.arm, 200, seed=5)
+    belief = usual.known.information / times**2
+    other = Prediction(usual.model, tasks, times * usual.scale, usual.misfits, belief)
+    for aim in (usual, other):
+        aim.take(told(planar_problem, aim, c, 60))
+    assert min(usual.parts()) > 0
+    assert other.parts() == pytest.approx(usual.parts(), rel=1e-6)
+
+
 def test_drift_counts_for_each_recording_anew(planar_problem, made, misfits, random):
     """Twice the same motion halves what drifts between recordings; it does not touch the lasting bias."""
     sizes = replace(misfits, **dict.fromkeys(LACKING, 0.0) | {"drift": 0.2})
@@ -119,6 +132,24 @@ def test_a_designed_set_is_valid_and_predicts_better_than_random_ones(planar_pro
             aim.take(told(problem, aim, one[None], 100))
         errors.append(sum(aim.parts()))
     assert errors[0] < 0.7 * errors[1]
+
+
+@pytest.mark.parametrize("harmonics", [3, 6])
+def test_the_search_sees_every_harmonic_however_few_samples_are_asked_for(
+    planar_problem, made, random, harmonics
+):
+    """Two cell centres for each harmonic would not see the highest cosine, which vanishes at them all."""
+    seen = set()
+
+    class Seen(Prediction):
+        def told(self, q, *rest):
+            seen.add(q.shape[1])
+            return super().told(q, *rest)
+
+    family = replace(planar_problem.trajectory, harmonics=harmonics, period=2.0)
+    slow = replace(planar_problem, trajectory=family, samples=2 * harmonics + 1)
+    designed([slow], made(Seen), 1, replace(SEARCH, samples=1, rough=1, strict=1), random)
+    assert min(seen) > 2 * harmonics
 
 
 def test_sets_that_are_designed_at_once_are_those_that_are_designed_alone(planar_problem, made, random):

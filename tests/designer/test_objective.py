@@ -1,5 +1,7 @@
 """The compiled objective of one trajectory: finite differences and plain torch as oracles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -12,6 +14,7 @@ from sidegan.designer.scene import ArmNumbers
 from sidegan.identification.model import Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
+from tests.chains import random_chain
 from tests.validity.critical import limited
 
 from .conftest import BOX, SITUATIONS, WALLS
@@ -149,6 +152,29 @@ def test_an_arm_of_two_joints_and_few_parameters(planar, settings):
     scene = numbers.scene(Situation(regions=[Box((0.4, -1, 0), (1, 1, 1))]))
     for aim in aims(numbers).values():
         assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 4, use=0.8), aim)
+
+
+@pytest.mark.parametrize("chain", [(3, 0), (4, 2)], ids=["five parameters", "many parameters"])
+def test_sliding_joints_are_no_exception(settings, chain):
+    """Nor is an arm with no more parameters than the condition number looks at eigenvalues."""
+    arm = random_chain(*chain)[0]
+    assert arm.prismatic.any() and not arm.prismatic.all()
+    constraints = Constraints(arm, [Plane((0, 0, 1), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4))])
+    numbers = ArmNumbers(constraints, Trajectory(arm.joints, 3, 8.0, [0.0] * arm.joints))
+    scene = numbers.scene(Situation())
+    assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 6), Aim())
+
+
+def test_an_arm_at_rest_that_feels_no_torque_tells_nothing(planar, settings):
+    """Without gravity: its Gram matrix is zero, all of whose elements are equal."""
+    arm = replace(planar, gravity=0 * planar.gravity)
+    numbers = ArmNumbers(Constraints(arm), Trajectory(2, 3, 8.0))
+    scene = numbers.scene(Situation())
+    for aim in (Aim(), Aim("diagonal")):
+        gradient = np.ones_like(scene.size)
+        descent = compiled_of(numbers, settings).descent(scene, aim, PENALTIES)
+        assert descent.evaluate(np.zeros_like(scene.size), gradient) == (np.inf, 0.0)
+        assert not gradient.any()
 
 
 @pytest.mark.parametrize("kind", ["determinant", "variance"])

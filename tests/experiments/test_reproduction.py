@@ -12,6 +12,7 @@ from experiments.claims import claims, counted
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED
 from experiments.words import PAPER
 from sidegan.errors import ArtifactError, ConfigError, SideganError
+from sidegan.pipeline import excerpt as pipeline_excerpt
 from sidegan.pipeline.excerpt import excerpt
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.seeds import seed_set
@@ -321,6 +322,16 @@ class TestExcerpt:
         assert not (tmp_path / "less" / "library" / "planar2-eigen-seed0-training1").exists()
         assert not (tmp_path / "less" / "gan" / "planar2-eigen-seed0-training1").exists()
         assert (tmp_path / "less" / "gan" / "planar2-eigen-seed0-training0").exists()
+
+    def test_the_command_says_how_much_there_is_and_what_it_took(
+        self, outputs, run, tmp_path, monkeypatch, capsys
+    ):
+        monkeypatch.setattr(pipeline_excerpt, "task", lambda name, root: Task(config(root), Store(root)))
+        monkeypatch.setattr("sys.argv", ["excerpt", str(outputs), str(tmp_path / "there")])
+        assert pipeline_excerpt.main() == 0
+        costs = [json.loads(x.read_text()) for x in (tmp_path / "there" / "costs").rglob("*.json")]
+        hours = sum(one["cpu_seconds"] for one in costs) / 3600
+        assert f"made in {hours:.1f} hours of one core; 0 are not made" in capsys.readouterr().out
 
     def test_of_nothing_is_refused(self, tmp_path):
         root = tmp_path / "outputs"

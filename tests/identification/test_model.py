@@ -84,6 +84,11 @@ class TestGroupings:
                     factor = float(word)
             assert total == pytest.approx(expected, rel=1e-3)
 
+    def test_each_parameter_is_in_the_formula_of_its_own_name(self, arm):
+        model = model_of(arm, [0.1] * 7)
+        for name, text in zip(model.names, model.formulas):
+            assert name in text.split()
+
     def test_reads_as_people_write(self):
         shares = torch.tensor([0.0, -1.0, 0.0780001, 1.0], dtype=torch.float64)
         assert formula(shares, ["a", "b", "m7", "m6"]) == "m6 - b + 0.078 m7"

@@ -5,8 +5,10 @@ import pinocchio as pin
 import pytest
 import torch
 
+from sidegan.errors import ConfigError
 from sidegan.identification import Measurements
 from sidegan.identification.payload import VALUES, identify_payload, values_of
+from sidegan.identification.settings import KnownLoad
 from sidegan.robot import chain_model, pseudo_inertia
 from tests.identification.recordings import model_of, multisine, truth_of
 
@@ -83,6 +85,19 @@ def test_what_is_told_can_exist_however_noisy_it_is(arm, load):
     found = identify_payload(model_of(arm), [free], [laden])
     assert torch.linalg.eigvalsh(pseudo_inertia(found.estimate))[0] < 0
     assert torch.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0
+
+
+@pytest.mark.parametrize("centre", [[0.1, 0.2], [0.1, 0.2, 0.3, 0.4]])
+@pytest.mark.parametrize("inertia", [None, [1.0, 0.0, 1.0, 0.0, 0.0, 1.0]])
+def test_a_known_load_has_its_centre_in_space(centre, inertia):
+    with pytest.raises(ConfigError, match="expected three numbers as centre, and six as inertia"):
+        KnownLoad(1.0, centre, inertia)
+
+
+@pytest.mark.parametrize("inertia", [[1.0] * 3, [1.0] * 7])
+def test_a_known_load_has_six_moments_of_inertia(inertia):
+    with pytest.raises(ConfigError, match="expected three numbers as centre, and six as inertia"):
+        KnownLoad(1.0, [0.1, 0.2, 0.3], inertia)
 
 
 def test_no_load_is_told_as_none(arm, load):

@@ -9,7 +9,7 @@ from sidegan.design.sequence import Search, designed, told, value_and_gradient
 from sidegan.errors import ShapeError
 from sidegan.identification import Measurements, estimate
 from sidegan.identification.trust import certainty, grams_of
-from sidegan.identification.uncertain import Uncertain
+from sidegan.identification.uncertain import Uncertain, information_on
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 from tests.identification.recordings import model_of, multisine, truth_of
@@ -86,6 +86,21 @@ def test_what_is_identified_after_is_as_certain_as_promised(poor, problem):
     torch.testing.assert_close(aim.before, before.deviation, rtol=1e-6, atol=0)
     torch.testing.assert_close(aim.deviations, after.deviation, rtol=0.3, atol=0)
     assert float((change / (2 * model.count)).exp()) == pytest.approx(aim.left, rel=0.15)
+
+
+def test_information_is_the_inverse_of_the_covariance_in_whatever_units():
+    random = torch.Generator().manual_seed(0)
+    root = torch.randn(6, 6, generator=random, dtype=torch.float64)
+    unit = 10.0 ** torch.linspace(-3, 1, 6, dtype=torch.float64)
+    units, covariance = torch.outer(unit, unit), root @ root.T + torch.eye(6, dtype=torch.float64)
+    found = information_on(units * covariance) * units
+    torch.testing.assert_close(found, torch.linalg.inv(covariance), rtol=1e-6, atol=1e-6)
+
+
+def test_what_is_certain_is_known_much_better_than_what_is_not():
+    known = information_on(torch.diag(torch.tensor([4.0, 0.0, 1.0], dtype=torch.float64)))
+    torch.testing.assert_close(known.diagonal()[[0, 2]], torch.tensor([0.25, 1.0], dtype=torch.float64))
+    assert known[1, 1] > 1e6 and (known - torch.diag(known.diagonal())).abs().max() < 1e-6
 
 
 def test_what_does_not_fit_is_refused(poor):

@@ -8,9 +8,13 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.identification import EstimationSettings, Terms
+from sidegan.identification.trust import grams_of, trust
 from sidegan.identification.workflow import CONSISTENT, identify_arm, preferred
+from sidegan.library.measure import measured
+from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
+from sidegan.validity import Constraints
 from tests.recording.conftest import of_file
 from tests.recording.made import moved
 from tests.settings import settings
@@ -25,9 +29,9 @@ def recordings(planar):
     return [check_recording(recording, planar, of_file()) for recording in made]
 
 
-def identified(arm, training, validation=(), method="weighted", stribeck=False):
+def identified(arm, training, validation=(), method="weighted", stribeck=False, **others):
     terms = settings(Terms, "model/joint_torque", sign_width=0.01, stribeck=stribeck)
-    options = settings(EstimationSettings, "identify/default", method=method)
+    options = settings(EstimationSettings, "identify/default", method=method, **others)
     return identify_arm(arm, list(training), list(validation), terms, options)
 
 
@@ -57,6 +61,18 @@ def test_one_recording_is_tested_on_itself_and_that_is_said(planar, recordings):
     result = identified(planar, recordings[:1])
     assert result.kind.startswith("in sample") and result.tests is result.trained
     assert any("held out" in reason for reason in result.trust.reasons)
+
+
+def test_running_a_recommended_trajectory_gives_the_samples_of_its_whole_period(planar, recordings, tmp_path):
+    trajectory = Trajectory(2, 3, 4.0)
+    c = 0.3 * torch.randn(3, *trajectory.shape, generator=torch.Generator().manual_seed(0)).double()
+    measured(Constraints(planar), trajectory, c, "made").save(tmp_path / "library.parquet")
+    result = identified(planar, recordings[:1], library=str(tmp_path / "library.parquet"), recommend=2)
+    samples = len(trajectory.times(recordings[0].grid.rate)) - 1
+    grams = grams_of(result.model, result.chosen, trajectory, c)
+    expected = trust(result.model, result.chosen, grams=grams, samples_each=samples, count=2).next_runs
+    assert result.trust.next_runs.indices.tolist() == expected.indices.tolist()
+    torch.testing.assert_close(result.trust.next_runs.variance, expected.variance, rtol=1e-6, atol=0)
 
 
 def test_fewer_equations_than_parameters_are_refused(planar, recordings):

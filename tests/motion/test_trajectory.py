@@ -178,6 +178,18 @@ def test_large_bases_are_the_same_as_kept_ones(monkeypatch: pytest.MonkeyPatch) 
     torch.testing.assert_close(trajectory.basis(times, 1), kept, atol=0, rtol=0)
 
 
+@pytest.mark.parametrize("kept", [1, 4, 5])  # no, one or two time points of two harmonics, of five
+def test_motion_does_not_depend_on_how_much_of_a_basis_is_kept(
+    kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trajectory = Trajectory(3, 2, 3.0, home=(0.1, 0.2, 0.3))
+    c, times = coefficients(trajectory), trajectory.grid(5)
+    at_once = trajectory.roll_out(c, times)
+    monkeypatch.setattr("sidegan.motion.trajectory._CACHED", kept)
+    for one, other in zip(trajectory.roll_out(c, times), at_once):
+        torch.testing.assert_close(one, other, atol=1e-12, rtol=0)
+
+
 def test_description_makes_the_same_family() -> None:
     trajectory = Trajectory(3, 4, 5.0, home=np.array([0.1, 0.2, 0.3]))
     assert Trajectory(**trajectory.describe()) == trajectory

@@ -2,15 +2,18 @@
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pinocchio
 import pytest
 import torch
 
-from sidegan.pipeline.stages import elsewhere, first_set, polish, transfer
+from sidegan.base.storage import read_json
+from sidegan.pipeline.stages import density, elsewhere, first_set, narrow, polish, timing, transfer
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
+from sidegan.pipeline.task import REPORT, RESULTS, Task
 from tests.tiny import tiny
 
 
@@ -47,6 +50,37 @@ def test_time_that_is_slept_is_no_cost():
             pass
 
     assert 0.2 <= first_set._seconds(busy) < 0.4
+
+
+def test_a_rate_is_that_of_all_but_the_first(monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+
+    def work():
+        clock.now += 0.125 if clock.now else 60.0  # the first one compiles
+        return 7
+
+    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    assert timing._rate(work) == pytest.approx(7 / 0.125)
+
+
+def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(task, tmp_path, monkeypatch):
+    made = task("reproduction", "discussion.bandwidths=[1e-6,1]", "discussion.draws=20")
+    c = made.problem.start(40, torch.Generator().manual_seed(1), 0.5)
+    monkeypatch.setattr(density, "training_seeds", lambda task: SimpleNamespace(coefficients=c))
+    density._make(made, SimpleNamespace(folder=tmp_path))
+    narrow, wide = pd.read_parquet(tmp_path / RESULTS).from_seed / torch.pdist(c.flatten(1)).min().item()
+    assert narrow < 1e-4 and 0.1 < wide < 10
+
+
+def test_a_blurred_seed_costs_the_time_of_all_draws_over_the_valid_ones(task, tmp_path, monkeypatch):
+    made = task("beyond")
+    c = made.problem.start(40, torch.Generator().manual_seed(1), 0.5)
+    monkeypatch.setattr(narrow, "training_seeds", lambda task: SimpleNamespace(coefficients=c))
+    monkeypatch.setattr(narrow, "time", SimpleNamespace(process_time=iter([5.0, 17.0]).__next__))
+    build = SimpleNamespace(folder=tmp_path, costs={}, report=None)
+    narrow._make(made, build)
+    told = read_json(tmp_path / REPORT)
+    assert build.costs["each"] * told["valid_share"] * told["drawn"] == pytest.approx(12.0)
 
 
 def test_a_training_takes_as_long_as_its_steps_and_what_it_begins_with(task, monkeypatch):

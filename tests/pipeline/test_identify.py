@@ -20,7 +20,7 @@ from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import excitation_sets
-from sidegan.pipeline.store import Store
+from sidegan.pipeline.store import STAMP, Store
 from sidegan.pipeline.task import Task
 from sidegan.robot import load_robot
 from tests.pipeline.conftest import client_of
@@ -98,6 +98,7 @@ def test_a_known_arm_is_found_again(once, planar):
 def test_everything_is_left_in_the_runs_folder(once):
     verdict, folder = once
     assert {path.name for path in folder.iterdir()} >= FILES
+    assert not (folder / STAMP).exists()  # which tells of the artifact, not of the run
     assert {"verdict", "reasons", "condition_number", "validation", "training"} <= verdict.keys()
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
     assert verdict["condition_number"] > 1

@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
+from sidegan.base.storage import read_json
 from sidegan.identification import study
 from sidegan.library import Library
 from sidegan.library.measure import measured
 from sidegan.pipeline.graph import Build
+from sidegan.pipeline.stages import optimised as optimising
 from sidegan.pipeline.stages import plant as plants
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.plant import plant
@@ -21,7 +23,8 @@ from sidegan.pipeline.stages.random import random_set, random_valid
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import selection
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import LIBRARY, Task
+from sidegan.pipeline.task import LIBRARY, REPORT, Task
+from sidegan.seeds.result import SeedBatch
 from sidegan.validity import check
 from tests.tiny import tiny
 
@@ -30,8 +33,8 @@ TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall 
 
 @pytest.fixture
 def task(tmp_path):
-    def made(*overrides):
-        return Task(tiny(f"outputs={tmp_path}", *overrides), Store(tmp_path))
+    def made(*overrides, **options):
+        return Task(tiny(f"outputs={tmp_path}", *overrides, **options), Store(tmp_path))
 
     return made
 
@@ -117,6 +120,15 @@ def test_torque_limits_bind_what_is_optimised(task, build):
     assert (peak(drawn(strong, 40)) > limits).any(1).double().mean() > 0.5
     seed_set(weak).make(build)
     assert (peak(Library.load(build.folder / LIBRARY, weak.arm).coefficients) <= limits).all()
+
+
+def test_the_valid_share_of_what_is_optimised_is_that_of_its_starts(task, build, monkeypatch):
+    made = task(experiment="beyond")
+    c = random_valid(made, 6, "made").coefficients
+    batch = SeedBatch(c, torch.ones(6, dtype=torch.float64), attempts=8, failed=2)
+    monkeypatch.setattr(optimising, "make_seeds", lambda *_: batch)
+    optimising.optimised(made).make(build)
+    assert read_json(build.folder / REPORT)["valid_share"] == len(c) / batch.attempts
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from sidegan.errors import RobotError
 from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.arm import digest_of
-from sidegan.robot.capsule_fit import fit, from_segment, volume
-from sidegan.robot.covering import cover, subdivided
+from sidegan.robot.capsule_fit import fit, from_segment, hull_volume, volume
+from sidegan.robot.covering import _Cutter, cover, subdivided
 from sidegan.robot.hull import thinned
 from sidegan.robot.kept import save_shapes
 from sidegan.validity.hulls import apart
@@ -68,6 +68,25 @@ def test_an_angle_is_cut_where_it_bends():
     assert max(part.radius for part in two) < 0.03
 
 
+def test_what_further_cuts_are_chosen_by_is_of_each_parts_own_triangles():
+    """Three rods in the shape of a U, cut twice."""
+    places = {(0.5, 0.02, 0.02): [[0, -0.25, 0], [0, 0.25, 0]], (0.02, 0.5, 0.02): [[0.25, 0, 0]]}
+    rods = [box_mesh(*size) + place for size, some in places.items() for place in np.array(some)]
+    cutter = _Cutter([subdivided(np.concatenate(rods), 0.05)])
+    for count in (2, 3):
+        assert cutter.cut() is not None and cutter.count == count
+        own = [cutter.triangles[cutter.owner == k].reshape(-1, 3) for k in range(count)]
+        assert cutter.hulls == pytest.approx([hull_volume(points) for points in own], rel=1e-9)
+        for points, filled in zip(own, cutter.filled):
+            np.testing.assert_array_equal(filled, cutter._filled(fit(points)))
+
+
+def test_one_mesh_is_always_cut_by_the_same_measure():
+    cube = subdivided(box_mesh(0.4, 0.4, 0.4), 0.1)
+    one, again = (_Cutter([cube]) for _ in range(2))
+    np.testing.assert_array_equal(one.filled, again.filled)
+
+
 def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
     """A column with a shoulder and a head: planes that save more volume would close the gap between these."""
     column = box_mesh(0.4, 0.3, 0.5)
@@ -121,6 +140,18 @@ def test_a_thinned_hull_tells_how_far_the_rest_sticks_out(seed, count, tolerance
     assert len(kept) <= count
     assert from_hull(points, kept).max() <= rounding + 1e-8
     assert rounding < 2 * tolerance + 1e-9 or len(kept) < 8
+
+
+def test_a_thinned_hull_does_not_depend_on_where_the_body_is_or_what_is_inside():
+    random = np.random.default_rng(0)
+    points = random.normal(size=(300, 3))
+    points *= 0.1 / np.linalg.norm(points, axis=1, keepdims=True)
+    here, rounding = thinned(points, 1e-2)
+    assert rounding > 1e-3
+    place = np.array([3.0, -2.0, 5.0])
+    there, same = thinned(np.concatenate([points, 0.5 * points]) + place, 1e-2)
+    np.testing.assert_allclose(there - place, here, rtol=0, atol=1e-12)
+    assert same == pytest.approx(rounding, rel=1e-9)
 
 
 class TestCache:

@@ -1,6 +1,8 @@
 """Links are cut further where their hulls are in the way, and nowhere else."""
 
+from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import trimesh
 
 from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.capsule_fit import hull_volume
+from sidegan.robot.refining import Refining
 from sidegan.robot.splitting import cut_further, split
 from sidegan.validity import Constraints
 from sidegan.validity.accuracy import shape_accuracy
@@ -60,6 +63,30 @@ def test_what_was_found_is_kept(ring_file, monkeypatch):
 def test_other_pieces_are_another_arm(ring_file):
     setups = [Setup(pieces=2), Setup(pieces=2, finer=4), Setup(pieces=1)]
     assert len({load_robot(ring_file, setup).digest for setup in setups}) == 3
+
+
+class Blaming:
+    """A scene of few configurations, most of whose refusals one link is to blame for, and one another."""
+
+    pairs = 10**9
+
+    def __init__(self, *_) -> None:
+        pass
+
+    def refused(self, q):
+        return list(range(20)) if len(q) > 20 else [], len(q)
+
+    def blamed(self, q, rows):
+        return Counter(often=19, once=1)
+
+
+def test_a_link_that_is_in_the_way_once_is_not_cut_further(monkeypatch):
+    monkeypatch.setattr("sidegan.robot.refining._Scene", Blaming)
+    monkeypatch.setattr("sidegan.robot.refining.shapes_of", lambda *_: [])
+    model = SimpleNamespace(names=["universe", "turn"])
+    description = SimpleNamespace(limits={"turn": SimpleNamespace(lower=-1.0, upper=1.0)})
+    shapes = [SimpleNamespace(owner=name, digest=name) for name in ("often", "once")]
+    assert Refining(model, None, description, pieces=2, most=8)._search(shapes) == {"often": 4}
 
 
 def test_a_plane_divides_triangles_and_leaves_nothing_out():

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sidegan.errors import RobotError
-from sidegan.robot import load_robot
+from sidegan.robot import Setup, load_robot
 
 from .urdf import INERTIA, LIMIT, joint, link, one_joint, robot, two_joints
 
@@ -135,6 +135,13 @@ def test_what_only_pinocchio_refuses_comes_with_its_reason(load, capfd):
     with pytest.raises(RobotError, match=r"robot\.urdf: Pinocchio refuses it: .*version"):
         load(text)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_snake_that_ends_where_its_refusal_says_is_an_arm_of_as_many_joints_as_may_be(load, tmp_path):
+    with pytest.raises(RobotError, match=r"at most 32: .* ends the arm there") as caught:
+        load(SNAKE)
+    tip = re.search(r'robot\.tip="(\w+)"', str(caught.value))[1]
+    assert load_robot(tmp_path / "robot.urdf", Setup(tip=tip)).joints == 32
 
 
 def test_two_arms_on_one_base_are_refused(load):

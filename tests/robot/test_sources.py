@@ -2,11 +2,13 @@
 
 import re
 import sys
+import xml.etree.ElementTree as ET
 
 import mujoco
 import numpy as np
 import pytest
 import torch
+import trimesh
 from scipy.spatial import ConvexHull
 
 from sidegan.errors import RobotError
@@ -14,6 +16,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, write_urdf
 from sidegan.robot.looks import visual_parts
 from sidegan.robot.meshes import find_mesh
+from sidegan.robot.mjcf_shapes import GeomWriter
 from sidegan.validity.capsules import capsule_axes, place_points
 
 from .urdf import one_joint
@@ -148,6 +151,22 @@ class TestMjcf:
         for end in (np.min, np.max):
             np.testing.assert_allclose(end(placed, 0), end(vertices(model, data, geom), 0), atol=1e-6)
         assert max(abs(part.vertices).max() for part in visual_parts(arm)) < 2  # no floor, nothing hidden
+
+    def test_a_dent_of_a_mesh_without_a_file_is_shown_and_collides_as_its_hull(self, mjcf):
+        """A tetrahedron of 1 l, one face of which has a dent that takes away 0.4 of it."""
+        corners, dent = "0 0 0  0.1 0 0  0 0.2 0  0 0 0.3", "0.02 0.04 0.06"
+        faces = "0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"
+        mesh = f'<mesh name="dented" vertex="{corners}  {dent}" face="{faces}"/>'
+        text = (
+            f'<mujoco><asset>{mesh}</asset><worldbody><geom type="mesh" mesh="dented"/></worldbody></mujoco>'
+        )
+        writer, link = GeomWriter(mujoco.MjModel.from_xml_string(text), mjcf), ET.Element("link")
+        assert writer.write_collision(link, 0)
+        writer.write_visual(link, 0)
+        volumes = {
+            shape.tag: abs(trimesh.load(shape.find("geometry/mesh").get("filename")).volume) for shape in link
+        }
+        assert volumes == pytest.approx({"collision": 1e-3, "visual": 0.6e-3}, rel=1e-5)
 
     def test_a_cache_that_cannot_be_written_leaves_a_capsule(self, mjcf, monkeypatch):
         (mjcf.parent / "file").touch()

@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -14,6 +15,7 @@ from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
+from sidegan.validity.bounds import CellMotion, torque_bounds
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain
 
@@ -92,6 +94,24 @@ def test_both_searches_agree_on_random_arms(
     trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
     constraints = constrained(arm, REGIONS[regions], torque=seed % 3 > 0)
     assert_same(constraints, trajectory, moderate(arm, trajectory, 12, seed))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_both_bound_alike_how_torques_change(seed: int) -> None:
+    """Whichever way gravity pulls: here it does so in a new direction each time."""
+    from sidegan.motion.compiled import cells
+    from sidegan.validity.fused import model_of
+
+    arm = random_chain(4, seed)[0]
+    most = torch.rand(6, 4, generator=torch.Generator().manual_seed(seed), dtype=torch.float64).numpy()
+    none = np.zeros((1, 4, 2)), np.zeros((1, 5, 2)), np.zeros(1)
+    drifts = np.zeros((2, 1, 4))
+    drifts[0, 0] = most[5]
+    motions = cells.Motions(none[0], most[4:5].copy(), drifts, none[1], none[2], 0.1)
+    bent = np.zeros((2, 4))
+    cells.bend_torques(model_of(Constraints(arm)), most[:4].copy(), motions, 0, np.zeros((6, 4)), bent)
+    expected = torque_bounds(arm, CellMotion(*torch.from_numpy(most)[:, None]))
+    np.testing.assert_allclose(bent, torch.cat(expected), rtol=1e-12)
 
 
 @pytest.mark.parametrize("regions", REGIONS)

@@ -287,6 +287,12 @@ def test_what_was_made_is_not_made_again(small, run):
     assert len(load(small, name)) == small.cfg.worth.sets
 
 
+def test_a_contender_reports_how_long_its_sets_last(small, run):
+    for name in contenders(small):
+        seconds = [len(one.coefficients) * one.family.period for one in load(small, name)]
+        assert small.report(sets(small, name))["seconds"] == pytest.approx(sum(seconds) / len(seconds))
+
+
 def test_a_file_of_too_few_motions_is_refused_before_anything_is_made(task, tmp_path):
     path, points = tmp_path / "motions.json", [[0.0] * task.arm.joints] * 5
     path.write_text(json.dumps({"step": 2.0, "trajectories": [{"seconds": 1.0, "waypoints": points}]}))

@@ -159,7 +159,8 @@ def _torques_near(model: Model, work: Work, best: float, half: float, rates: Arr
     """Whether a torque's margin is the smallest so far, or may vanish in the cell at such rates."""
     near = False
     for j in range(len(model.home)):
-        near |= not model.torque[j] - abs(work.torque[j]) >= max(best, half * rates[j])
+        margin = model.torque[j] - abs(work.torque[j])
+        near |= not (margin >= best and margin >= half * rates[j])  # a rate that is no number decides nothing
     return near
 
 

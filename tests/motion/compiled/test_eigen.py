@@ -50,6 +50,18 @@ def test_equal_eigenvalues_get_vectors_at_right_angles(spectrum):
     check(symmetric(spectrum, 0))
 
 
+def test_nothing_is_done_again_where_eigenvalues_are_well_apart(monkeypatch):
+    """That is what makes it fast: what is not accurate enough is left to LAPACK."""
+    monkeypatch.setattr("sidegan.motion.plain.extremes", None)
+    check(torch.cat([symmetric(range(30), seed) for seed in range(20)]))
+
+
+def test_nothing_is_done_again_where_an_eigenvector_is_a_column_of_the_identity(monkeypatch):
+    """Whichever of them it is: each eigenvalue at the ends has been in each place."""
+    monkeypatch.setattr("sidegan.motion.plain.extremes", None)
+    check(torch.stack([torch.arange(9.0).double().roll(k).diag() for k in range(9)]))
+
+
 @pytest.mark.parametrize(
     "x",
     [

@@ -136,6 +136,18 @@ def test_a_derivative_can_be_derived_again(planar, engine):
     assert torch.autograd.gradgradcheck(lambda x: gram(body, trajectory, x, 12), c, rtol=1e-3, atol=1e-4)
 
 
+@pytest.mark.parametrize("rows", range(1, 10))
+def test_a_product_in_tiles_of_four_reads_no_row_that_is_not_there(rows):
+    """As plain Python, which refuses what compiled code would read behind the last row."""
+    from sidegan.motion.compiled.regressor import tile
+
+    y, product, ends = normal(rows, 7).numpy(), np.zeros((rows, rows)), range(0, rows, 4)
+    for i in ends:
+        for j in ends:
+            tile.py_func(y, (i, rows), (j, rows), 1, 6, product)
+    np.testing.assert_allclose(product, y[:, 1:6] @ y[:, 1:6].T, atol=1e-14)
+
+
 def test_columns_may_come_in_any_order(arm):
     body, _, states = body_and_states((4, 0), 2, 9)
     order = torch.randperm(body.parameters_count, generator=torch.Generator().manual_seed(0))
