@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.pipeline.columns import chosen, leads
+from sidegan.pipeline.columns import OURS, chosen, leads
 from sidegan.pipeline.graph import Artifact, Metrics, waves
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
@@ -23,7 +23,7 @@ class Stage:
     Attributes:
         artifacts: of a task, in the order in which they are recorded.
         show: what it prints and leaves in the run's folder besides.
-        columnwise: its artifacts are made in every column of the comparison.
+        columnwise: its artifacts are made in every column of the comparison, and not in our own alone.
         leading: of columns that differ in their seed set alone they are made in the first.
         check: refuses what it could not work with, before the run's first stage has begun.
     """
@@ -37,7 +37,7 @@ class Stage:
     def listed(self, task: Task) -> list[Artifact]:
         """Its artifacts in every column that is made; what columns share is listed by each."""
         if not self.columnwise:
-            return [*self.artifacts(task)]
+            return [*self.artifacts(task)] if task.cfg.only is None or OURS in task.cfg.only else []
         made = (column for column in chosen(task) if leads(column) or not self.leading)
         return [one for column in made for one in self.artifacts(column)]
 

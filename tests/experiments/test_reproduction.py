@@ -15,6 +15,7 @@ from sidegan.errors import ArtifactError, ConfigError, SideganError
 from sidegan.pipeline import excerpt as pipeline_excerpt
 from sidegan.pipeline.excerpt import excerpt
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.store import Store, left_out
@@ -269,6 +270,19 @@ def test_epochs_to_reliability():
 def test_a_report_without_its_artifacts_names_what_is_missing(tmp_path):
     with pytest.raises(ArtifactError, match="run stage surrogates first"):
         run_stages(config(tmp_path, "stages=[table]"), tmp_path / "run", "alone")
+
+
+def test_a_column_alone_makes_nothing_of_ours_but_what_it_is_made_from(outputs):
+    other, ours, every = (
+        {
+            name: stage(name).listed(Task(config(outputs, *only), Store(outputs)))
+            for name in ("gan", "sensitivity")
+        }
+        for only in (["only=[letter_first]"], ["only=[ours]"], [])
+    )
+    assert other["sensitivity"] == [] and len(ours["sensitivity"]) == len(every["sensitivity"]) == 1
+    assert {one.shelf for one in other["gan"]} == {"columns/letter_first/gan"}
+    assert len(other["gan"]) + len(ours["gan"]) < len(every["gan"])
 
 
 class TestExcerpt:
