@@ -3,6 +3,7 @@
 Source: Jegorova et al. 2020, section V-B.
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,9 +57,9 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
     for name, part in histories.groupby("variant", sort=False):
         share = part.pivot(index="epoch", columns=levels(part), values="success").fillna(0.0)
         reached = share >= RELIABLE
-        first = reached.idxmax().where(reached.any())
+        first = ["never" if pd.isna(x) else f"{x:g}" for x in reached.idxmax().where(reached.any())]
         rows[name] = {
-            "first epoch": ", ".join("never" if pd.isna(x) else f"{x:g}" for x in first),
+            "first epoch": ", ".join(f"{x} ({n} ×)" if n > 1 else x for x, n in Counter(first).items()),
             f"valid after {EARLY} epochs": tables.spread(share.iloc[min(EARLY, len(share)) - 1]),
             "best": tables.spread(share.max()),
             "last": tables.spread(share.iloc[-1]),

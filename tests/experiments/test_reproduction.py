@@ -255,6 +255,8 @@ def test_epochs_to_reliability():
     shares = {
         ("eigen", 0): (0.1, 0.85, 0.7),
         ("eigen", 1): (0.9, 0.2, 0.95),
+        ("diagonal", 0): (0.9, 0.9, 0.9),
+        ("diagonal", 1): (0.8, 0.1, 0.9),
         ("vanilla", 0): (0.1, None, 0.1),
     }
     rows = [
@@ -264,6 +266,7 @@ def test_epochs_to_reliability():
     ]
     table = training.speed(pd.DataFrame(rows))
     assert table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never"
+    assert table.loc["diagonal", "first epoch"] == "1 (2 ×)"
     assert table.loc["eigen", "best"] == "0.9 ± 0.071"
 
 
