@@ -177,18 +177,23 @@ class _Writer:
 
 
 def _efforts(model: mujoco.MjModel) -> dict[int, float]:
-    """Largest torque or force [N·m or N] of each joint that limits one, of itself or of its actuator."""
-    found: dict[int, float] = {}
+    """Largest torque or force [N·m or N] that each joint gets in both directions, where that is limited.
+
+    Actuators of one joint add up, and the joint's own range cuts what they give together.
+    """
+    ranges: dict[int, Vector] = {}
     for i in range(model.nu):
-        if (
-            int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-            and model.actuator_forcelimited[i]
-        ):
-            force = np.abs(model.actuator_forcerange[i] * model.actuator_gear[i, 0]).min()
-            found[int(model.actuator_trnid[i, 0])] = float(force)
+        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT):
+            limited, gear = model.actuator_forcelimited[i], model.actuator_gear[i, 0]
+            force = np.sort(model.actuator_forcerange[i] * gear) if limited else np.array([-np.inf, np.inf])
+            joint = int(model.actuator_trnid[i, 0])
+            ranges[joint] = ranges.get(joint, np.zeros(2)) + force
     for joint in np.flatnonzero(model.jnt_actfrclimited):
-        found[int(joint)] = float(np.abs(model.jnt_actfrcrange[joint]).min())
-    return found
+        lower, upper = model.jnt_actfrcrange[joint]
+        least, most = ranges.get(int(joint), (-np.inf, np.inf))
+        ranges[int(joint)] = np.array([max(lower, least), min(upper, most)])
+    largest = {joint: float(np.abs(force).min()) for joint, force in ranges.items()}
+    return {joint: force for joint, force in largest.items() if np.isfinite(force)}
 
 
 def _model_name(model: mujoco.MjModel) -> str:

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from sidegan.base.storage import read_json
+from sidegan.pipeline.graph import Build
 from sidegan.pipeline.stages import density, elsewhere, first_set, narrow, polish, timing, transfer
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import REPORT, RESULTS, Task
@@ -39,6 +40,23 @@ def test_a_transfer_and_what_it_is_compared_with_train_for_their_share_of_the_ep
     assert {transfer.schedule(made, way).steps for way in transfer.WAYS} == {7}
     least = made.with_settings(beyond=replace(made.cfg.beyond, share=1e-9))
     assert transfer.schedule(least, transfer.TRANSFER).epochs == 1
+
+
+def test_a_transfer_tells_every_epoch_that_is_over(task, tmp_path, monkeypatch):
+    made, told = task("beyond", "beyond.epochs=3"), []
+    nothing = SimpleNamespace(generator=SimpleNamespace(save=lambda path: None), history=[], epoch=0)
+
+    def trained(variant, *room):
+        *_, run = room
+        for epoch in range(variant.epochs):
+            run.epoch_end(epoch, {})
+        return nothing
+
+    monkeypatch.setattr("sidegan.gan.training.train_variant", trained)
+    build = Build(tmp_path, tmp_path, lambda *progress: told.append(progress))
+    name, target = next(iter(made.cfg.beyond.targets.items()))
+    transfer._make(made, build, target, name, transfer.SCRATCH)
+    assert told == [(1, 3), (2, 3), (3, 3)]
 
 
 def test_time_that_is_slept_is_no_cost():

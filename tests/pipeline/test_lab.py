@@ -48,13 +48,16 @@ def files(arm, load, tmp_path_factory):  # noqa: F811
     return folder
 
 
-def test_the_payload_command_tells_mass_and_centre(files, tmp_path):
+def test_the_payload_command_tells_mass_and_centre(files, tmp_path, caplog):
+    caplog.set_level("INFO", "sidegan")
     folder = ran(tmp_path, "payload", f"recordings=[{files / 'free.csv'}]", f"loaded=[{files / 'laden.csv'}]")
     found = json.loads((folder / "payload.json").read_text())
     assert found["certain"] and found["link"] == "link_7"
     for name, true in zip(("mass", "cx", "cy", "cz"), (MASS, *CENTRE)):
         assert abs(found[name] - true) < 4 * found["deviation"][name] + 5e-3
     assert "Ixx" in (folder / "payload.csv").read_text()
+    told = ", ".join(f"{found[x]:.4f} ± {found['deviation'][x]:.1g}" for x in ("cx", "cy", "cz"))
+    assert f"centre of mass ({told}) m in the frame of link_7" in caplog.text
 
 
 def test_the_gains_command_tells_a_setting(files, tmp_path):

@@ -87,6 +87,12 @@ def test_one_mesh_is_always_cut_by_the_same_measure():
     np.testing.assert_array_equal(one.filled, again.filled)
 
 
+def test_a_plate_is_cut_though_its_hull_takes_no_more_room_than_its_halves():
+    (one,), two = (cover([box_mesh(0.6, 0.3, 0.02)], most) for most in (1, 2))
+    assert len(two) == 2
+    assert sum(volume(part.capsule) for part in two) < 0.8 * volume(one.capsule)
+
+
 def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
     """A column with a shoulder and a head: planes that save more volume would close the gap between these."""
     column = box_mesh(0.4, 0.3, 0.5)

@@ -186,6 +186,27 @@ class TestMjcf:
         assert "floor of world" in told
         assert "rotor inertias (armature) are not part" in told
 
+    def test_a_joint_may_limit_its_torque_itself(self, mjcf):
+        mjcf.write_text(MJCF.replace('<joint name="two"', '<joint name="two" actuatorfrcrange="-40 30"'))
+        arm = load_robot(mjcf, Setup(limits=SPEEDS))
+        assert arm.torque_limit.tolist() == [87, 30, np.inf]  # the smaller one of both directions
+
+    @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
+    @pytest.mark.parametrize("more", ["", '<motor joint="two" forcerange="-7 5"/>', '<motor joint="two"/>'])
+    def test_limits_of_torque_are_what_mujocos_actuators_give(self, mjcf, own, more):
+        """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""
+        motors = f'<motor joint="two" gear="-2" forcerange="-20 25"/>{more}</actuator>'
+        text = MJCF.replace("</actuator>", motors).replace('<joint name="two"', f'<joint name="two" {own}')
+        mjcf.write_text(text)
+        model = mujoco.MjModel.from_xml_path(str(mjcf))
+        data, dof, pushed = mujoco.MjData(model), model.joint("two").dofadr[0], []
+        for sign in (-1e6, 1e6):
+            data.ctrl[:] = sign * np.sign(model.actuator_gear[:, 0])
+            mujoco.mj_forward(model, data)
+            pushed.append(abs(data.qfrc_actuator[dof]))
+        limit = float(load_robot(mjcf, Setup(limits=SPEEDS)).torque_limit[1])
+        assert limit == pytest.approx(min(pushed) if min(pushed) < 1e5 else np.inf)
+
     def test_an_identified_arm_is_written_as_urdf(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS, base="a/one", tip="b", locked={"slide": 0.1}))
         assert arm.joint_names == ("two",)

@@ -10,7 +10,7 @@ from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
-from sidegan.validity.home import refuse_degrees
+from sidegan.validity.home import _nowhere, refuse_degrees
 
 
 @pytest.fixture
@@ -61,6 +61,15 @@ def test_where_no_position_is_free_the_region_is_named_with_what_drops_it(bent):
     between = [Plane((0, 0, 1), 0.7), Plane((0, 0, -1), -0.75)]  # each of which leaves room
     with pytest.raises(InfeasibleError, match=r"keep_out of \w+ in region \d .*workspace=free"):
         default_home(Constraints(bent, between))
+
+
+def test_it_is_told_in_how_many_positions_a_constraint_fails_by_however_little(planar):
+    rooms = {
+        "position": torch.tensor([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0], [-0.5, 1.0]]),
+        "torque": torch.tensor([[1.0, -0.5], [1.0, -2.0], [-0.5, -0.5], [1.0, 1.0]]),
+    }
+    told = _nowhere(Constraints(planar), rooms)
+    assert "none of 4 others is: torque of elbow does not hold in 75% of them" in told
 
 
 @pytest.mark.parametrize("positions", [[0.0, -90.0, 90.0, 0.0, 45.0, 0.0, 0.0], [120.0] + 6 * [0.0]])
