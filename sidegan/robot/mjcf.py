@@ -188,10 +188,10 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
             force = np.sort(model.actuator_forcerange[i] * gear) if limited else np.array([-np.inf, np.inf])
             joint = int(model.actuator_trnid[i, 0])
             ranges[joint] = ranges.get(joint, np.zeros(2)) + force
-    for joint in np.flatnonzero(model.jnt_actfrclimited):
+    for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():
         lower, upper = model.jnt_actfrcrange[joint]
-        least, most = ranges.get(int(joint), (-np.inf, np.inf))
-        ranges[int(joint)] = np.array([max(lower, least), min(upper, most)])
+        least, most = ranges.get(joint, (-np.inf, np.inf))
+        ranges[joint] = np.array([max(lower, least), min(upper, most)])
     largest = {joint: float(np.abs(force).min()) for joint, force in ranges.items()}
     return {joint: force for joint, force in largest.items() if np.isfinite(force)}
 
