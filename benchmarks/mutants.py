@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from benchmarks.tree import ROOT, copied
-from benchmarks.warm import Warm
+from benchmarks.warm import Bounds, Warm
 from sidegan.base.progress import bar
 from sidegan.errors import ConfigError
 from sidegan.report import export
@@ -42,6 +42,7 @@ _OTHERS = ("And", "Or", "True", "False", "NumberReplacer", "ZeroIteration", "Add
 # [s] for the tests of one mutant, after which it counts as noticed, since it has no end: of the processor,
 # and on the clock, which runs on while others use the machine
 _PATIENCE, _LONGEST = 600, 3600
+_ROOM = 12 * 2**30  # [bytes] for a process of its tests: what grows without an end is noticed, too
 _STAGES = Path("tests/experiments")  # run what no other test runs
 _EVERYWHERE = ("pipeline", "report")  # rooms that use all others
 _COMPILED = "sidegan/motion/compiled/"
@@ -219,7 +220,7 @@ def _kernels(one: Mutant, root: Path) -> Iterator[Path]:
 def _failing(tests: list[str], root: Path, kernels: Path, warm: Warm) -> tuple[str | None, float]:
     """The first test that fails, empty where none can be named, None when all pass; CPU time [s]."""
     arguments = ["-x", "-q", "-p", "no:cacheprovider", *tests]
-    done = warm.run(arguments, root, kernels, _PATIENCE, _LONGEST)
+    done = warm.run(arguments, root, kernels, Bounds(_PATIENCE, _LONGEST, _ROOM))
     if done.code is not None and done.code > 2:  # neither passed, failed nor broken by the change
         raise ConfigError(f"pytest {' '.join(arguments)} ended with {done.code}: {done.output[-1000:]}")
     named = _FAILED.search(done.output) if done.code == 1 else None

@@ -32,6 +32,14 @@ class Ran(NamedTuple):
     seconds: float  # of the processor
 
 
+class Bounds(NamedTuple):
+    """What a run of tests may take before it is ended."""
+
+    patience: int  # [s] of the processor
+    longest: float  # [s] on the clock
+    room: int  # [bytes] of addresses of a process
+
+
 class Warm:
     """The process; it ends with the block.
 
@@ -44,18 +52,17 @@ class Warm:
         command = [sys.executable, "-P", __file__, *heavy]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    def run(self, arguments: list[str], root: Path, kernels: Path, patience: int, longest: float) -> Ran:
+    def run(self, arguments: list[str], root: Path, kernels: Path, bounds: Bounds) -> Ran:
         """Run pytest on the project at a root.
 
         Args:
             arguments: of pytest.
             root: of the project; becomes the current folder.
             kernels: folder where compiled kernels are kept.
-            patience: seconds of the processor after which it is ended.
-            longest: seconds on the clock after which it is ended.
+            bounds: after which it is ended.
         """
         request = {"root": str(root.resolve()), "kernels": str(kernels.resolve()), "arguments": arguments}
-        request |= {"patience": patience, "longest": longest}
+        request |= bounds._asdict()
         to, answers = cast("IO[str]", self._process.stdin), cast("IO[str]", self._process.stdout)
         to.write(f"{json.dumps(request)}\n")
         to.flush()
@@ -99,6 +106,7 @@ def _become(request: dict[str, Any], output: int) -> None:
             os.dup2(output, stream)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         resource.setrlimit(resource.RLIMIT_CPU, (request["patience"],) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (request["room"],) * 2)
         os.chdir(request["root"])
         sys.path.insert(0, request["root"])
         # Commands that tests start are those of the project at this root too.

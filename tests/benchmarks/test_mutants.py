@@ -66,7 +66,9 @@ def test_what_a_test_tells_is_noticed_and_what_none_tells_survives(project, warm
 
 def test_the_nearest_tests_come_first():
     near, *telling, others = mutants.tests_of("sidegan/validity/regions.py", mutants.ROOT)
-    assert near == ["tests/validity/test_regions.py"] and all(len(step) == 1 for step in telling)
+    others_of_it = [path for path in near if path != "tests/validity/test_regions.py"]
+    assert len(others_of_it) == len(near) - 1 and all(len(step) == 1 for step in telling)
+    assert all("sidegan.validity.regions import" in (mutants.ROOT / x).read_text() for x in others_of_it)
     every = [*near, *(step[0] for step in telling), *others]
     found = sorted(
         str(path.relative_to(mutants.ROOT)) for path in mutants.ROOT.glob("tests/validity/test_*.py")
@@ -102,6 +104,14 @@ def test_what_has_no_end_is_noticed(project, warm, monkeypatch):
     monkeypatch.setattr(mutants, "_PATIENCE", 3)
     (project / "tests/motion/test_means.py").write_text("def test_mean():\n    while True:\n        pass\n")
     assert mutants.noticed(SECOND, project, warm)[0]
+
+
+def test_what_grows_without_end_is_noticed(project, warm, monkeypatch):
+    monkeypatch.setattr(mutants, "_ROOM", 2**30)
+    test = "def test_mean():\n    x = bytes(2**20)\n    while True:\n        x += x\n"
+    (project / "tests/motion/test_means.py").write_text(test)
+    with pytest.raises(ConfigError, match="fails without a mutant"):
+        mutants.noticed(SECOND, project, warm)
 
 
 def test_a_stopped_run_goes_on_and_the_tree_is_left_alone(project, tmp_path, monkeypatch, capsys):
