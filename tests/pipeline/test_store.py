@@ -366,7 +366,7 @@ def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(tmp
         return {"condition": 2.0, "loss": [3.0, None, 1.0]}
 
     one = replace(numbers(3, write), title="gan/eigen", metrics=metrics, alone=True)
-    cfg = SimpleNamespace(has=lambda *_: False, parallel=SimpleNamespace(workers=1))
+    cfg = SimpleNamespace(only=None, has=lambda *_: False, parallel=SimpleNamespace(workers=1))
     task, tracker = SimpleNamespace(store=Store(tmp_path), cfg=cfg), _Recorded()
     for name in ("surrogates", "gan"):
         run_stage(name, Stage(lambda _: [one]), task, tracker)
