@@ -197,8 +197,8 @@ def test_sensitivity_changes_one_setting_at_a_time(artifacts):
     assert ("none", "as in experiment 1") in changes.index and ("prior", "1") in changes.index
     table = comparisons.sensitivity(frame, weighted=False)
     assert len(table) == changes[~changes.index.duplicated()].size
-    assert table["random valid"].str.fullmatch(r"(\*\*)?(—|[\d.e-]+( ± [\d.e-]+)?)(\*\*)?").all()
-    assert (table.apply(lambda row: row.str.contains(r"\*\*").sum(), axis=1) == 1).all()
+    assert table["random valid"].str.fullmatch(r"—|[\d.e-]+( ± [\d.e-]+)?").all()
+    assert not table.apply(lambda row: row.str.contains(r"\*\*")).any(axis=None)  # a few draws name no winner
     usual = frame[(frame.factor == "none") & (frame["set"] == "seeds")]
     assert set(usual.samples) == {artifacts.task.cfg.selection.count * 161}
 
