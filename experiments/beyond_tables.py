@@ -15,6 +15,7 @@ from experiments.artifacts_beyond import (
 )
 from experiments.beyond_even import break_even
 from experiments.words import COLUMNS
+from sidegan.base.names import plain
 from sidegan.report import tables
 from sidegan.report.style import NOT_MEASURED
 
@@ -100,7 +101,7 @@ def final_condition(part: pd.DataFrame) -> float:
 def spread(values: pd.Series | None) -> str:
     """Mean ± deviation, the value alone where all are alike; a dash where nothing is known."""
     finite = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
-    return f"{finite.iloc[0]:.3g}" if finite.nunique() == 1 else tables.spread_or_dash(finite)
+    return plain(finite.iloc[0]) if finite.nunique() == 1 else tables.spread_or_dash(finite)
 
 
 def called(target: str) -> str:

@@ -8,6 +8,7 @@ import torch
 
 from experiments.artifacts import Artifacts
 from experiments.words import COLUMNS, PAPER
+from sidegan.base.names import plain
 from sidegan.design.excitation import effective_rank, mean_distance
 from sidegan.library import Library
 from sidegan.pipeline.stages.seeds import seed_set
@@ -73,9 +74,9 @@ def kinds(kinds: Kinds) -> pd.DataFrame:
         cost = report["cpu_seconds"] / report["count"]
         rows[name] = {
             "seeds": str(len(library)),
-            "median cond(YᵀY)": f"{library.fitness.median():.4g}",
-            "best": f"{library.fitness.min():.4g}",
-            "median diagonal ratio": f"{library.diagonal_fitness.median():.4g}",
+            "median cond(YᵀY)": plain(float(library.fitness.median()), ".4g"),
+            "best": plain(float(library.fitness.min()), ".4g"),
+            "median diagonal ratio": plain(float(library.diagonal_fitness.median()), ".4g"),
             f"mean distance of {fewest}": f"{mean_distance(c):.3g}" if fewest > 1 else "—",
             f"effective rank of {fewest}": f"{effective_rank(c):.3g}" if fewest > 1 else "—",
             "CPU per seed [s]": number(cost, ".3g"),

@@ -10,7 +10,7 @@ import torch
 import yaml
 
 from experiments.pages import leave
-from sidegan.base.names import folder_name
+from sidegan.base.names import folder_name, plain
 from sidegan.base.storage import write_bytes
 from sidegan.base.typed import build
 from sidegan.controllers import POINTS, Course, csv_text
@@ -186,13 +186,13 @@ def _row(one: Answer) -> dict[str, str]:
     """What an answer is worth, or what stands in its way."""
     design, spent = one.design, one.design.spent
     effort = {"evaluations": f"{spent.evaluations}", "proofs": f"{spent.proofs}"}
-    effort["time [ms]"] = f"{1e3 * spent.seconds:.3g}"
+    effort["time [ms]"] = plain(1e3 * spent.seconds)
     if one.blocked:
         return {"aim": one.question.asked.aim, **effort, "blocked by": "; ".join(one.blocked)}
     nearest = [design.margins[name] for name in ("collision", "keep_out") if name in design.margins]
     worth = {
         "period [s]": f"{design.trajectory.period:g}",
-        "cond(YᵀY)": f"{design.criteria.condition:.4g}",
+        "cond(YᵀY)": plain(design.criteria.condition, ".4g"),
         **_uncertain(one),
         "clearance [m]": f"{min(nearest) + design.constraints.clearance:.3f}" if nearest else "—",
     }

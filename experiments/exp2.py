@@ -11,6 +11,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import leave
 from experiments.verdicts import levels
 from experiments.words import PAPER
+from sidegan.base.names import plain
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.tracking import Tracker
@@ -66,9 +67,9 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
             joints = gain.groupby("joint").improvement.mean()
             trainings = gain.groupby(levels(gain)).improvement.mean()
             cells = rows.setdefault(tables.title(name), {})
-            cells[f"×{replicas}"] = f"{joints.mean():.3g} ± {joints.std():.2g}"
+            cells[f"×{replicas}"] = tables.spread(joints)
             if len(trainings) > 1:
-                cells[f"×{replicas}, trainings"] = f"{trainings.min():.3g} … {trainings.max():.3g}"
+                cells[f"×{replicas}, trainings"] = f"{plain(trainings.min())} … {plain(trainings.max())}"
             cells[f"×{replicas}, paper"] = PAPER["table2"].get(name, {}).get(replicas, "—")
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("improvement [%] over seeds")
 
@@ -81,7 +82,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
         rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(levels(part)).covariance_norm.mean()),
             "samples": f"{part.samples.mean():.0f}",
-            "‖diag P‖ × samples": f"{(part.covariance_norm * part.samples).mean():.3g}",
+            "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
             "paper": PAPER["table3"].get(name, "—"),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")

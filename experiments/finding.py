@@ -9,6 +9,7 @@ import pandas as pd
 
 from experiments.artifacts import Group
 from experiments.verdicts import COLUMN, TRAINING, UNKNOWN, Interval, interval, together
+from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
 GANS = ("vanilla", *SIDE_GANS)
@@ -53,8 +54,9 @@ def words(measured: Interval, form: str = ".3g") -> str:
     if np.isnan(measured.mean):
         return "nothing to measure"
     if not np.isfinite(measured.low):
-        return f"{measured.mean:{form}} (no interval: one alone)"
-    return f"{measured.mean:{form}} ({measured.low:{form}} … {measured.high:{form}})"
+        return f"{plain(measured.mean, form)} (no interval: one alone)"
+    low, high = plain(measured.low, form), plain(measured.high, form)
+    return f"{plain(measured.mean, form)} ({low} … {high})"
 
 
 def shares(log_odds: Mapping[str, pd.Series], form: str = ".0%") -> str:

@@ -1,6 +1,7 @@
 """From the paper's recipe to ours, one change at a time, and ours without each of its parts."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,7 +10,10 @@ import pandas as pd
 
 from experiments.pages import Page, means, publish
 from experiments.words import COLUMNS
-from sidegan.pipeline.graph import Artifact
+from sidegan.base.names import plain
+from sidegan.gan import Variant
+from sidegan.pipeline.graph import Artifact, flatten
+from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages import ladder
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
@@ -38,8 +42,8 @@ def present(task: Task, folder: Path, tracker: Tracker) -> None:
     """Print what the generators of each rung make, over trainings, and write and record ``ladder.md``."""
     every, without = rows(task), parts(task)
     tables = {
-        "ladder": over_groups(every, "rung", COLUMNS["ladder"]),
-        "parts": over_groups(without, "rung", COLUMNS["ladder"]).rename_axis("ours, but"),
+        "ladder": _table(every, changes(task.cfg)),
+        "parts": _table(without, changes_of_ours(task.cfg)).rename_axis("ours, but"),
     }
     told = "of the kept epoch, true physics, no sample filtered"
     show(tables["ladder"], f"From the paper's recipe to ours: {told}")
@@ -66,6 +70,40 @@ def largest_steps(every: pd.DataFrame) -> dict[str, Step]:
             place = int(gains.argmax())
             found[name] = Step(str(known.index[place + 1]), float(before[place]), float(after[place]))
     return found
+
+
+def changes(cfg: Config) -> dict[str, str]:
+    """What each rung changes: of the one before it, and after the last one of the way of the first one."""
+    variants = dict(cfg.ladder)
+    names = list(variants)
+    way = names[: names.index(_LAST) + 1]
+    before = dict(zip(way[1:], way, strict=False)) | dict.fromkeys(names[len(way) :], way[0])
+    return {name: changed(variants[of], variants[name]) for name, of in before.items()}
+
+
+def changes_of_ours(cfg: Config) -> dict[str, str]:
+    """What each variant of ours changes of it."""
+    ours = cfg.ladder[_LAST]
+    return {name: changed(ours, one) for name, one in cfg.ablation.items()}
+
+
+def changed(before: Variant, after: Variant) -> str:
+    """The settings in which a variant differs from another, with their new values."""
+    old, new = flatten(asdict(before)), flatten(asdict(after))
+    return ", ".join(f"{key} {_value(x)}" for key, x in new.items() if old.get(key) != x)
+
+
+def _value(x: Any) -> str:
+    words = {None: "none", True: "yes", False: "no"}
+    if isinstance(x, list | tuple):
+        return " and ".join(map(_value, x))
+    return words[x] if x is None or isinstance(x, bool) else plain(x) if isinstance(x, float) else str(x)
+
+
+def _table(frame: pd.DataFrame, told: Mapping[str, str]) -> pd.DataFrame:
+    table = over_groups(frame, "rung", COLUMNS["ladder"])
+    table.insert(0, "changed", [told.get(str(name), "—") for name in table.index])
+    return table
 
 
 def rows(task: Task) -> pd.DataFrame:

@@ -10,6 +10,7 @@ from experiments.claims_identification import OF_WHOLE_SETS, gain
 from experiments.finding import named, words
 from experiments.verdicts import interval, levels
 from experiments.words import PAPER
+from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config
 from sidegan.report import tables
 
@@ -54,10 +55,10 @@ def recursions(norms: pd.DataFrame) -> pd.DataFrame:
     """Covariance norms over that of the seeds measured once, by set and recursion, with the paper's."""
     ratios = norm_ratios(norms)
     order = tables.ordered(ratios.index)
-    shown = ratios.loc[order].map(lambda x: f"{x:.3g}")
+    shown = ratios.loc[order].map(plain)
     shown.columns = [named(*recursion) for recursion in ratios.columns]
     paper = _paper_ratios().reindex(order)
-    shown["paper"] = ["—" if np.isnan(x) else f"{x:.3g}" for x in paper]
+    shown["paper"] = ["—" if np.isnan(x) else plain(x) for x in paper]
     return shown.rename(index=tables.title).rename_axis("‖diag P‖ over that of seeds ×1")
 
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from experiments import claims, comparisons, exp1, exp2, readings, training
 from experiments.artifacts import SEEDS, Artifacts, Group, comparison
 from experiments.finding import named
+from experiments.ladder import changed
 from experiments.pages import Page, publish
 from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
@@ -28,6 +29,7 @@ if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 _DRAWS = ["column", "training", "repeat"]
+_LETTER, _REPAIRED = "letter", "repaired"  # groups of columns
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 
 
@@ -46,6 +48,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "cfg": artifacts.cfg,
         "paper": PAPER,
         "letter": _paper(groups),
+        "repair": _repair(groups),
         "reliable": training.RELIABLE,
         "confidence": CONFIDENCE,
         "left_out": left_out(groups),
@@ -184,6 +187,14 @@ def kinds_of(groups: Groups) -> comparisons.Kinds:
     """Report and library of the seeds and of other kinds of seeds, by our optimiser and by the paper's."""
     kinds, paper = groups[OURS].first.kinds, _paper(groups)
     return kinds if paper is None else kinds | paper.kinds
+
+
+def _repair(groups: Groups) -> str | None:
+    """What the smallest repair changes of the paper's recipe, None where one of them is not there."""
+    if not {_LETTER, _REPAIRED} <= groups.keys():
+        return None
+    before, after = (groups[name].first.cfg.gan["eigen"] for name in (_LETTER, _REPAIRED))
+    return changed(before, after)
 
 
 def _motion(artifacts: Artifacts) -> dict[str, Scene | Film]:

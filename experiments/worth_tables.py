@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.worth_measures import ALL, PRACTICE, SOON, Goal, Worth, median, sides
+from sidegan.base.names import plain
 from sidegan.worth import Estimate, ratio
 
 OTHERS = tuple(f"best of {x}" for x in (PRACTICE, ALL))
@@ -26,7 +27,7 @@ def table(found: Worth, arm: str) -> pd.DataFrame:
             points = [float(np.median(found.excess(arm, name, regime, t))) for t in ends]
             row[f"points over the floor, {regime}"] = " → ".join(f"{x:.2f}" for x in points)
         seconds = found.design[arm, name]
-        row["design [s]"] = f"{seconds:.3g}" if np.isfinite(seconds) else "—"
+        row["design [s]"] = plain(seconds) if np.isfinite(seconds) else "—"
         if (share := found.violated[arm, name]) > 0:
             row["beyond a limit [% of the time]"] = f"{100 * share:.2g}"
         rows[f"**{one.title}**" if one.ours else one.title] = row
@@ -94,7 +95,7 @@ def _marks(found: Worth, arm: str, regime: str) -> list[dict[str, str]]:
 
 def shown(x: Estimate, brief: bool = False) -> str:
     """A median and its interval for people."""
-    words = [f"{v:.3g}" if np.isfinite(v) else "never" for v in x]
+    words = [plain(v) if np.isfinite(v) else "never" for v in x]
     return words[0] if brief or len(set(words)) == 1 else f"{words[0]} ({words[1]} … {words[2]})"
 
 
@@ -106,7 +107,7 @@ def quotient(x: Estimate) -> str:
         return "neither arrives"
     if x.median == 1.0 and (x.low == 0 or np.isinf(x.high)):  # infinite over infinite, not in every draw
         return "neither by the median"
-    words = [f"{v:.3g}" if np.isfinite(v) else "∞" for v in x]
+    words = [plain(v) if np.isfinite(v) else "∞" for v in x]
     return f"{words[0]} × ({words[1]} … {words[2]})"
 
 
@@ -117,7 +118,7 @@ def estimators(found: Worth, arm: str) -> pd.DataFrame:
         row = {}
         for kind, one in own.groupby("kind", sort=False):
             floor = one.floor.clip(lower=found.cfg.worth.resolution)
-            row[f"error over the floor, {kind}"] = f"{(one.error / floor).median():.3g}"
+            row[f"error over the floor, {kind}"] = plain((one.error / floor).median())
         for kind, one in own.groupby("kind", sort=False):
             both = 100 * one.covered.mean(), 100 * one.widened.mean()
             row[f"intervals hold, {kind} [%]"] = " → ".join(f"{x:.0f}" for x in both)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 
+from sidegan.base.names import plain
 from sidegan.report.tables import ordered
 
 NOT_MEASURED = "not measured"
@@ -42,11 +43,11 @@ def colour(name: str) -> str:
 
 def number(value: float, form: str) -> str:
     """A number for people."""
-    return NOT_MEASURED if math.isnan(value) else format(value, form)
+    return NOT_MEASURED if math.isnan(value) else plain(value, form)
 
 
 def seconds(duration: float) -> str:
     """A duration in the unit that people would say: ``1.4 ms``, ``6 min``, ``14 h``."""
     units = (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3))
     unit, size = next(((unit, size) for unit, size in units if duration >= size), ("µs", 1e-6))
-    return NOT_MEASURED if math.isnan(duration) else f"{duration / size:.3g} {unit}"
+    return NOT_MEASURED if math.isnan(duration) else f"{plain(duration / size)} {unit}"

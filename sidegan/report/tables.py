@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import pandas as pd
 import pyarrow as pa
 
+from sidegan.base.names import plain
+
 _FIRST = ("random", "seeds", "vanilla", "eigen", "diagonal")
 _AGAIN = "seeds ×"  # measured so often
 _SETS = {
@@ -56,7 +58,7 @@ def title(name: str) -> str:
 def spread(values: pd.Series) -> str:
     """Mean ± standard deviation, three significant digits; the mean alone of a single value."""
     mean, deviation = values.mean(), values.std()
-    return f"{mean:.3g}" if len(values) < 2 else f"{mean:.3g} ± {deviation:.2g}"
+    return plain(mean) if len(values) < 2 else f"{plain(mean)} ± {plain(deviation, '.2g')}"
 
 
 def spread_or_dash(values: pd.Series | None) -> str:
@@ -74,7 +76,7 @@ def formatted(frame: pd.DataFrame, columns: Mapping[str, Sequence[str]], unknown
     """Columns of numbers for people: of each its name and format, and a word where nothing is known."""
     rows = frame.reindex(columns=list(columns))
     cells = {
-        name: [unknown if pd.isna(x) else format(x, form) for x in rows[key]]
+        name: [unknown if pd.isna(x) else plain(x, form) for x in rows[key]]
         for key, (name, form) in columns.items()
     }
     return pd.DataFrame(cells, frame.index)
@@ -97,7 +99,7 @@ def joints(raw: pd.DataFrame) -> pd.DataFrame:
     """Mean nMSE by joint and set, unweighted."""
     part = raw[~raw.weighted]
     table = part.groupby(["joint", "set"], sort=False).nmse.mean().unstack("set")
-    table = table[ordered(table.columns)].map(lambda x: f"{x:.3g}")
+    table = table[ordered(table.columns)].map(plain)
     return table.rename(columns=title)
 
 

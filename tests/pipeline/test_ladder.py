@@ -24,6 +24,7 @@ def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
     table = pd.read_csv(folder / "ladder" / "tables" / "ladder.csv", index_col=0)
     assert list(table.index) == ["seeds", "letter", "non_saturating", "ours", "repaired"]
     assert list(table.columns) == [
+        "changed",
         "valid share",
         "median cond(YᵀY) of the valid",
         "mean distance",
@@ -45,6 +46,15 @@ def test_ours_without_each_part_stands_beside_ours(climbed):
     assert "| eigen_cold |" in text
     (cold,) = ladder.parts(task)["eigen_cold"]
     assert float(table["effective rank"]["eigen_cold"]) == pytest.approx(task.report(cold)["rank"], rel=0.01)
+
+
+def test_beside_each_rung_stands_what_it_changes():
+    config = tiny(experiment="ladder")
+    changes, of_ours = page.changes(config), page.changes_of_ours(config)
+    assert list(changes) == ["non_saturating", "ours", "repaired"]
+    assert changes["non_saturating"] == "losses.adversarial non_saturating"
+    assert "body mlp" in changes["repaired"] and "losses.adversarial" not in changes["repaired"]
+    assert of_ours == {"eigen_cold": "gaussian_start no"}
 
 
 def test_rungs_share_the_surrogates_of_their_kind(climbed):

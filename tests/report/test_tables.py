@@ -40,7 +40,7 @@ def test_sets_have_titles_for_people():
         ([0.123456], "0.123"),
         ([1, 3], "2 ± 1.4"),
         ([0.001, 0.001], "0.001 ± 0"),
-        ([1e-7, 3e-7], "2e-07 ± 1.4e-07"),
+        ([1e-7, 3e-7], "2e-7 ± 1.4e-7"),
     ],
 )
 def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
@@ -85,7 +85,7 @@ def test_generators_show_what_is_known():
     rows = [("seeds", known["seeds"]), ("eigen", known["eigen"]), ("eigen", again)]
     table = tables.generators(pd.DataFrame([{"name": name, **row} for name, row in rows]))
     assert list(table.index) == ["seeds", "eigen"]
-    assert table.loc["eigen"].tolist()[:3] == ["0.9 ± 0", "200 ± 1.4e+02", "90 ± 0"]
+    assert table.loc["eigen"].tolist()[:3] == ["0.9 ± 0", "200 ± 140", "90 ± 0"]
     assert table.loc["eigen"].tolist()[-1] == "—"
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
 

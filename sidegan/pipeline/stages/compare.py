@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from sidegan.base.names import plain
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
 from sidegan.identification.compare import Comparison, compare
@@ -58,7 +59,7 @@ def _table(found: Comparison) -> pd.DataFrame:
     ratio = found.difference / found.deviation.clamp_min(1e-300)
     order = ratio.abs().argsort(descending=True)
     columns = {"difference": found.difference, "σ": found.deviation, "in σ": ratio}
-    shown = {name: [f"{x:.3g}" for x in column[order].tolist()] for name, column in columns.items()}
+    shown = {name: [plain(x) for x in column[order].tolist()] for name, column in columns.items()}
     return pd.DataFrame(shown, index=pd.Index([found.names[k] for k in order.tolist()], name="parameter"))
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from sidegan.base.names import counted
+from sidegan.base.names import counted, plain
 from sidegan.controllers import POINTS, SCRIPTED, approach, deliver, least_rate, slower
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
@@ -58,7 +58,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
     caption = (
         f"{counted(len(run), *_TRAJECTORY)} of {family.period:g} s, condition of the set "
-        f"{criteria.condition:.3g}, for controllers ({', '.join(cfg.controllers.formats)}"
+        f"{plain(criteria.condition)}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
     )
     caption += f"{_goal(task, aim, tracker)}; checked: {task.constraints.described()}"
@@ -116,7 +116,7 @@ def _goal(task: Task, aim: Uncertain | None, tracker: Tracker) -> str:
     if aim is None:
         return ""
     columns = {"before": aim.before, "with the set": aim.deviations}
-    shown = {name: [f"{x:.3g}" for x in column.tolist()] for name, column in columns.items()}
+    shown = {name: [plain(x) for x in column.tolist()] for name, column in columns.items()}
     of = "the description" if task.cfg.known is None else task.cfg.known
     caption = f"Standard deviations that are to be expected, before: by {of}"
     rows = pd.DataFrame(shown, index=pd.Index(aim.goal.names, name="wanted"))
@@ -157,7 +157,7 @@ def _view(task: Task, family: Trajectory, run: Library, table: pd.DataFrame, tra
     from sidegan.report.viewer import view_of, write_view
 
     path = task.store.run_folder / VIEW
-    titles = [f"{k} · cond {fitness:.3g}" for k, fitness in enumerate(run.fitness.tolist(), 1)]
+    titles = [f"{k} · cond {plain(fitness)}" for k, fitness in enumerate(run.fitness.tolist(), 1)]
     try:
         view = view_of(task.constraints, family, run.coefficients, titles, task.whole_arm)
         write_view(view, path, table, _steps(task))
@@ -217,12 +217,12 @@ def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "trajectory": range(1, len(run) + 1),
-            "cond(YᵀY)": [f"{x:.3g}" for x in run.fitness.tolist()],
+            "cond(YᵀY)": [plain(x) for x in run.fitness.tolist()],
             "peak velocity": _percent((motion.velocity.abs() / arm.velocity_limit).amax((1, 2))),
             **_higher_peaks(task, family, run),
             "peak torque": _percent((torque.abs() / arm.torque_limit).amax((1, 2))),
             "clearance [m]": [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()],
-            "energy [J]": [f"{x:.3g}" for x in _energy(task, motion).tolist()],
+            "energy [J]": [plain(x) for x in _energy(task, motion).tolist()],
         }
     ).set_index("trajectory")
 

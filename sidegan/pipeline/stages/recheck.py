@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from sidegan.base.names import plain
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
 from sidegan.identification.recheck import Recheck, expected_error, recheck
@@ -52,7 +53,7 @@ def _table(found: Recheck) -> pd.DataFrame:
         "worst when identified": found.before,
         "with the change": left,
     }
-    shown = {name: [f"{x:.3g}" for x in column.tolist()] for name, column in columns.items()}
+    shown = {name: [plain(x) for x in column.tolist()] for name, column in columns.items()}
     return pd.DataFrame(shown, index=pd.Index(found.joint_names, name="joint"))
 
 
