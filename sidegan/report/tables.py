@@ -1,5 +1,6 @@
 """Tables for people, from the results of runs."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import pandas as pd
@@ -56,9 +57,13 @@ def title(name: str) -> str:
 
 
 def spread(values: pd.Series) -> str:
-    """Mean ± standard deviation, three significant digits; the mean alone of a single value."""
-    mean, deviation = values.mean(), values.std()
-    return plain(mean) if len(values) < 2 else f"{plain(mean)} ± {plain(deviation, '.2g')}"
+    """Mean ± standard deviation in two digits, the mean as exactly, three at most; a single value alone."""
+    mean, deviation = float(values.mean()), float(values.std())
+    if len(values) < 2:
+        return plain(mean)
+    if 0 < deviation < math.inf and math.isfinite(mean):
+        mean = round(mean, 1 - math.floor(math.log10(deviation)))
+    return f"{plain(mean)} ± {plain(deviation, '.2g')}"
 
 
 def spread_or_dash(values: pd.Series | None) -> str:

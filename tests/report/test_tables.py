@@ -41,6 +41,10 @@ def test_sets_have_titles_for_people():
         ([1, 3], "2 ± 1.4"),
         ([0.001, 0.001], "0.001 ± 0"),
         ([1e-7, 3e-7], "2e-7 ± 1.4e-7"),
+        ([84.4, 270.4], "180 ± 130"),  # no more digits than the deviation has
+        ([187.1, 189.1], "188 ± 1.4"),
+        ([4210.0, 4214.0], "4210 ± 2.8"),
+        ([-0.3, 0.76], "0.23 ± 0.75"),
     ],
 )
 def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
