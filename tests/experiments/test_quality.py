@@ -36,4 +36,5 @@ def test_what_is_added_counts_from_a_share_of_the_error_on(rows):
         "fair": "in some trainings",
         "good": "no",
     }
+    assert quality.adding(rows)["cond of the best seeds"].tolist() == ["1", "1", "1"]  # of no training
     assert quality.stops(rows) == "fair" and quality.stops(rows[rows.seeds == "poor"]) is None
