@@ -61,9 +61,14 @@ def spread(values: pd.Series) -> str:
     mean, deviation = float(values.mean()), float(values.std())
     if len(values) < 2:
         return plain(mean)
-    if 0 < deviation < math.inf and math.isfinite(mean):
-        mean = round(mean, 1 - math.floor(math.log10(deviation)))
+    if mean and 0 < deviation < math.inf and (place := _place(deviation) - 1) > _place(mean) - 2:
+        mean = round(mean, -place)
     return f"{plain(mean)} ± {plain(deviation, '.2g')}"
+
+
+def _place(value: float) -> int:
+    """Power of ten of a number's first digit."""
+    return math.floor(math.log10(abs(value)))
 
 
 def spread_or_dash(values: pd.Series | None) -> str:

@@ -45,6 +45,8 @@ def test_sets_have_titles_for_people():
         ([187.1, 189.1], "188 ± 1.4"),
         ([4210.0, 4214.0], "4210 ± 2.8"),
         ([-0.3, 0.76], "0.23 ± 0.75"),
+        ([60.4882, 60.8134], "60.7 ± 0.23"),  # rounded once
+        ([-90.0, 98.0], "0 ± 130"),
     ],
 )
 def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
