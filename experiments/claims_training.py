@@ -34,6 +34,7 @@ from experiments.verdicts import (
     together,
 )
 from experiments.words import PAPER
+from sidegan.base.names import plain
 from sidegan.report.style import seconds
 
 _STRUGGLES = 0.4  # valid share that vanilla stays below
@@ -196,7 +197,7 @@ def _faster(group: Group) -> Finding:
 
 def _checked(group: Group) -> Finding:
     rate = group.first.speed["valid_per_second"]
-    return _measured(rate, 1 / PAPER["seconds"]["checked"], f"{rate:,.3g} /s")
+    return _measured(rate, 1 / PAPER["seconds"]["checked"], f"{plain(rate)} /s")
 
 
 def _grows(group: Group) -> Finding:

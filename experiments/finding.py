@@ -97,4 +97,4 @@ def ratios(effects: Mapping[str, pd.Series]) -> str:
 
 def named(prior: float, forgetting: float) -> str:
     """A recursion for people."""
-    return f"P₀ = {prior:g} I, λ = {forgetting:g}"
+    return f"P₀ = {plain(prior, 'g')} I, λ = {forgetting:g}"
