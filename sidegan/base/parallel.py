@@ -1,6 +1,7 @@
 """A few independent tasks at once, each in a process of its own with one thread, with progress."""
 
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
@@ -12,12 +13,13 @@ from sidegan.base.progress import bar
 from sidegan.base.threads import one_thread
 from sidegan.errors import SideganError, StorageError
 
-__all__ = ["Job", "Report", "cores", "engine", "run_jobs"]
+__all__ = ["Job", "Report", "cores", "cpu_seconds", "engine", "run_jobs"]
 
 _POLL = 0.2  # [s]
 _LEAST = 0.01  # share between two messages, each of which is a round trip to another process
 
 _engine: Engine = Loky()
+_elsewhere = 0.0  # CPU time of the jobs that this process had done by others [s]
 
 
 Report = Callable[[int, int], None]  # tells that a job has done so many of so many steps
@@ -40,6 +42,11 @@ def engine(name: str, scheduler: str | None = None) -> Iterator[None]:
     finally:
         _engine.close()
         _engine = before
+
+
+def cpu_seconds() -> float:
+    """CPU time of this process and of what ``run_jobs`` had done elsewhere, up to now."""
+    return time.process_time() + _elsewhere
 
 
 def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: int = 100) -> list[Any]:
@@ -96,16 +103,20 @@ def _run_elsewhere(
             for message in pool.messages():
                 show(message)
         try:
-            return [future.result() for future in futures]
+            done = [future.result() for future in futures]
         except tuple(pool.lost) as error:
             why = next(words for kind, words in pool.lost.items() if isinstance(error, kind))
             raise SideganError(
                 f"{description}: {why}; the same command again goes on where it was"
             ) from error
+    global _elsewhere
+    _elsewhere += sum(used for _, used in done)
+    return [result for result, _ in done]
 
 
-def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) -> Any:
-    """Result of a job in a worker, where relative paths mean the same as here."""
+def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) -> tuple[Any, float]:
+    """Result of a job in a worker, where relative paths mean the same as here, and its CPU time [s]."""
+    began = time.process_time()
     try:
         os.chdir(folder)
     except OSError as error:
@@ -114,4 +125,4 @@ def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) ->
             f"worker on {host} does not see {folder} ({error.strerror}); put it on a shared file system"
         ) from error
     with one_thread():
-        return job(_reporter(index, send, _LEAST))
+        return job(_reporter(index, send, _LEAST)), time.process_time() - began

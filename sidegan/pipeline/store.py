@@ -21,7 +21,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from sidegan.base.names import listed
-from sidegan.base.parallel import Report
+from sidegan.base.parallel import Report, cpu_seconds
 from sidegan.base.progress import duration
 from sidegan.base.storage import read_json, write_json
 from sidegan.base.threads import one_thread
@@ -145,7 +145,7 @@ class Store:
         folder = final.with_name(f".{final.name}.tmp")
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)
-        began, used = time.monotonic(), time.process_time()
+        began, used = time.monotonic(), cpu_seconds()
         try:
             with _storage_errors(final):
                 folder.mkdir(parents=True)
@@ -154,7 +154,7 @@ class Store:
                 artifact.make(build)
             seconds = time.monotonic() - began
             write_stamp(folder, artifact.stamp)
-            cpu = time.process_time() - used  # of this process; a maker with workers keeps its own
+            cpu = cpu_seconds() - used
             own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu, 1)}
             self.keep_costs(artifact, own | dict(build.costs))
             with _storage_errors(final):

@@ -14,7 +14,7 @@ import torch
 
 from sidegan.base import parallel
 from sidegan.base.engines import ONE_THREAD, Dask, Loky, _sweep
-from sidegan.base.parallel import cores, engine, run_jobs
+from sidegan.base.parallel import cores, cpu_seconds, engine, run_jobs
 from sidegan.errors import ConfigError, InfeasibleError, SideganError, StorageError
 
 
@@ -22,6 +22,12 @@ def square(x, report):
     for step in range(10):
         report(step + 1, 10)
     return x * x, os.getpid()
+
+
+def burn(seconds, report):
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
 
 
 def fail(error, report):
@@ -120,6 +126,13 @@ def test_results_are_the_same_to_the_last_bit(two_workers):
         torch.set_num_threads(1)
     assert here == run_jobs("sums", jobs, 2)
     assert {most for most, *_ in here} == {1}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_cpu_time_of_jobs_counts_wherever_they_run(workers, told):
+    before = cpu_seconds()
+    run_jobs("burning", [partial(burn, 0.3), partial(burn, 0.4)], workers)
+    assert cpu_seconds() - before >= 0.7
 
 
 def test_workers_have_one_thread_and_the_folder_of_the_command(two_workers, tmp_path, monkeypatch):
