@@ -22,7 +22,8 @@ from sidegan.report.export import show
 from sidegan.report.tables import over_groups
 
 _BETTER = {"success": 1, "rank": 1, "condition_valid": -1}  # measures of steps, and which way they are better
-_LAST, _VALID = "ours", 0.5
+_LAST, _REPAIR = "ours", "repaired"  # of the way, and the first of those beside it
+_VALID = 0.5
 
 
 class Step(NamedTuple):
@@ -41,12 +42,15 @@ def collect(task: Task) -> Task:
 def present(task: Task, folder: Path, tracker: Tracker) -> None:
     """Print what the generators of each rung make, over trainings, and write and record ``ladder.md``."""
     every, without = rows(task), parts(task)
+    whole = _table(every, changes(task.cfg))
     tables = {
-        "ladder": _table(every, changes(task.cfg)),
+        "ladder": whole.loc[:_REPAIR],
+        "repair": whole.loc[_REPAIR:].rename_axis("repaired, but"),
         "parts": _table(without, changes_of_ours(task.cfg)).rename_axis("ours, but"),
     }
     told = "of the kept epoch, true physics, no sample filtered"
     show(tables["ladder"], f"From the paper's recipe to ours: {told}")
+    show(tables["repair"], f"The smallest repair with one part changed at a time: {told}")
     show(tables["parts"], f"Ours with one part changed at a time: {told}")
     numbers = means(pd.concat([every, without]), "rung", COLUMNS["ladder"])
     context = {"cfg": task.cfg, "steps": largest_steps(every)}
@@ -73,12 +77,11 @@ def largest_steps(every: pd.DataFrame) -> dict[str, Step]:
 
 
 def changes(cfg: Config) -> dict[str, str]:
-    """What each rung changes: of the one before it, and after the last one of the way of the first one."""
-    variants = dict(cfg.ladder)
-    names = list(variants)
-    way = names[: names.index(_LAST) + 1]
-    before = dict(zip(way[1:], way, strict=False)) | dict.fromkeys(names[len(way) :], way[0])
-    return {name: changed(variants[of], variants[name]) for name, of in before.items()}
+    """What a rung changes: of the one before it, the repair of the first, those after it of the repair."""
+    names = list(cfg.ladder)
+    way, less = names[: names.index(_REPAIR)], names[names.index(_REPAIR) + 1 :]
+    before = {**dict(zip(way[1:], way, strict=False)), _REPAIR: way[0], **dict.fromkeys(less, _REPAIR)}
+    return {name: changed(cfg.ladder[of], cfg.ladder[name]) for name, of in before.items()}
 
 
 def changes_of_ours(cfg: Config) -> dict[str, str]:

@@ -38,6 +38,16 @@ def test_the_table_has_a_row_for_the_seeds_and_for_each_rung(climbed):
     assert shown["rank"] == pytest.approx(page.rows(task).set_index("rung")["rank"]["ours"], rel=1e-3)
 
 
+def test_the_repair_without_each_part_stands_beside_it(climbed):
+    task, folder = climbed
+    table = pd.read_csv(folder / "ladder" / "tables" / "repair.csv", index_col=0)
+    assert list(table.index) == ["repaired", "repaired_undiverse"]
+    (less,) = ladder.rungs(task)["repaired_undiverse"]
+    assert float(table["effective rank"]["repaired_undiverse"]) == pytest.approx(
+        task.report(less)["rank"], rel=0.01
+    )
+
+
 def test_ours_without_each_part_stands_beside_ours(climbed):
     task, folder = climbed
     table = pd.read_csv(folder / "ladder" / "tables" / "parts.csv", index_col=0)
@@ -51,7 +61,8 @@ def test_ours_without_each_part_stands_beside_ours(climbed):
 def test_beside_each_rung_stands_what_it_changes():
     config = tiny(experiment="ladder")
     changes, of_ours = page.changes(config), page.changes_of_ours(config)
-    assert list(changes) == ["non_saturating", "ours", "repaired"]
+    assert list(changes) == ["non_saturating", "ours", "repaired", "repaired_undiverse"]
+    assert changes["repaired_undiverse"] == "weights.distance 0, weights.rank 0"
     assert changes["non_saturating"] == "losses.adversarial non_saturating"
     assert "body mlp" in changes["repaired"] and "losses.adversarial" not in changes["repaired"]
     assert of_ours == {"eigen_cold": "gaussian_start no"}

@@ -96,7 +96,10 @@ def test_the_paper_is_taken_to_the_letter():
 
 def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
     config = configured("gan=[eigen,paper]", experiment="ladder")
-    *rungs, repaired = config.ladder.values()
+    names = list(config.ladder)
+    assert names[names.index("repaired") - 2 :][:3] == ["averaged", "ours", "repaired"]
+    rungs = [config.ladder[name] for name in names[: names.index("repaired")]]
+    repaired, less = config.ladder["repaired"], names[names.index("repaired") + 1 :]
     assert rungs[0] == config.gan["eigen_paper"]
     assert rungs[-1] == config.gan["eigen"]
     # What one step may be made of.
@@ -110,7 +113,7 @@ def test_the_ladder_leads_from_the_paper_to_ours_one_change_at_a_time():
         assert different == together.get(name, different) and (len(different) == 1 or name in together)
     kept = {"learning_rate", "betas", "gradient_penalty", "gaussian_start", "minibatch", "real_features"}
     assert all(getattr(repaired, name) == getattr(rungs[0], name) for name in kept)
-    assert list(config.ladder)[-3:] == ["averaged", "ours", "repaired"]
+    assert all(name.startswith("repaired_") and config.ladder[name] != repaired for name in less)
     assert dataclasses.replace(rungs[-2], least_valid=rungs[-1].least_valid) == rungs[-1]
 
 
