@@ -50,7 +50,7 @@ def present(task: Task, folder: Path, tracker: Tracker) -> None:
     }
     told = "of the kept epoch, true physics, no sample filtered"
     show(tables["ladder"], f"From the paper's recipe to ours: {told}")
-    show(tables["repair"], f"The smallest repair with one part changed at a time: {told}")
+    show(tables["repair"], f"The repair with one part changed at a time: {told}")
     show(tables["parts"], f"Ours with one part changed at a time: {told}")
     numbers = means(pd.concat([every, without]), "rung", COLUMNS["ladder"])
     context = {"cfg": task.cfg, "steps": largest_steps(every)}

@@ -190,7 +190,7 @@ def kinds_of(groups: Groups) -> comparisons.Kinds:
 
 
 def _repair(groups: Groups) -> str | None:
-    """What the smallest repair changes of the paper's recipe, None where one of them is not there."""
+    """What the small repair changes of the paper's recipe, None where one of them is not there."""
     if not {_LETTER, _REPAIRED} <= groups.keys():
         return None
     before, after = (groups[name].first.cfg.gan["eigen"] for name in (_LETTER, _REPAIRED))
