@@ -7,8 +7,9 @@ import pandas as pd
 from experiments.artifacts import SEEDS
 from experiments.artifacts_beyond import POLISHED, BeyondArtifacts
 from experiments.beyond_even import trained_cpu
-from experiments.beyond_tables import spread, title
+from experiments.beyond_tables import title
 from sidegan.report.style import NOT_MEASURED
+from sidegan.report.tables import spread_if_any
 
 MET, MISSED = "met", "not met"
 _VALID, _CONDITION, _SECONDS = 0.99, 300.0, 180.0
@@ -52,7 +53,7 @@ def goals_of(artifacts: BeyondArtifacts, name: str) -> list[Goal]:
 def _goal(text: str, sign: str, limit: float, result: pd.Series, form: str, whose: str = "") -> Goal:
     mean = result.mean()
     met = {"≥": mean >= limit, "≤": mean <= limit, "<": mean < limit}[sign]
-    return Goal(text, f"{sign} {limit:{form}}{whose}", spread(result), bool(met))
+    return Goal(text, f"{sign} {limit:{form}}{whose}", spread_if_any(result), bool(met))
 
 
 def table(judged: dict[str, list[Goal]]) -> pd.DataFrame:

@@ -15,7 +15,6 @@ from experiments.artifacts_beyond import (
 )
 from experiments.beyond_even import break_even
 from experiments.words import COLUMNS
-from sidegan.base.names import plain
 from sidegan.report import tables
 from sidegan.report.style import NOT_MEASURED
 
@@ -49,7 +48,9 @@ def shown(artifacts: BeyondArtifacts) -> dict[str, pd.DataFrame]:
         parts["objectives"] = _formatted(named, "objectives")
     if len(artifacts.few):
         keys = ["variant", "seeds"]
-        parts["few"] = tables.over_groups(artifacts.few.sort_values(keys), keys, COLUMNS["few"], spread)
+        parts["few"] = tables.over_groups(
+            artifacts.few.sort_values(keys), keys, COLUMNS["few"], tables.spread_if_any
+        )
         parts["few"] = parts["few"].reset_index("seeds")
     if len(artifacts.transfers):
         parts["transfer"] = transfers(artifacts.transfers)
@@ -98,12 +99,6 @@ def final_condition(part: pd.DataFrame) -> float:
     return float(part[part.way == SCRATCH].condition.iloc[-1])
 
 
-def spread(values: pd.Series | None) -> str:
-    """Mean ± deviation, the value alone where all are alike; a dash where nothing is known."""
-    finite = pd.Series(values, dtype=float).replace([np.inf, -np.inf], np.nan).dropna()
-    return plain(finite.iloc[0]) if finite.nunique() == 1 else tables.spread_or_dash(finite)
-
-
 def called(target: str) -> str:
     """Name of a target for people."""
     return _TARGETS.get(target, target)
@@ -116,7 +111,7 @@ def title(name: str) -> str:
 
 def by_pool(frame: pd.DataFrame, name: str) -> pd.DataFrame:
     """A row per pool, over trainings: what was not generated comes first."""
-    table = tables.over_groups(frame, "name", COLUMNS[name], spread)
+    table = tables.over_groups(frame, "name", COLUMNS[name], tables.spread_if_any)
     generated = [name for name in tables.ordered(table.index) if name not in _FIRST_ROWS]
     names = [name for name in (*_FIRST_ROWS, *generated) if name in table.index]
     return table.loc[names].rename(index=title).rename_axis("from")

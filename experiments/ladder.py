@@ -12,7 +12,7 @@ from experiments.pages import Page, means, publish
 from experiments.words import COLUMNS
 from sidegan.base.names import plain
 from sidegan.gan import Variant
-from sidegan.pipeline.graph import Artifact, flatten
+from sidegan.pipeline.graph import Artifact, differing
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages import ladder
 from sidegan.pipeline.stages.seeds import seed_set
@@ -92,8 +92,8 @@ def changes_of_ours(cfg: Config) -> dict[str, str]:
 
 def changed(before: Variant, after: Variant) -> str:
     """The settings in which a variant differs from another, with their new values."""
-    old, new = flatten(asdict(before)), flatten(asdict(after))
-    return ", ".join(f"{key} {_value(x)}" for key, x in new.items() if old.get(key) != x)
+    both = differing(asdict(before), asdict(after))
+    return ", ".join(f"{key} {_value(x)}" for key, (_, x) in both.items())
 
 
 def _value(x: Any) -> str:

@@ -1,6 +1,5 @@
 """Where generated trajectories stop adding to the seeds: seeds of growing quality, and generators on each."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,19 +19,13 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures
 from sidegan.report.export import show
 from sidegan.report.figures import Across, Panel
-from sidegan.report.tables import over_groups
+from sidegan.report.tables import over_groups, spread_if_any
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 PAPER = "ours_on_paper"  # the column of the paper's seeds
 MATERIAL = 0.05  # less expected error, from which on generated trajectories count as adding something
-_OF_SEEDS = (
-    "seeds_condition",
-    "seeds_distance",
-    "seeds_rank",
-    "condition_seeds",
-)  # whatever is trained on them
 _EVERY, _SOME, _NONE = "in every training", "in some trainings", "no"
 
 
@@ -65,7 +58,7 @@ def collect(task: Task) -> tuple[Config, pd.DataFrame]:
 def present(collected: tuple[Config, pd.DataFrame], folder: Path, tracker: Tracker) -> None:
     """Print the tables, and write and record the page ``quality.md``."""
     cfg, frame = collected
-    shown = {"added": adding(frame), "made": _table(frame, COLUMNS["made"])}
+    shown = {"added": adding(frame), "made": over_groups(frame, "seeds", COLUMNS["made"], spread_if_any)}
     for name, table in shown.items():
         show(table, f"Seeds of growing quality: {name}")
     numbers = means(frame, "seeds", [*COLUMNS["made"], *COLUMNS["added"]])
@@ -76,15 +69,8 @@ def present(collected: tuple[Config, pd.DataFrame], folder: Path, tracker: Track
 
 def adding(frame: pd.DataFrame) -> pd.DataFrame:
     """What generated trajectories add to each seed set, over trainings, and whether that counts."""
-    table = _table(frame, COLUMNS["added"])
+    table = over_groups(frame, "seeds", COLUMNS["added"], spread_if_any)
     return table.assign(**{"they add": [_adds(frame[frame.seeds == name]) for name in table.index]})
-
-
-def _table(frame: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """A row per seed set: its own numbers, and means and deviations of the others over trainings."""
-    own = {key: name for key, name in columns.items() if key in _OF_SEEDS}
-    once = over_groups(frame.drop_duplicates("seeds"), "seeds", own)
-    return over_groups(frame, "seeds", columns).assign(**once)
 
 
 def stops(frame: pd.DataFrame) -> str | None:

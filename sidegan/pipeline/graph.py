@@ -116,10 +116,16 @@ def waves(artifacts: Iterable[Artifact]) -> list[list[Artifact]]:
 
 
 def difference(stamp: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Dotted keys in which another stamp differs, with both values."""
-    ours, theirs = flatten(stamp), flatten(other)
-    keys = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
-    return [f"{key} is {_brief(theirs.get(key))}, not {_brief(ours.get(key))}" for key in keys]
+    """Dotted keys in which another stamp differs, with both values, in words."""
+    both = differing(stamp, other)
+    return [f"{key} is {_brief(theirs)}, not {_brief(ours)}" for key, (ours, theirs) in both.items()]
+
+
+def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Dotted keys in which nested mappings differ, with both values; None where there is none."""
+    ours, theirs = flatten(one), flatten(other)
+    both = {key: (ours.get(key), theirs.get(key)) for key in {**ours, **theirs}}
+    return {key: (x, y) for key, (x, y) in both.items() if x != y}
 
 
 @cache

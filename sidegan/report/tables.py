@@ -77,6 +77,12 @@ def spread_or_dash(values: pd.Series | None) -> str:
     return spread(numbers) if len(numbers) else "—"
 
 
+def spread_if_any(values: pd.Series | None) -> str:
+    """Mean ± deviation of what is finite, a value alone where all are alike, a dash where none is known."""
+    finite = pd.Series(values, dtype=float).replace([math.inf, -math.inf], math.nan).dropna()
+    return plain(finite.iloc[0]) if finite.nunique() == 1 else spread_or_dash(finite)
+
+
 def weighting(weighted: bool) -> str:
     """Name of a weighting of the least squares for people."""
     return "weighted per joint" if weighted else "unweighted, as in the paper"

@@ -53,6 +53,12 @@ def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
     assert tables.spread(pd.Series(values)) == expected
 
 
+def test_what_does_not_vary_has_no_deviation():
+    assert tables.spread_if_any(pd.Series([348.0, 348.0])) == "348"
+    assert tables.spread_if_any(pd.Series([1.0, 3.0, float("inf"), float("nan")])) == "2 ± 1.4"
+    assert tables.spread_if_any(pd.Series([float("nan")])) == tables.spread_if_any(None) == "—"
+
+
 def test_joints_keep_their_order_and_take_the_unweighted_mean(raw):
     table = tables.joints(raw)
     assert list(table.index) == ["b", "a"]
