@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from sidegan.base.names import plain
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.pipeline.columns import OURS, chosen, leads
 from sidegan.pipeline.graph import Artifact, Metrics, waves
@@ -102,7 +103,7 @@ def _record(title: str, metrics: Metrics, costs: Mapping[str, Any], tracker: Tra
 def words(report: Mapping[str, Any]) -> str:
     """A report as one line for people."""
     return ", ".join(
-        f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
+        f"{key} {plain(value, '.4g')}" if isinstance(value, float) else f"{key} {value}"
         for key, value in report.items()
     )
 

@@ -180,6 +180,7 @@ def test_reports_hold_only_what_json_can_say():
     row = finite({"a": math.nan, "b": math.inf, "c": 1.5, "d": 2, "e": "x"})
     assert row == {"a": None, "b": None, "c": 1.5, "d": 2, "e": "x"}
     assert words({"a": 1.23456, "b": 2}) == "a 1.235, b 2"
+    assert words({"condition": 28864.2}) == "condition 28860"
 
 
 EXACT = ("gan=exact", "gan.exact.exact.samples=20")
