@@ -1,7 +1,6 @@
 """Measurements, simulated or recorded, to an identified model with its uncertainty."""
 
 from sidegan.identification.estimate import METHODS, Estimate, estimate
-from sidegan.identification.live import Live
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score
@@ -9,7 +8,6 @@ from sidegan.identification.settings import (
     EstimationSettings,
     GoalSettings,
     KnownLoad,
-    Recursion,
     ReplicationSettings,
     StudySettings,
 )
@@ -23,10 +21,8 @@ __all__ = [
     "EstimationSettings",
     "GoalSettings",
     "KnownLoad",
-    "Live",
     "Measurements",
     "Noise",
-    "Recursion",
     "ReplicationSettings",
     "Score",
     "StudySettings",
