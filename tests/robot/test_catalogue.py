@@ -2,33 +2,22 @@
 
 The descriptions are those of example-robot-data (extra `arms`). All of them are read, reduced and given to
 Pinocchio; some go on until a command would begin to plan, which takes time for those with many meshes:
-`python -m benchmarks.arms` does so with the others.
+test_arms_table.py does so with the others.
 """
 
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
-from benchmarks.arms import task_of
-from benchmarks.remedies import remedied
 from sidegan.errors import RobotError
 from sidegan.pipeline.task import Task
 from sidegan.robot import Limits, Setup
 from sidegan.robot.description import read_description
 from sidegan.robot.model import build
+from tests.robot.arms import ROBOTS, task_of
+from tests.robot.remedies import remedied
 
-_FOLDER = "share/example-robot-data/robots"
-
-
-def _robots() -> Path | None:
-    """Folder of the descriptions, where they are installed."""
-    folders = (Path(entry, "cmeel.prefix", _FOLDER) for entry in sys.path)
-    return next((folder for folder in folders if folder.is_dir()), None)
-
-
-ROBOTS = _robots()
 pytestmark = pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
 
 # file: joints of the arm once the first remedies were followed

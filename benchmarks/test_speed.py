@@ -1,0 +1,162 @@
+"""Rates of what runs and labs spend their time in: the LWR on its desk, the paper's trajectories."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.conftest import OURS, Rate
+from benchmarks.opponents import Figaroh, Pinocchio
+from sidegan.design.excitation import excite
+from sidegan.design.objective import value_and_gradient
+from sidegan.design.penalty import Penalty
+from sidegan.design.problem import Problem
+from sidegan.gan import TrajectoryGenerator
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
+from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
+from sidegan.gan.training import Run, train_variant
+from sidegan.identification import RIGID, Measurements, TorqueModel
+from sidegan.identification.fit import recursive
+from sidegan.identification.gather import gather
+from sidegan.motion.dynamics import gram
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.compose import composed
+from sidegan.pipeline.run import run_stages
+from sidegan.robot import load_robot
+from sidegan.validity import Constraints, Plane, check
+
+_DESK = Plane((0.0, 0.0, 1.0), 0.10)
+_SAMPLES = 80  # states of a trajectory
+_CELLS = 160  # configurations of a trajectory that the opponent checks, 0.1 s apart
+_SEEDS = {"sidegan": ("compiled", 50), "gaco + compass": ("paper", 2)}  # method, seeds
+_EPOCHS = 2
+
+
+def problem() -> Problem:
+    """The optimisation of short trajectories of the LWR above its desk."""
+    arm = load_robot("kuka_lwr4")
+    return Problem(Constraints(arm, [_DESK]), Trajectory(arm.joints))
+
+
+PROBLEM = problem()
+CONSTRAINTS, FAMILY, BODY = PROBLEM.constraints, PROBLEM.trajectory, PROBLEM.constraints.body
+
+
+def start(count: int) -> torch.Tensor:
+    """Random trajectories, (count, 7, 6, 2) [rad/s]."""
+    return PROBLEM.start(count, torch.Generator().manual_seed(0))
+
+
+def motions(count: int, samples: int) -> list[list[tuple[np.ndarray, ...]]]:
+    """States of random trajectories, one after another."""
+    motion = FAMILY.roll_out(start(count), FAMILY.grid(samples))
+    return [list(zip(*parts)) for parts in zip(*(x.numpy() for x in motion[1:]))]
+
+
+@pytest.mark.parametrize("by", [OURS, "Pinocchio", "FIGAROH"])
+def test_regressor(rate: Rate, by: str) -> None:
+    """Base regressor and YᵀY."""
+    few, unit, loops = 50, "states", Pinocchio(CONSTRAINTS)
+    if by == OURS:
+        c = start(1000)
+        rate(lambda: gram(BODY, FAMILY, c, samples=_SAMPLES), len(c) * _SAMPLES, unit)
+        return
+    if by == "FIGAROH":
+        pytest.importorskip("figaroh", reason="FIGAROH is not installed: pip install figaroh")
+        loops = Figaroh(loops, str(CONSTRAINTS.arm.urdf))
+    each = motions(few, _SAMPLES)
+    expected = gram(BODY, FAMILY, start(few), samples=_SAMPLES).numpy()
+    np.testing.assert_allclose([loops.gram(states) for states in each], expected, rtol=1e-9, atol=1e-9)
+    rate(lambda: [loops.gram(states) for states in each], few * _SAMPLES, unit)
+
+
+def test_gradient_of_the_objective(rate: Rate) -> None:
+    """Condition number, penalty of all constraints, and their gradient."""
+    c = start(200)
+    rate(lambda: value_and_gradient(PROBLEM, c, Penalty(30.0)), len(c) * PROBLEM.samples, "states")
+
+
+@pytest.mark.parametrize("by", [OURS, "Pinocchio + coal, samples only"])
+def test_validity(rate: Rate, by: str) -> None:
+    """Whether trajectories hold every limit and keep clear, proven."""
+    if by == OURS:
+        c = start(2000)
+        rate(lambda: check(CONSTRAINTS, FAMILY, c), len(c), "trajectories")
+    else:
+        each, loops = motions(10, _CELLS), Pinocchio(CONSTRAINTS)
+        rate(lambda: [loops.check(states) for states in each], len(each), "trajectories")
+
+
+def test_generation(rate: Rate) -> None:
+    """Trajectories from a generator of the usual size, in batches of a thousand."""
+    seeds, arm = start(200), CONSTRAINTS.arm
+    scaling, network = Scaling.fit(seeds), Generator(*FAMILY.shape[:2], shortcut=True)
+    network.start_from(scaling.image(seeds))
+    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm.name, arm.digest, "untrained")
+    rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
+
+
+@pytest.mark.parametrize("by", _SEEDS)
+def test_seeds(rate: Rate, by: str, tmp_path: Path) -> None:
+    """Seeds by the compiled search and by the paper's, failures, checks and their file included."""
+    method, count = _SEEDS[by]
+    words = ["+experiment=exp1", f"seeds={method}", f"seeds.count={count}", "stages=[seeds]"]
+    rate(lambda place: _run(place, *words), count, "seeds", 3, setup=_places(tmp_path))
+
+
+def test_set_of_ten(rate: Rate, tmp_path: Path) -> None:
+    """Ten trajectories to execute, by excite's search, with controllers' files and the page."""
+    words = ["+experiment=excite", "robot=kuka_lwr4", "selection.count=10"]
+    rate(lambda place: _run(place, *words), 1, "sets", 3, setup=_places(tmp_path))
+
+
+def _places(folder: Path) -> Callable[[], tuple[tuple[Path], dict[str, Any]]]:
+    """A new folder for every round."""
+    return lambda: ((folder / str(len([*folder.iterdir()])),), {})
+
+
+def _run(place: Path, *words: str) -> None:
+    common = "scale=paper", "tracking=off", "parallel.workers=1", f"outputs={place}"
+    (place / "run").mkdir(parents=True)
+    run_stages(composed(*words, *common), place / "run", "speed")
+
+
+def test_training(rate: Rate, tmp_path: Path) -> None:
+    """Epochs of variant eigen on 1800 seeds, with untrained surrogates and the true physics after each."""
+    cfg, seeds = composed("+experiment=exp1", "scale=paper"), start(1800)
+    variant = replace(cfg.gan["eigen"], epochs=_EPOCHS, fitness_start=0)
+    spectrum, arm, sizes = excite(BODY, FAMILY, seeds[:200]).spectrum, CONSTRAINTS.arm, cfg.surrogates
+    predictor = SuccessPredictor(arm, FAMILY, len(CONSTRAINTS.labels), sizes.width, sizes.margin_steps)
+    converter = Converter(arm, FAMILY, spectrum.shape[1], sizes.width, sizes.feature_steps)
+    converter.fit_standard(spectrum)
+    surrogates = Surrogates(*(one.eval().requires_grad_(False) for one in (predictor, converter)))
+
+    def train(place: Path) -> None:
+        train_variant(variant, CONSTRAINTS, FAMILY, seeds, Run("eigen", 0, place), surrogates)
+
+    rate(train, _EPOCHS, "epochs", 2, setup=_places(tmp_path))
+
+
+@pytest.mark.parametrize("by", [OURS, "Pinocchio + NumPy"])
+def test_recursive_least_squares(rate: Rate, by: str) -> None:
+    """Base parameters of recordings read once, regressors included."""
+    count, samples = (60, 1600) if by == OURS else (1, 1600)
+    motion = FAMILY.roll_out(start(count), FAMILY.grid(samples))
+    torque = BODY.torque(*motion[1:])
+    if by == OURS:
+        model = TorqueModel(BODY, RIGID)
+        recordings = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
+        work = partial(_recursive, model, recordings)
+    else:
+        work = partial(Pinocchio(CONSTRAINTS).estimate, *motions(count, samples), torque[0].numpy())
+    rate(work, count * samples, "samples", 3)
+
+
+def _recursive(model: TorqueModel, recordings: list[Measurements]) -> object:
+    return recursive(gather(model, iter(recordings)).sums, 1, 1e6)

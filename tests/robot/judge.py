@@ -1,0 +1,171 @@
+"""Are trajectories what they claim to be? By Pinocchio and coal on a description's own meshes.
+
+Nothing of sidegan takes part. Every sample is checked: position, velocity and effort, acceleration and jerk
+where limits are given, self-collision and the floor. What the description does not say are facts.
+"""
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import coal
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
+
+_ROUNDING = 1e-6  # share of a limit by which written numbers may exceed it
+_CONSISTENT = 1e-3  # largest difference between a rate and its integral's, as a share of the largest rate
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a description does not say."""
+
+    locked: dict = field(default_factory=dict)  # where other joints stand [rad or m]
+    exempt: list | None = None  # pairs of links that may touch; None: those that one joint lies between
+    floor: float = -np.inf  # its height [m]
+    standing: list = field(default_factory=list)  # links that need not be above the floor
+    limits: dict = field(default_factory=dict)  # by kind and joint, before the file's
+
+
+class Judge:
+    """A description with only those joints moving that trajectories move."""
+
+    def __init__(self, urdf, names, facts):
+        self.names, self.facts = list(names), facts
+        whole = pin.buildModelFromUrdf(str(urdf))
+        folders = [str(folder) for folder in urdf.parents]
+        shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, None, folders)
+        owners = {one.name: whole.frames[one.parentFrame].name for one in shapes.geometryObjects}
+        for frame in whole.frames:  # Pinocchio cannot reduce models in which a name means link and joint
+            if frame.type == pin.FrameType.BODY:
+                frame.name = f"link {frame.name}"
+        stand = pin.neutral(whole)
+        for name, value in facts.locked.items():
+            if whole.existJointName(name):
+                _place(whole, name, value, stand[None])
+        others = [k for k in range(1, whole.njoints) if whole.names[k] not in self.names]
+        self.model, (self.geometry,) = pin.buildReducedModel(whole, [shapes], others, stand)
+        self.data = self.model.createData()
+        self.owners = [owners[one.name] for one in self.geometry.geometryObjects]
+        self.moved = [self.model.idx_vs[self.model.getJointId(name)] for name in self.names]
+        spared = {frozenset(pair) for pair in facts.exempt or []}
+        for (i, one), (k, other) in combinations(enumerate(self.geometry.geometryObjects), 2):
+            between = abs(one.parentJoint - other.parentJoint)
+            near = between == 1 and facts.exempt is None
+            if between and not near and frozenset((self.owners[i], self.owners[k])) not in spared:
+                self.geometry.addCollisionPair(pin.CollisionPair(i, k))
+
+    def configurations(self, q):
+        """Pinocchio's configurations of positions (T, J)."""
+        found = np.tile(pin.neutral(self.model), (len(q), 1))
+        for k, name in enumerate(self.names):
+            _place(self.model, name, q[:, k], found)
+        return found
+
+    def limits(self):
+        """Limits of the joints, (J,) each, (J, 2) of positions; infinite where there are none."""
+        model = self.model
+        joints = [model.getJointId(name) for name in self.names]
+        at = [model.idx_qs[joint] for joint in joints]
+        position = np.stack([model.lowerPositionLimit[at], model.upperPositionLimit[at]], 1)
+        position[[model.nqs[joint] > 1 for joint in joints]] = -np.inf, np.inf
+        effort = model.effortLimit[self.moved]
+        found = {
+            "position": position,
+            "velocity": np.array(model.velocityLimit[self.moved]),
+            "effort": np.where(effort > 0, effort, np.inf),
+            "acceleration": np.full(len(joints), np.inf),
+            "jerk": np.full(len(joints), np.inf),
+        }
+        for kind, values in self.facts.limits.items():
+            for name, value in values.items():
+                if name in self.names:
+                    found[kind][self.names.index(name)] = value
+        return found
+
+    def efforts(self, configurations, dq, ddq):
+        """Joint torques and forces [N·m or N], (T, J)."""
+        found, velocity, acceleration = np.empty_like(dq), *np.zeros((2, self.model.nv))
+        for t, q in enumerate(configurations):
+            velocity[self.moved], acceleration[self.moved] = dq[t], ddq[t]
+            found[t] = pin.rnea(self.model, self.data, q, velocity, acceleration)[self.moved]
+        return found
+
+    def colliding(self, configurations):
+        """Whether links collide, (T,)."""
+        data = self.geometry.createData()
+        for request in data.collisionRequests:
+            request.enable_contact = True  # else coal 3.0 misses some contacts of two cylinders
+        manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, data)
+        found = (pin.computeCollisions(self.model, self.data, manager, q, True) for q in configurations)
+        return np.fromiter(found, bool, len(configurations))
+
+    def height(self, configurations):
+        """Smallest height above the floor [m] of any moving link that is to be above it."""
+        size = len(configurations), self.model.njoints
+        up, heights = np.empty((*size, 3)), np.empty(size)
+        for t, q in enumerate(configurations):
+            pin.forwardKinematics(self.model, self.data, q)
+            for joint, frame in enumerate(self.data.oMi):
+                up[t, joint], heights[t, joint] = frame.rotation[2], frame.translation[2]
+        least = np.inf
+        for shape, owner in zip(self.geometry.geometryObjects, self.owners):
+            if shape.parentJoint and owner not in self.facts.standing:
+                z, place = up[:, shape.parentJoint], shape.placement
+                low = heights[:, shape.parentJoint] + z @ place.translation
+                least = min(least, (low + _support(shape.geometry, z @ place.rotation)).min())
+        return least - self.facts.floor
+
+    def __call__(self, time, q, dq, ddq):
+        """Largest shares of limits, collisions and height of a trajectory, and whether all is well."""
+        step, configurations, limits = np.diff(time)[:, None], self.configurations(q), self.limits()
+        middle, half = limits["position"].mean(1), np.ptp(limits["position"], axis=1) / 2
+        free = ~np.isfinite(half)
+        shares = {
+            "position": (q - np.where(free, 0, middle)) / np.where(free, np.inf, half),
+            "velocity": dq / limits["velocity"],
+            "effort": self.efforts(configurations, dq, ddq) / limits["effort"],
+            "acceleration": ddq / limits["acceleration"],
+            "jerk": np.diff(ddq, axis=0) / step / limits["jerk"],
+        }
+        found = {name: float(np.abs(x).max()) for name, x in shares.items()}
+        kept = max(found.values()) <= 1 + _ROUNDING
+        found["consistent"] = max(_apart(q, dq, step), _apart(dq, ddq, step))
+        found["colliding"] = int(self.colliding(configurations).sum())
+        found["height"] = self.height(configurations) if np.isfinite(self.facts.floor) else np.inf
+        well = found["consistent"] <= _CONSISTENT and found["height"] >= -_ROUNDING
+        return {**found, "valid": kept and well and not found["colliding"]}
+
+
+def _place(model, name, values, configurations):
+    """Write positions (T,) of a joint into configurations (T, nq)."""
+    joint = model.getJointId(name)
+    at = model.idx_qs[joint]
+    if model.nqs[joint] == 2:  # without end: cosine and sine
+        configurations[:, at], configurations[:, at + 1] = np.cos(values), np.sin(values)
+    else:
+        configurations[:, at] = values
+
+
+def _support(shape, z):
+    """How far a shape reaches along directions from its origin at least [m], (T,), in its frame, (T, 3)."""
+    match shape:
+        case coal.Sphere():
+            return np.full(len(z), -shape.radius)
+        case coal.Capsule():
+            return -np.abs(z[:, 2]) * shape.halfLength - shape.radius
+        case coal.Cylinder():
+            return -np.abs(z[:, 2]) * shape.halfLength - np.hypot(z[:, 0], z[:, 1]) * shape.radius
+        case coal.Box():
+            return -np.abs(z) @ shape.halfSide
+    points = np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices())
+    with suppress(QhullError, ValueError):  # else the points lie in a plane, and all of them count
+        points = points[ConvexHull(points).vertices]
+    return (points @ z.T).min(0)
+
+
+def _apart(x, rate, step):
+    """How far differences of a signal are from its rate, as a share of the largest rate."""
+    means = (rate[1:] + rate[:-1]) / 2
+    return float(np.abs(np.diff(x, axis=0) / step - means).max() / max(np.abs(rate).max(), 1e-9))

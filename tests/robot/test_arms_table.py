@@ -1,0 +1,163 @@
+"""What becomes of arms that people own, from their stock descriptions, judged by physics that are not ours.
+
+The table of docs/arms.md, with the extra ``arms``: ``pytest tests/robot/test_arms_table.py -n 0 -s``. Each
+arm is loaded as its refusals say; its shapes are compared with coal on the original meshes; a small set is
+made by ``+experiment=excite``, and every file of it is judged at 1 kHz.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.run import run_stages
+from sidegan.report.export import markdown
+from sidegan.robot.load import _MODELS
+from tests.robot.arms import ROBOTS, facts_of, task_of
+from tests.robot.judge import Facts, Judge
+from tests.robot.remedies import remedied
+
+CONFIGURATIONS = 2_000  # random ones, that shapes are compared in
+MORE = 0.02  # share of free configurations by which more may be refused than when the table was made
+SET = (
+    "selection.count=3",
+    "seeds.steps=40",
+    "controllers.formats=[csv]",
+    "controllers.rate=1000",
+)
+PANDA = [f"panda_joint{k}" for k in range(1, 8)]
+UR = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+
+
+def limits(kind, joints, values):
+    return f"robot.limits.{kind}={{{', '.join(f'{name}: {x}' for name, x in zip(joints, values))}}}"
+
+
+# Accelerations and jerks are Franka's published ones, and as MoveIt's joint_limits.yaml may have them.
+PANDA_LIMITED = [
+    limits("acceleration", PANDA, (15, 7.5, 10, 12.5, 15, 20, 20)),
+    limits("jerk", PANDA, (7500, 3750, 5000, 6250, 7500, 10000, 10000)),
+]
+UR_LIMITED = [limits("acceleration", UR, (3, 3, 5, 5, 5, 5)), limits("jerk", UR, [50] * 6)]
+# Arm: its file, share of free configurations that were refused, and what a user would say beside the file.
+ARMS = {
+    "panda": ("panda_description/urdf/panda.urdf", 0.0012, []),
+    "panda_limited": ("panda_description/urdf/panda.urdf", 0.0012, PANDA_LIMITED),
+    "ur3": ("ur_description/urdf/ur3_robot.urdf", 0.0091, []),
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", 0.0047, []),
+    "ur5_gripper": ("ur_description/urdf/ur5_gripper.urdf", 0.0035, []),
+    "ur10": ("ur_description/urdf/ur10_robot.urdf", 0.0018, []),
+    "ur10_limited": ("ur_description/urdf/ur10_robot.urdf", 0.0018, UR_LIMITED),
+    "jaco": ("kinova_description/robots/kinova.urdf", 0.0011, []),
+    "z1": ("z1_description/urdf/z1.urdf", 0.0, []),
+    "xarm7": ("xarm_description/urdf/xarm7.urdf", 0.0005, []),
+    "so100": ("so_arm_description/urdf/so100.urdf", 0.0011, []),
+    "so101": ("so_arm_description/urdf/so101.urdf", 0.0017, []),
+    "baxter": ("baxter_description/urdf/baxter.urdf", 0.0061, []),
+    "tiago": ("tiago_description/robots/tiago_no_hand.urdf", 0.0008, []),
+    "tiago_dual": ("tiago_description/robots/tiago_dual.urdf", 0.0, []),
+    "tiago_pro": ("tiago_pro_description/robots/tiago_pro.urdf", 0.0015, []),
+    "talos": ("talos_data/robots/talos_left_arm.urdf", 0.0017, []),
+    "b1_z1": ("b1_description/urdf/b1-z1.urdf", 0.0, []),
+}
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """Rows of the table, printed at its end."""
+    found = []
+    yield found
+    print(f"\n{markdown(pd.DataFrame(found))}" if found else "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["kuka_lwr4", *ARMS])
+def test_no_collision_is_missed_and_every_trajectory_is_valid(name, rows, tmp_path):
+    file, recorded, given = ARMS.get(name, (name, 0.0, []))
+    if name in ARMS and ROBOTS is None:
+        pytest.skip("needs example-robot-data: pip install 'sidegan[arms]'")
+    file = ROBOTS / file if name in ARMS else file
+
+    def load(words):
+        task = task_of(file, [*words, *SET], tmp_path)
+        assert task.constraints.labels
+        return task
+
+    task, words = remedied(load, given)
+    facts = facts_of(task)
+    judge = Judge(task.arm.urdf, task.arm.joint_names, facts)
+    refused, missed = shares(task_of(file, [*words, "workspace.clearance=0"], tmp_path), judge)
+    run_stages(task.cfg, tmp_path / "run", name)
+    verdicts = [
+        judged(judge, path) for path in sorted((tmp_path / "run" / "trajectories").glob("[0-9]*.csv"))
+    ]
+    worst = pd.DataFrame(verdicts).max()
+    settings = [word.partition("=")[0].removeprefix("robot.") for word in words]
+    kinds = {kind: f"{worst[kind]:.0%}" for kind in ("velocity", "effort", "acceleration", "jerk")}
+    found = {"falsely refused": f"{refused:.2%}", "missed": f"{missed:.2%}"}
+    valid = f"{sum(one['valid'] for one in verdicts)} of {len(verdicts)}"
+    rows.append({"arm": name, "loaded with": ", ".join(settings), **found, "valid at 1 kHz": valid, **kinds})
+    assert missed == 0 and refused <= recorded + MORE
+    assert len(verdicts) == 3 and all(one["valid"] for one in verdicts), verdicts
+
+
+def shares(task, judge):
+    """Shares of free configurations that are refused, and of colliding ones that are not."""
+    arm, draw = task.arm, torch.Generator().manual_seed(0)
+    q = torch.rand(CONFIGURATIONS, arm.joints, generator=draw, dtype=torch.float64)
+    q = torch.lerp(arm.position_lower, arm.position_upper, q)
+    refused = (task.constraints.at_rest(q)["collision"] < 0).any(1).numpy()
+    collided = judge.colliding(judge.configurations(q.numpy()))
+    return refused[~collided].mean(), 1 - refused[collided].mean() if collided.any() else 0.0
+
+
+def judged(judge, path):
+    """The verdict on a file of excite."""
+    table = pd.read_csv(path)
+    kinds = ("q", "dq", "ddq")
+    return judge(table.time.to_numpy(), *(table[[f"{k}_{n}" for n in judge.names]].to_numpy() for k in kinds))
+
+
+FILE, JOINTS = _MODELS / "planar2.urdf", ["shoulder", "elbow"]
+
+
+def motion(angle=None):
+    """Time and states of planar2: a small random motion, or the elbow's alone to an angle [rad] and back."""
+    family = Trajectory(2, 3, 8.0)
+    c = 0.2 * torch.randn(1, 2, 3, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    time, *states = (x.numpy() for x in family.roll_out(c, family.times(1000.0)))
+    if angle is None:
+        return time, *(x[0] for x in states)
+    q = np.stack([0 * time, angle * np.sin(np.pi * time / 8) ** 4], 1)
+    dq = np.gradient(q, time, axis=0)
+    return time, q, dq, np.gradient(dq, time, axis=0)
+
+
+def test_the_judges_numbers_are_those_of_the_motion(planar):
+    time, *states = motion()
+    verdict = Judge(FILE, JOINTS, Facts(floor=-1.0))(time, *states)
+    torque = RigidBody(planar).torque(*(torch.from_numpy(x)[None] for x in states))
+    assert verdict["valid"] and verdict["colliding"] == verdict["acceleration"] == verdict["jerk"] == 0
+    assert verdict["velocity"] == pytest.approx(np.abs(states[1] / planar.velocity_limit.numpy()).max())
+    assert verdict["effort"] == pytest.approx(float((torque.abs() / planar.torque_limit).max()), rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity", "acceleration", "jerk", "effort"])
+def test_the_judge_finds_every_limit_that_is_exceeded(kind):
+    least = [-1e-3, 1e-3] if kind == "position" else 1e-2
+    verdict = Judge(FILE, JOINTS, Facts(limits={kind: {"elbow": least}}))(*motion())
+    assert not verdict["valid"] and verdict[kind] > 1
+
+
+def test_the_judge_finds_lying_rates_collisions_and_the_floor():
+    time, q, dq, ddq = motion()
+    assert not Judge(FILE, JOINTS, Facts())(time, q, 0.9 * dq, ddq)["valid"]
+    assert Judge(FILE, JOINTS, Facts())(*motion(2.85))["colliding"] > 5
+    pairs = [["forearm", "base"], ["upper_arm", "base"], ["upper_arm", "forearm"]]
+    assert Judge(FILE, JOINTS, Facts(exempt=pairs))(*motion(2.85))["colliding"] == 0
+    assert Judge(FILE, JOINTS, Facts(floor=0.6))(*motion(1.5))["height"] < -0.1
+    assert (
+        Judge(FILE, JOINTS, Facts(floor=0.6, standing=["forearm", "upper_arm"]))(*motion(1.5))["height"] > 1
+    )
