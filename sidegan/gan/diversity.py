@@ -6,10 +6,8 @@ import torch
 from torch import Tensor
 
 from sidegan.design.excitation import mean_distance
-from sidegan.gan.terms import Batch, Formula, LossTerm
+from sidegan.gan.terms import Batch, Formula
 
-_DIRECTIONS = 48  # most principal directions whose spread is kept; a batch of 100 resolves no more
-_RIDGE = 1e-3  # keeps the covariance of a small batch invertible
 _SEED_SHARE = 0.9  # of the seeds' mean distance, up to which distance is rewarded
 _RANDOM_SHARE = 0.93  # likewise, of random trajectories that use all of their limits
 _RANK_SHARE = 0.957  # of the effective rank of a batch of seeds, up to which rank is rewarded
@@ -18,35 +16,18 @@ _BATCHES = 8  # of seeds, whose mean rank stands for that of any batch
 _TINY = 1e-9  # share of the variance below which a direction does not count
 
 
-class Spread(LossTerm):
-    """Divergence of a batch's Gaussian from the seeds', per direction; 0 for equal covariances."""
-
-    directions: Tensor
-
-    def __init__(self, weight: float, seeds: Tensor) -> None:
-        super().__init__(weight)
-        x = seeds.double().flatten(1)
-        values, vectors = torch.linalg.eigh(_covariance(x))
-        count = min(_DIRECTIONS, x.shape[1], len(x) - 1)
-        whitening = vectors[:, -count:] / values[-count:].clamp_min(1e-9).sqrt()
-        self.register_buffer("directions", whitening.float())
-
-    def forward(self, batch: Batch) -> Tensor:
-        """Loss, 0-dimensional."""
-        y = batch.coefficients.flatten(1) @ self.directions
-        eye = torch.eye(y.shape[1]).to(y)
-        covariance = _covariance(y) + _RIDGE * eye
-        return 0.5 * (covariance.trace() / len(eye) - 1 - torch.logdet(covariance) / len(eye))
-
-
 def distance(weight: float, target: float) -> Formula:
     """Missing share of the mean distance between two trajectories, 0 when it is that of the seeds."""
-    return Formula(weight, lambda batch: (1 - batch.mean_distance() / target).clamp_min(0))
+
+    def loss(batch: Batch) -> Tensor:
+        return (1 - torch.pdist(batch.coefficients.flatten(1)).mean() / target).clamp_min(0)
+
+    return Formula(weight, loss)
 
 
 def rank(weight: float, target: float) -> Formula:
     """Missing log effective rank of a batch, 0 when it is that of as many seeds."""
-    return Formula(weight, lambda batch: (target - _entropy(batch.deviations)).clamp_min(0))
+    return Formula(weight, lambda batch: (target - _entropy(batch.coefficients.flatten(1))).clamp_min(0))
 
 
 def distance_target(seeds: Tensor, random: bool) -> float:

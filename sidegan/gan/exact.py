@@ -1,4 +1,4 @@
-"""Exact physics in place of the surrogates: loss terms and features with exact gradients."""
+"""Exact physics in place of the surrogates: loss terms with exact gradients."""
 
 import torch
 from torch import Tensor
@@ -6,7 +6,6 @@ from torch import Tensor
 from sidegan.design import physics
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.gan.surrogates import Standard
 from sidegan.gan.terms import Batch, Formula
 from sidegan.gan.variants import Exact
 
@@ -32,25 +31,6 @@ def objective(weight: float, settings: Exact, problem: Problem) -> Formula:
         return torch.stack([term(problem, c) for term in settings.terms.values()]).sum().to(c)
 
     return Formula(weight, loss)
-
-
-class ExactFeatures(Standard):
-    """Standardised log spectrum, or log diagonal, (B, p): what a converter learns, computed.
-
-    The features of the seeds (N, J, H, 2) have zero mean and unit spread.
-    """
-
-    def __init__(self, problem: Problem, kind: str, seeds: Tensor) -> None:
-        self.information = physics.SetInformation(problem)
-        self.of = physics.spectrum if kind == "spectrum" else physics.diagonal
-        with torch.no_grad():
-            features = self.of(self.information, seeds)
-        super().__init__(features.shape[1])
-        self.fit_standard(features)
-
-    def forward(self, c: Tensor) -> Tensor:
-        """Standardised log features, (B, p)."""
-        return self.standardise(self.of(self.information, c))
 
 
 def penalty_of(reserve: float) -> Penalty:

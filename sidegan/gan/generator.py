@@ -1,9 +1,7 @@
 """The trained generator on its own: what it takes to make trajectories, in one file."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -39,14 +37,9 @@ class TrajectoryGenerator:
         """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed."""
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
-        images = self.network(self.network.draw(count, random_of(seed)))
+        images = self.network(self.network.draw(count, _random(seed)))
         c = self.scaling.to(images).coefficients(images)
         return (c if self.limits is None else self.limits(c)).double().cpu()
-
-    def transferred(self, arm: Arm, trajectory: Trajectory) -> "TrajectoryGenerator":
-        """The generator as it is, with the family and the limits of another arm."""
-        limits = None if self.limits is None else LimitLayer.of(arm, trajectory)
-        return replace(self, trajectory=trajectory, limits=limits)
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
@@ -73,15 +66,31 @@ class TrajectoryGenerator:
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
-        with opened(path, "trajectory generator", _FORMAT) as (meta, content):
+        content = read_torch(path)
+        try:
+            meta = json.loads(content["meta"])
+            if meta["format"] != _FORMAT:
+                raise ArtifactError(f"{path} has format {meta['format']!r}, expected {_FORMAT}")
             family = Trajectory(**meta["trajectory"])
-            network, scaling = stored_network(meta, content, family)
-            limits = _stored_limits(content, family) if meta.get("limited") else None
+            network, scaling = _stored_network(meta, content, family)
+            limits = _stored_limits(content, family) if meta["limited"] else None
             names = (meta["robot"], meta["digest"], meta["variant"])
             generator = cls(network.eval(), scaling, family, *names, limits)
-        if arm is not None:
-            refuse_other(path, meta, arm)
+        except ArtifactError:
+            raise
+        except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
+            raise ArtifactError(f"{path} does not hold a trajectory generator: {error}") from error
+        if arm is not None and generator.digest != arm.digest:
+            raise ArtifactError(
+                f"{path} was trained for {generator.robot} (digest {generator.digest[:12]}), "
+                f"not for {arm.name} (digest {arm.digest[:12]})"
+            )
         return generator
+
+
+def _random(seed: int | torch.Generator) -> torch.Generator:
+    """Random numbers of a seed; a stream that is given goes on."""
+    return seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
 
 
 def _stored_limits(content: dict[str, Any], family: Trajectory) -> LimitLayer:
@@ -90,33 +99,7 @@ def _stored_limits(content: dict[str, Any], family: Trajectory) -> LimitLayer:
     return LimitLayer(family, content["room"], content["speed"], inverse)
 
 
-def random_of(seed: int | torch.Generator) -> torch.Generator:
-    """Random numbers of a seed; a stream that is given goes on."""
-    return seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-
-
-@contextmanager
-def opened(path: Path, kind: str, form: int | str) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Description and content of a generator's file; what does not fit within counts as damaged.
-
-    Raises:
-        ArtifactError: when the file does not hold a ``kind`` of the format ``form``.
-    """
-    content = read_torch(path)
-    if not isinstance(content, dict):
-        raise ArtifactError(f"{path} does not hold a {kind}")
-    try:
-        meta: dict[str, Any] = json.loads(content["meta"])
-        if meta["format"] != form:
-            raise ArtifactError(f"{path} has format {meta['format']!r}, expected {form!r}")
-        yield meta, content
-    except ArtifactError:
-        raise
-    except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
-        raise ArtifactError(f"{path} does not hold a {kind}: {error}") from error
-
-
-def stored_network(
+def _stored_network(
     meta: dict[str, Any], content: dict[str, Any], family: Trajectory
 ) -> tuple[Generator, Scaling]:
     """Network and scale of a generator's file, after a look at their numbers.
@@ -146,12 +129,3 @@ def stored_network(
     if not scaling.spread.abs().sum(2).all():
         raise ShapeError("spread is zero in a coefficient, so that every trajectory would have the same")
     return network, scaling
-
-
-def refuse_other(path: Path, meta: dict[str, Any], arm: Arm) -> None:
-    """Refuse a generator's file that was made for another arm."""
-    if meta["digest"] != arm.digest:
-        raise ArtifactError(
-            f"{path} was trained for {meta['robot']} (digest {meta['digest'][:12]}), "
-            f"not for {arm.name} (digest {arm.digest[:12]})"
-        )

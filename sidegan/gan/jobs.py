@@ -11,16 +11,8 @@ from torch import Tensor
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_task
 from sidegan.errors import ArtifactError
-from sidegan.gan.labels import MIXTURES, Labelled, label
-from sidegan.gan.pretrain import (
-    accuracy,
-    explained,
-    split,
-    train_classifier,
-    train_converter,
-    train_predictor,
-)
-from sidegan.gan.shallow import ShallowConverter, ShallowPredictor
+from sidegan.gan.labels import Labelled, blend, label
+from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates, SurrogateSettings
 from sidegan.gan.variants import Kind
 from sidegan.motion.trajectory import Trajectory
@@ -44,7 +36,7 @@ class Pretraining:
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
-    kind: Kind  # of surrogates (``variants.Learned``)
+    kind: Kind  # of surrogates
     seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
     negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
     work: Path  # folder of the labelled samples
@@ -55,11 +47,7 @@ class Pretraining:
         if readable(path):
             return
         sources = training_seeds(self.seeds)[0], self.negatives[:-_HELD_OUT_NEGATIVES]
-        if self.kind == "paper":
-            half = self.samples // 2
-            samples = torch.cat([source[:half][share::SHARES] for source in sources])
-        else:
-            samples = MIXTURES[self.kind](*sources, -(-self.settings.samples // SHARES), generator)
+        samples = blend(*sources, -(-self.samples // SHARES), generator)
         steps = self.settings.margin_steps
         write_task(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
 
@@ -71,13 +59,9 @@ class Pretraining:
         is within 5 % of its limit's range of zero.
         """
         data, held, generator = self._begin(seed)
-        content = {"sizes": _sizes(self.settings, self.kind), "names": len(self.constraints.labels)}
+        content = {"sizes": _sizes(self.settings), "names": len(self.constraints.labels)}
         predictor = _predictor(self.constraints.arm, self.trajectory, content)
-        if isinstance(predictor, ShallowPredictor):
-            predictor.layers.fit_scale(training_seeds(self.seeds)[0])
-            train_classifier(predictor, data, self.epochs, generator, progress)
-        else:
-            train_predictor(predictor, data, self.epochs, generator, progress)
+        train_predictor(predictor, data, self.epochs, generator, progress)
         write_task(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
@@ -97,10 +81,8 @@ class Pretraining:
         """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
         data, held, generator = self._begin(seed)
         target = getattr(data, features)
-        content = {"sizes": _sizes(self.settings, self.kind), "features": target.shape[1]}
+        content = {"sizes": _sizes(self.settings), "features": target.shape[1]}
         converter = _converter(self.constraints.arm, self.trajectory, content)
-        if isinstance(converter, ShallowConverter):
-            converter.layers.fit_scale(training_seeds(self.seeds)[0])
         train_converter(converter, data.c, target, self.epochs, generator, progress)
         write_task(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
         r2 = explained(converter, held.c, getattr(held, features))
@@ -109,13 +91,12 @@ class Pretraining:
     @property
     def epochs(self) -> int:
         """Number of passes over the labelled samples."""
-        return self.settings.shallow.epochs if self.kind == "paper" else self.settings.epochs
+        return self.settings.epochs
 
     @property
     def samples(self) -> int:
-        """Number of labelled samples; the paper's surrogates learn from seeds and as many others."""
-        learnt = training_seeds(self.seeds)[0]
-        return 2 * len(learnt) if self.kind == "paper" else self.settings.samples
+        """Number of labelled samples."""
+        return self.settings.samples
 
     def _share(self, number: int) -> Path:
         return self.work / f"labels-{number}.pt"
@@ -135,9 +116,8 @@ def training_seeds(seeds: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def negatives_count(kind: Kind, samples: int, seeds: int) -> int:
-    """Number of a vanilla GAN's samples to draw: half of the labelled ones, or as many as there are seeds."""
-    wanted = seeds + _HELD_OUT_NEGATIVES if kind == "paper" else samples // 2
-    return max(wanted, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
+    """Number of a vanilla GAN's samples to draw: half of the labelled ones, with what is held out."""
+    return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
 
 
 def load_surrogates(
@@ -158,28 +138,19 @@ def load_surrogates(
     return Surrogates(predictor, converter)
 
 
-def _predictor(
-    arm: Arm, trajectory: Trajectory, content: dict[str, Any]
-) -> SuccessPredictor | ShallowPredictor:
+def _predictor(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> SuccessPredictor:
     sizes = content["sizes"]
-    if sizes["shallow"]:
-        return ShallowPredictor(*trajectory.shape[:2], sizes["width"])
     return SuccessPredictor(arm, trajectory, content["names"], sizes["width"], sizes["margin_steps"])
 
 
-def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter | ShallowConverter:
+def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter:
     sizes = content["sizes"]
-    if sizes["shallow"]:
-        return ShallowConverter(*trajectory.shape[:2], content["features"], sizes["width"])
     return Converter(arm, trajectory, content["features"], sizes["width"], sizes["feature_steps"])
 
 
-def _sizes(settings: SurrogateSettings, kind: Kind) -> dict[str, Any]:
+def _sizes(settings: SurrogateSettings) -> dict[str, int]:
     """Sizes of the networks, as their files keep them."""
-    if kind == "paper":
-        return {"shallow": True, "width": settings.shallow.width}
-    sizes = {key: getattr(settings, key) for key in ("width", "margin_steps", "feature_steps")}
-    return {"shallow": False, **sizes}
+    return {key: getattr(settings, key) for key in ("width", "margin_steps", "feature_steps")}
 
 
 def _frozen(network: Network, weights: dict[str, Tensor], folder: Path) -> Network:

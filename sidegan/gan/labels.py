@@ -65,17 +65,6 @@ def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator)
     return torch.cat([pick(seeds, part) * uniform(0.94, 1.06, part), broad * uniform(0.5, 1.1, len(broad))])
 
 
-def narrow(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Coefficients (count, J, H, 2) as in the paper: one half seeds, one half a vanilla GAN's output."""
-    rows = torch.randint(len(seeds), (count // 2,), generator=generator)
-    return torch.cat(
-        [seeds[rows], others[torch.randint(len(others), (count - count // 2,), generator=generator)]]
-    )
-
-
-MIXTURES = {"broad": blend, "narrow": narrow}
-
-
 @torch.no_grad()
 def label(
     constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Report | None = None

@@ -17,7 +17,7 @@ from torch.utils.data import DataLoader
 from sidegan.base.storage import read_torch
 from sidegan.errors import ArtifactError, SideganError
 from sidegan.gan.schedule import Schedule
-from sidegan.gan.terms import Adversary, LossTerm
+from sidegan.gan.terms import Adversary, LossTerm, Sampler
 
 log = logging.getLogger(__name__)
 
@@ -40,9 +40,7 @@ class Training(pl.LightningModule):
         schedule: how long and how fast.
     """
 
-    sampler: Any  # any module with a network
-
-    def __init__(self, name: str, sampler: nn.Module, terms: Sequence[LossTerm], schedule: Schedule) -> None:
+    def __init__(self, name: str, sampler: Sampler, terms: Sequence[LossTerm], schedule: Schedule) -> None:
         super().__init__()
         self.automatic_optimization = False
         self.name, self.sampler, self.schedule = name, sampler, schedule

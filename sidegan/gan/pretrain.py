@@ -8,8 +8,7 @@ from torch import Tensor, nn
 
 from sidegan.base.parallel import Report
 from sidegan.gan.labels import Labelled
-from sidegan.gan.shallow import ShallowPredictor
-from sidegan.gan.surrogates import Standard, SuccessPredictor
+from sidegan.gan.surrogates import Converter, SuccessPredictor
 
 _HELD_OUT = 0.15
 _BATCH = 100
@@ -44,26 +43,8 @@ def train_predictor(
     _train(predictor, loss, len(data.c), epochs, generator, progress)
 
 
-def train_classifier(
-    predictor: ShallowPredictor,
-    data: Labelled,
-    epochs: int,
-    generator: torch.Generator,
-    progress: Report | None = None,
-) -> None:
-    """Fit the paper's success predictor to the labels alone, valid ones and faulty ones weighing the same."""
-    faulty = float((~data.valid).sum()) / max(1.0, float(data.valid.sum()))
-    weight = torch.where(data.valid, max(faulty, 1e-3), 1.0)
-
-    def loss(rows: Tensor) -> Tensor:
-        logits, valid = predictor.logits(data.c[rows]), data.valid[rows].float()
-        return nn.functional.binary_cross_entropy_with_logits(logits, valid, weight[rows])
-
-    _train(predictor, loss, len(data.c), epochs, generator, progress)
-
-
 def train_converter(
-    converter: Standard,
+    converter: Converter,
     c: Tensor,
     features: Tensor,
     epochs: int,
@@ -81,14 +62,14 @@ def train_converter(
 
 
 @torch.no_grad()
-def accuracy(predictor: nn.Module, c: Tensor, valid: Tensor) -> float:
+def accuracy(predictor: SuccessPredictor, c: Tensor, valid: Tensor) -> float:
     """Share of trajectories whose label the predictor gets right."""
     guess = torch.cat([predictor(part) for part in c.float().split(500)]).exp() > 0.5
     return float((guess == valid).double().mean())
 
 
 @torch.no_grad()
-def explained(converter: Standard, c: Tensor, features: Tensor) -> Tensor:
+def explained(converter: Converter, c: Tensor, features: Tensor) -> Tensor:
     """Coefficient of determination R² of each standardised feature, (p,)."""
     predicted = torch.cat([converter(part) for part in c.float().split(500)])
     target = converter.standardise(features)

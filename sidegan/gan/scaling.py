@@ -18,19 +18,11 @@ class Scaling:
     spread: Tensor  # from image to coefficients, per joint, (J, 2 H, 2 H)
 
     @staticmethod
-    def fit(c: Tensor, kind: str = "joint") -> "Scaling":
-        """Scaling of a seed set (N, J, H, 2).
-
-        ``joint`` whitens each joint's 2 H coefficients; ``range`` divides each element by its largest
-        absolute value, so that the images of the seeds are in [−1, 1].
-        """
+    def fit(c: Tensor) -> "Scaling":
+        """Scaling that whitens each joint's 2 H coefficients of a seed set (N, J, H, 2)."""
         if len(c) < 2:
             raise ShapeError(f"scaling needs at least two seeds, got {len(c)}")
         x = c.flatten(2).double().transpose(0, 1)
-        if kind == "range":
-            return Scaling(torch.zeros_like(x[:, 0]), torch.diag_embed(x.abs().amax(1).clamp_min(1e-9)))
-        if kind != "joint":
-            raise ShapeError(f"scaling kind {kind!r} must be 'joint' or 'range'")
         mean = x.mean(1)
         centred = x - mean[:, None]
         covariance = centred.transpose(1, 2) @ centred / (x.shape[1] - 1)

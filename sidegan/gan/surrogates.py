@@ -90,52 +90,18 @@ class SuccessPredictor(nn.Module):
         return nn.functional.logsigmoid(self.log_gain.exp() * (worst - self.offset)).sum(1)
 
 
-class Standard(nn.Module):
-    """Standardised logs of positive features, (B, p); the features themselves where no log is taken."""
+class Converter(nn.Module):
+    """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
 
     mean: Tensor
     spread: Tensor
-    floor: Tensor
-
-    def __init__(self, features: int, log: bool = True) -> None:
-        super().__init__()
-        self.log = log
-        self.register_buffer("mean", torch.zeros(features))
-        self.register_buffer("spread", torch.ones(features))
-        self.register_buffer("floor", torch.tensor(_TINY))
-
-    def standardise(self, features: Tensor) -> Tensor:
-        """Standardised logs of true features (B, p)."""
-        return (self._scale(features) - self.mean) / self.spread
-
-    def log_features(self, standardised: Tensor) -> Tensor:
-        """Natural logs of features, from standardised ones.
-
-        Without logs a network may predict what is not positive; no feature counts as less than the smallest
-        that was learned from.
-        """
-        x = standardised * self.spread + self.mean
-        return x if self.log else x.clamp_min(self.floor).log()
-
-    @torch.no_grad()
-    def fit_standard(self, features: Tensor) -> None:
-        """Set mean and spread from true features (N, p)."""
-        x = self._scale(features)
-        self.mean.copy_(x.mean(0))
-        self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD if self.log else _TINY))
-        self.floor.copy_(features.min().clamp_min(_TINY))
-
-    def _scale(self, features: Tensor) -> Tensor:
-        return features.clamp_min(_TINY).log().float() if self.log else features.float()
-
-
-class Converter(Standard):
-    """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
 
     def __init__(
         self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48
     ) -> None:
-        super().__init__(features)
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(features))
+        self.register_buffer("spread", torch.ones(features))
         self.roll_out = RollOut(arm, trajectory, steps)
         self.moments = _by_moment(self.roll_out.channels, width, width, width)
         self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
@@ -147,13 +113,32 @@ class Converter(Standard):
         log_energy = torch.log(1e-4 + (moments * moments).mean(2))
         return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
 
+    def standardise(self, features: Tensor) -> Tensor:
+        """Standardised logs of true features (B, p)."""
+        return (_logs(features) - self.mean) / self.spread
+
+    def log_features(self, standardised: Tensor) -> Tensor:
+        """Natural logs of features, from standardised ones."""
+        return standardised * self.spread + self.mean
+
+    @torch.no_grad()
+    def fit_standard(self, features: Tensor) -> None:
+        """Set mean and spread from true features (N, p)."""
+        x = _logs(features)
+        self.mean.copy_(x.mean(0))
+        self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD))
+
+
+def _logs(features: Tensor) -> Tensor:
+    return features.clamp_min(_TINY).log().float()
+
 
 @dataclass(frozen=True)
 class Surrogates:
     """The frozen surrogates of one variant, as far as it needs them."""
 
-    predictor: nn.Module | None = None  # log probability of being valid, (B,), of coefficients (B, J, H, 2)
-    converter: Standard | None = None  # standardised features (B, p) of the same
+    predictor: SuccessPredictor | None = None
+    converter: Converter | None = None
 
 
 class _ByMoment(nn.Sequential):

@@ -3,7 +3,6 @@
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -11,7 +10,7 @@ from torch import Tensor, nn
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Standard
+from sidegan.gan.surrogates import Converter, SuccessPredictor
 
 
 class Batch:
@@ -21,15 +20,6 @@ class Batch:
         self, coefficients: Tensor, images: Callable[[], Tensor], features: Callable[[Tensor], Tensor] | None
     ) -> None:
         self.coefficients, self._images, self._features = coefficients, images, features
-
-    @property
-    def deviations(self) -> Tensor:
-        """What differs between trajectories that shall be diverse, a row each, (B, 2 J H)."""
-        return self.coefficients.flatten(1)
-
-    def mean_distance(self) -> Tensor:
-        """Mean distance between two trajectories that shall be diverse [rad/s], 0-dimensional."""
-        return torch.pdist(self.deviations).mean()
 
     @cached_property
     def images(self) -> Tensor:
@@ -54,7 +44,7 @@ class Sampler(nn.Module):
     spread: Tensor
 
     def __init__(
-        self, network: Generator, scaling: Scaling, limits: LimitLayer | None, features: Standard | None
+        self, network: Generator, scaling: Scaling, limits: LimitLayer | None, features: Converter | None
     ) -> None:
         super().__init__()
         self.network, self.limits, self.features = network, limits, features
@@ -94,7 +84,7 @@ class LossTerm(nn.Module):
         return self.weight * self.ease ** (1 - eased) if epoch >= self.start else 0.0
 
     @abstractmethod
-    def forward(self, batch: Any) -> Tensor:
+    def forward(self, batch: Batch) -> Tensor:
         """Loss without its weight, 0-dimensional."""
 
 
@@ -102,12 +92,12 @@ class Formula(LossTerm):
     """A term without networks or tensors of its own: a function of a batch."""
 
     def __init__(
-        self, weight: float, loss: Callable[[Any], Tensor], ease: float = 1.0, start: int = 0
+        self, weight: float, loss: Callable[[Batch], Tensor], ease: float = 1.0, start: int = 0
     ) -> None:
         super().__init__(weight, ease, start)
         self.loss = loss
 
-    def forward(self, batch: Any) -> Tensor:
+    def forward(self, batch: Batch) -> Tensor:
         """Loss, 0-dimensional."""
         return self.loss(batch)
 
@@ -155,24 +145,22 @@ class Adversary(LossTerm):
 
 
 class PredictedSuccess(LossTerm):
-    """Minus the mean log probability of being valid, by a frozen predictor; or the probability of not."""
+    """Minus the mean log probability of being valid, by a frozen predictor."""
 
-    def __init__(self, weight: float, predictor: nn.Module, log: bool = True) -> None:
+    def __init__(self, weight: float, predictor: SuccessPredictor) -> None:
         super().__init__(weight)
-        self.predictor, self.log = predictor, log
+        self.predictor = predictor
 
     def forward(self, batch: Batch) -> Tensor:
         """Loss, 0-dimensional."""
-        log_valid = self.predictor(batch.coefficients)
-        return -log_valid.mean() if self.log else -torch.expm1(log_valid).mean()
+        return -self.predictor(batch.coefficients).mean()
 
 
-def predicted_ratio(weight: float, standard: Standard, start: int, log: bool = True) -> Formula:
-    """Mean (log) ratio of the largest to the smallest feature, by a frozen converter."""
+def predicted_ratio(weight: float, converter: Converter, start: int) -> Formula:
+    """Mean log ratio of the largest to the smallest feature, by a frozen converter."""
 
     def loss(batch: Batch) -> Tensor:
-        logs = standard.log_features(batch.features)
-        ratio = logs.amax(1) - logs.amin(1)
-        return (ratio if log else ratio.exp()).mean()
+        logs = converter.log_features(batch.features)
+        return (logs.amax(1) - logs.amin(1)).mean()
 
     return Formula(weight, loss, start=start)

@@ -1,8 +1,8 @@
 """Training of a SIDE-GAN variant: its networks and loss terms, and the true physics after every epoch."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
 
 import pytorch_lightning as pl
 import torch
@@ -14,16 +14,16 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.excitation import excitation_of
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.gan.diversity import Spread, distance, distance_target, rank, rank_target
-from sidegan.gan.exact import ExactFeatures, objective, violation
+from sidegan.gan.diversity import distance, distance_target, rank, rank_target
+from sidegan.gan.exact import objective, violation
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.loop import EpochEnd, Training, fit
 from sidegan.gan.metrics import kept_epoch, measure
-from sidegan.gan.networks import Generator, feature_discriminator, image_discriminator
+from sidegan.gan.networks import Discriminator, Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Standard, Surrogates
-from sidegan.gan.terms import Adversary, LossTerm, PredictedSuccess, Sampler, predicted_ratio
+from sidegan.gan.surrogates import Surrogates
+from sidegan.gan.terms import Adversary, Batch, LossTerm, PredictedSuccess, Sampler, predicted_ratio
 from sidegan.gan.variants import Variant
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
@@ -34,16 +34,14 @@ _EPOCH = "epoch-{}.pt"  # the weights that the training would keep after it
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
 _NO_SURROGATES = Surrogates()
 
-Made = TypeVar("Made")
-
 
 @dataclass(frozen=True)
-class Trained(Generic[Made]):
+class Trained:
     """A trained generator and its metrics after every epoch."""
 
-    generator: Made
+    generator: TrajectoryGenerator
     history: list[dict[str, float]]
-    epoch: int = -1  # index in the history of the one whose generator this is
+    epoch: int  # index in the history of the one whose generator this is
 
 
 @dataclass(frozen=True)
@@ -56,8 +54,6 @@ class Run:
     evaluation: int = 200  # trajectories whose true physics is measured after every epoch; 0: none
     device: str = "cpu"  # where the networks run
     epoch_end: EpochEnd | None = None  # called with (epoch, metrics) after every epoch
-    # generator to begin with, of this arm or of another one with as many joints
-    start: TrajectoryGenerator | None = None
 
 
 def train_variant(
@@ -67,12 +63,12 @@ def train_variant(
     seeds: Tensor | None,
     run: Run,
     surrogates: Surrogates = _NO_SURROGATES,
-) -> Trained[TrajectoryGenerator]:
+) -> Trained:
     """A generator trained on a seed set (N, J, H, 2) [rad/s]; None for a variant that learns from none.
 
     Raises:
         ConfigError: when the variant needs a surrogate that is not given.
-        ShapeError: when the seeds do not fit, or the generator to begin with has another shape.
+        ShapeError: when the seeds do not fit.
         SideganError: when the training diverges.
     """
     pl.seed_everything(run.seed, verbose=False)
@@ -114,91 +110,54 @@ def assemble(
     surrogates: Surrogates = _NO_SURROGATES,
 ) -> Training:
     """Networks and loss terms of a variant, untrained; as ``train_variant``, which trains them."""
-    problem = None if variant.exact is None else Problem(constraints, trajectory, variant.exact.samples)
-    features: Standard | None = None
-    if variant.features != "none":
-        features = surrogates.converter
-        if problem is not None:
-            features = ExactFeatures(problem, variant.features, seeds)
-        if features is None:
-            raise ConfigError(f"{run.name} needs a converter to {variant.features}")
     limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
-    network, scaling = _network(variant, seeds, run.start)
-    sampler = Sampler(network, scaling, limits, features)
-    terms: list[LossTerm] = [*_image_adversary(variant, sampler, seeds)]
-    if variant.exact is not None and problem is not None:
+    converter = surrogates.converter if variant.features != "none" else None
+    sampler = Sampler(*_network(variant, seeds), limits, converter)
+    terms: list[LossTerm] = []
+    if variant.exact is not None:
+        problem = Problem(constraints, trajectory, variant.exact.samples)
         terms.append(violation(variant.weights.success, variant.exact, problem))
         terms.append(objective(variant.weights.fitness, variant.exact, problem))
-    elif variant.weights.success > 0:
-        if surrogates.predictor is None:
-            raise ConfigError(f"{run.name} needs a predictor of success")
-        log = variant.losses.success == "log_probability"
-        terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor, log))
-    if features is not None:
-        if variant.real_features == "predicted":
-            examples = _predicted(features, seeds)
-        else:
+    else:
+        images = sampler.scaling.image(seeds.float())
+        terms.append(_adversary(variant, variant.weights.adversarial, images, lambda batch: batch.images))
+        if variant.weights.success > 0:
+            if surrogates.predictor is None:
+                raise ConfigError(f"{run.name} needs a predictor of success")
+            terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor))
+        if variant.features != "none":
+            if converter is None:
+                raise ConfigError(f"{run.name} needs a converter to {variant.features}")
             excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
-            examples = features.standardise(getattr(excitation, variant.features))
-        terms.append(_feature_adversary(variant, examples))
-        if problem is None:
-            log = variant.losses.fitness == "log_ratio"
-            terms.append(predicted_ratio(variant.weights.fitness, features, variant.fitness_start, log))
-    terms += _diversity(variant, seeds)
+            features = converter.standardise(getattr(excitation, variant.features))
+            terms.append(
+                _adversary(variant, variant.weights.features, features, lambda batch: batch.features)
+            )
+            terms.append(predicted_ratio(variant.weights.fitness, converter, variant.fitness_start))
+    terms.append(distance(variant.weights.distance, distance_target(seeds, random=not variant.seeded)))
+    terms.append(rank(variant.weights.rank, rank_target(seeds, variant.batch)))
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
 
-def _network(variant: Variant, seeds: Tensor, start: TrajectoryGenerator | None) -> tuple[Generator, Scaling]:
+def _network(variant: Variant, seeds: Tensor) -> tuple[Generator, Scaling]:
     """The generator's network and what its images mean."""
     _, joints, harmonics, _ = seeds.shape
-    layers = (variant.body, variant.width, variant.gaussian_start, variant.activation)
-    network = Generator(joints, harmonics, variant.noise, *layers)
-    scaling = Scaling.fit(seeds, variant.scaling)
+    network = Generator(
+        joints, harmonics, variant.noise, variant.width, variant.gaussian_start, variant.activation
+    )
+    scaling = Scaling.fit(seeds)
     if variant.gaussian_start:
         network.start_from(scaling.image(seeds.double()))
-    if start is None:
-        return network, scaling
-    try:
-        network.load_state_dict(start.network.state_dict())
-    except RuntimeError as error:
-        raise ShapeError(f"the generator of {start.robot} has another shape: {error}") from error
-    return network, start.scaling
+    return network, scaling
 
 
-def _image_adversary(variant: Variant, sampler: Sampler, seeds: Tensor) -> list[Adversary]:
-    """The first discriminator, where a variant learns from seeds."""
-    if not variant.seeded:
-        return []
-    _, joints, harmonics, _ = seeds.shape
-    critic = image_discriminator(joints, harmonics, variant.body, variant.width, variant.minibatch)
-    examples = sampler.scaling.image(seeds.float())
-    weight, penalty = variant.weights.adversarial, variant.gradient_penalty
-    minimax = variant.losses.adversarial == "minimax"
-    return [Adversary(weight, critic, examples, lambda batch: batch.images, penalty, minimax)]
-
-
-def _feature_adversary(variant: Variant, examples: Tensor) -> Adversary:
-    """The second discriminator, which sees standardised features (N, p)."""
-    critic = feature_discriminator(examples.shape[1], variant.body, variant.width, variant.minibatch)
-    weight, penalty = variant.weights.features, variant.gradient_penalty
-    minimax = variant.losses.adversarial == "minimax"
-    return Adversary(weight, critic, examples, lambda batch: batch.features, penalty, minimax)
-
-
-@torch.no_grad()
-def _predicted(features: Standard, c: Tensor) -> Tensor:
-    """Standardised features (N, p) by a converter, of coefficients (N, J, H, 2)."""
-    return torch.cat([features(part) for part in c.float().split(500)])
-
-
-def _diversity(variant: Variant, seeds: Tensor) -> list[LossTerm]:
-    """Terms that keep a batch as diverse as the seeds, or as what stands for them."""
-    weights = variant.weights
-    return [
-        Spread(weights.spread, seeds),
-        distance(weights.distance, distance_target(seeds, random=not variant.seeded)),
-        rank(weights.rank, rank_target(seeds, variant.batch)),
-    ]
+def _adversary(
+    variant: Variant, weight: float, examples: Tensor, view: Callable[[Batch], Tensor]
+) -> Adversary:
+    """A discriminator of what it sees of trajectories, and of as much of the seeds (N, …)."""
+    critic = Discriminator(examples[0].numel(), variant.width, variant.minibatch)
+    minimax = variant.adversarial_loss == "minimax"
+    return Adversary(weight, critic, examples, view, variant.gradient_penalty, minimax)
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:

@@ -8,53 +8,23 @@ from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.schedule import Schedule
 
+Kind = Literal["broad"]  # of surrogates, by what they learn from: samples all around the seeds
+
 
 @dataclass(frozen=True)
 class Weights:
     """Weights of the terms of the generator's loss; a zero switches a term off.
 
     ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others
-    keep a batch as diverse as the seeds: ``spread`` in every direction of theirs, ``distance`` on the
-    average, ``rank`` in the number of directions, whichever they are.
+    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions.
     """
 
     adversarial: NonNegative
     features: NonNegative
     success: NonNegative
     fitness: NonNegative
-    spread: NonNegative
     distance: NonNegative
     rank: NonNegative
-
-
-@dataclass(frozen=True)
-class Losses:
-    """Which form the paper's terms have; the second one of each is as its objective is printed.
-
-    It prints log(1 − D), where a generator that is found out learns nothing: the usual form is −log D. It
-    adds the predicted success as if success were a loss: the sign is mended, 1 − P. And it adds the fitness
-    itself, the ratio of the largest to the smallest feature.
-    """
-
-    adversarial: Literal["non_saturating", "minimax"]
-    success: Literal["log_probability", "probability"]
-    fitness: Literal["log_ratio", "ratio"]
-
-
-Kind = Literal["broad", "narrow", "paper"]
-
-
-@dataclass(frozen=True)
-class Learned:
-    """Which success predictor and which converter a variant learns from.
-
-    ``broad`` ones see the roll-out, compute what is linear, and learn from exactly labelled samples all
-    around the seeds; ``narrow`` ones are the same, but learn from seeds and a vanilla GAN's output alone;
-    ``paper`` ones are the paper's: shallow convolutions of the coefficients, which learn from the latter.
-    """
-
-    predictor: Kind
-    converter: Kind
 
 
 @dataclass(frozen=True)
@@ -78,10 +48,8 @@ class Variant:
 
     features: Literal["none", "spectrum", "diagonal"]  # what the second discriminator sees
     weights: Weights
-    losses: Losses
-    surrogates: Learned
-    real_features: Literal["exact", "predicted"]  # what the second discriminator takes for those of the seeds
-    body: Literal["conv", "mlp", "dcgan"]
+    # The generator's loss by a discriminator D: −log D, or log(1 − D) as the paper prints it.
+    adversarial_loss: Literal["non_saturating", "minimax"]
     width: Width  # of generator and discriminators
     noise: Width  # dimension of the generator's noise
     epochs: Count
@@ -96,7 +64,6 @@ class Variant:
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
     gradient_penalty: NonNegative  # R1 on the discriminators (Mescheder, Geiger, Nowozin 2018)
     minibatch: bool  # the discriminators see the spread of a batch
-    scaling: Literal["joint", "range"]  # whitened per joint, or each element divided by its largest
     average: Share | None  # decay of the average of the generator's weights that is kept; null: the last ones
     # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
     # of the best epoch's; null: the last one.
@@ -104,45 +71,46 @@ class Variant:
     activation: Literal["relu", "silu"]  # between the generator's layers
     limited: bool  # position and velocity limits hold by construction
     clip: Positive | None  # largest norm of the generator's gradient; null: any
-    exact: Exact | None  # exact physics in place of the surrogates; null: surrogates
+    exact: Exact | None  # exact physics in place of seeds, discriminators and surrogates; null: those
 
     def __post_init__(self) -> None:
-        predicted_fitness = self.weights.fitness and self.exact is None
-        if self.features == "none" and (self.weights.features or predicted_fitness):
+        if max(*self.betas, self.average or 0) >= 1:
+            raise ConfigError(f"betas {self.betas} and average {self.average} must be less than 1")
+        if self.exact is None:
+            self._check_seeded()
+        else:
+            self._check_exact(self.exact)
+
+    def _check_seeded(self) -> None:
+        if self.features == "none" and (self.weights.features or self.weights.fitness):
             raise ConfigError("weights.features and weights.fitness need features, which are none")
-        if predicted_fitness and self.fitness_start >= self.epochs:
+        if self.weights.fitness and self.fitness_start >= self.epochs:
             raise ConfigError(
                 f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
             )
-        if max(*self.betas, self.average or 0) >= 1:
-            raise ConfigError(f"betas {self.betas} and average {self.average} must be less than 1")
-        if self.body == "dcgan":
-            self._check_dcgan()
-        for term in self.exact.terms.values() if self.exact else ():
+
+    def _check_exact(self, exact: Exact) -> None:
+        if self.features != "none" or self.weights.adversarial or self.weights.features:
+            raise ConfigError(
+                "exact physics has no discriminators: features must be none, and weights.adversarial and "
+                "weights.features 0"
+            )
+        for term in exact.terms.values():
             if term.together > self.batch:
                 raise ConfigError(
                     f"an objective is of {term.together} trajectories together, batch is {self.batch}"
                 )
 
-    def _check_dcgan(self) -> None:
-        """Refuse what images in [−1, 1] of plain transposed convolutions cannot be."""
-        if self.scaling != "range":
-            raise ConfigError("a dcgan yields images in [−1, 1]: scaling must be range")
-        if self.gaussian_start or self.minibatch or self.activation != "relu" or self.limited:
-            raise ConfigError("a dcgan has no gaussian_start, minibatch, limited and activation but relu")
+    @property
+    def seeded(self) -> bool:
+        """Whether the variant learns from a seed set, or from the arm and its workspace alone."""
+        return self.exact is None
 
     @property
     def learned(self) -> dict[str, Kind]:
         """The kind of each surrogate that the variant needs, ``predictor`` and ``converter``."""
-        if self.exact is not None:
-            return {}
         needed = {"predictor": self.weights.success > 0, "converter": self.features != "none"}
-        return {name: getattr(self.surrogates, name) for name, needs in needed.items() if needs}
-
-    @property
-    def seeded(self) -> bool:
-        """Whether the variant learns from a seed set, or from the arm and its workspace alone."""
-        return self.exact is None or self.weights.adversarial > 0 or self.weights.features > 0
+        return {name: "broad" for name, needs in needed.items() if needs and self.seeded}
 
     def schedule(self, seeds: int) -> Schedule:
         """Schedule of a training on so many seeds."""
