@@ -12,23 +12,18 @@ import torch
 
 from sidegan.library import Library
 from sidegan.library.measure import summary
-from sidegan.pipeline.columns import OURS, columns, groups
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.density import density
-from sidegan.pipeline.stages.elsewhere import elsewhere
 from sidegan.pipeline.stages.identification import identification
-from sidegan.pipeline.stages.kinds import kind
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
 from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
 from sidegan.pipeline.stages.random import random_set
-from sidegan.pipeline.stages.readings import covariance, readings
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import excitation_sets, selection
-from sidegan.pipeline.stages.sensitivity import sensitivity
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, surrogates
@@ -38,9 +33,7 @@ __all__ = ["LIBRARY", "RANDOM", "SEEDS", "Artifacts", "Report"]
 
 Report = dict[str, Any]
 
-_LEADING = {"readings", "covariances", "elsewhere", "subsets"}  # frames of the first column of a group
-# Of seeds, for people.
-_OPTIMISERS = {"gradient": "gradient", "paper": "gaco, compass search", "compiled": "gradient, one by one"}
+_OF_FIRST = {"subsets"}  # frames of the first condition of a group alone
 
 
 @dataclass(frozen=True)
@@ -51,10 +44,6 @@ class Artifacts:
         task: the settings and where their artifacts are.
         whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
-        covariances: covariance norm of the same sets by set, training, prior and forgetting.
-        elsewhere: NMSE of experiment 1's sets, and error as a share of the torque limit, by set, training,
-            repeat, weighted, kind of test and joint.
-        sensitivity: experiment 1 with other settings.
         density: samples of kernel density estimates, a row for each bandwidth.
         seeds: report of the seed set, with what it took.
         random: report of the random valid trajectories.
@@ -69,9 +58,6 @@ class Artifacts:
 
     whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
     whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
-    covariances = cached_property(lambda self: self.task.frame(covariance(self.task)))
-    elsewhere = cached_property(lambda self: self.task.frame(elsewhere(self.task)))
-    sensitivity = cached_property(lambda self: self.task.frame(sensitivity(self.task)))
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
     random = cached_property(lambda self: self.report(random_set(self.task)))
@@ -108,13 +94,6 @@ class Artifacts:
         return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
 
     @cached_property
-    def readings(self) -> pd.DataFrame:
-        """NMSE of experiment 2 by reading of its noise, set, training, repeat, weighted and joint."""
-        tasks = readings(self.task)
-        frames = [task.frame(replication(task)).assign(reading=name) for name, task in tasks.items()]
-        return pd.concat(frames, ignore_index=True)
-
-    @cached_property
     def histories(self) -> pd.DataFrame:
         """Metrics of each variant after every epoch of every training, a row per variant, training, epoch."""
         return self._histories(self.task)
@@ -145,25 +124,10 @@ class Artifacts:
             f"long-{h}": self._with_library(long_trajectory(self.task, h)) for h in self.cfg.long.harmonics
         }
 
-    @cached_property
-    def kinds(self) -> dict[str, tuple[Report, Library]]:
-        """Report and library of the seeds and of the other kinds of seeds, by optimiser and kind."""
-        by = _OPTIMISERS[self.cfg.seeds.method]
-        others = {
-            f"{_OPTIMISERS[one.method]}, {name}": self._with_library(kind(self.task, name))
-            for name, one in self.cfg.kinds.items()
-        }
-        return {by: self.whole_seeds, **others}
-
     @property
     def seed_seconds(self) -> float:
         """CPU time of one seed [s]; not a number where that was not kept."""
-        return float(self.whole_seeds[0]["cpu_seconds"]) / self.cfg.seeds.count
-
-    @cached_property
-    def whole_seeds(self) -> tuple[Report, Library]:
-        """Report and library of the seed set before it was halved."""
-        return self._with_library(seed_set(self.task.with_settings(half=None)))
+        return float(self.seeds["cpu_seconds"]) / self.cfg.seeds.count
 
     @cached_property
     def few_seeds(self) -> dict[str, float]:
@@ -214,47 +178,46 @@ class Artifacts:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that differ in their seed set alone, whose trainings count together.
+    """Conditions that differ in their seed set alone, whose trainings count together.
 
     Attributes:
-        name: of the group.
-        title: of its first column, for people.
-        parts: what was made for each of its columns.
+        name: of the group, for people.
+        parts: what was made under each of its conditions, by name.
     """
 
     name: str
-    title: str
     parts: dict[str, Artifacts]
 
     @property
     def first(self) -> Artifacts:
-        """What was made for its first column."""
+        """What was made under its first condition."""
         return next(iter(self.parts.values()))
 
     _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over the columns in which it is made, each told by ``column``."""
+        """A frame of ``Artifacts`` over the conditions in which it is made, each told by ``seed_set``."""
         if name not in self._frames:
-            made = self.parts if name not in _LEADING else dict([next(iter(self.parts.items()))])
-            frames = [getattr(part, name).assign(column=column) for column, part in made.items()]
+            made = self.parts if name not in _OF_FIRST else dict([next(iter(self.parts.items()))])
+            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in made.items()]
             self._frames[name] = pd.concat(frames, ignore_index=True)
         return self._frames[name]
 
     def seeds(self, key: str) -> pd.Series:
-        """A number of the seed set, by column."""
-        return pd.Series({column: float(part.seeds[key]) for column, part in self.parts.items()})
+        """A number of the seed set, by condition."""
+        return pd.Series({condition: float(part.seeds[key]) for condition, part in self.parts.items()})
 
     def predictor(self, key: str) -> pd.Series:
-        """A number of the surrogates that the eigen variant learns from, by column."""
-        return pd.Series({column: float(part.surrogates[key]) for column, part in self.parts.items()})
+        """A number of the surrogates that the eigen variant learns from, by condition."""
+        return pd.Series({condition: float(part.surrogates[key]) for condition, part in self.parts.items()})
 
 
 def comparison(task: Task) -> dict[str, Group]:
-    """What was made for every column of a task, by group."""
-    tasks, titles = columns(task), {OURS: "ours"}
-    titles |= {name: one.title for name, one in task.cfg.columns.items()} if len(tasks) > 1 else {}
-    return {
-        group: Group(group, titles[names[0]], {name: Artifacts(tasks[name]) for name in names})
-        for group, names in groups(task).items()
-    }
+    """What was made under every condition that the page compares, by group."""
+    own = task.cfg.condition.name
+    tasks = [task if name == own else task.under(name) for name in task.cfg.conditions or [own]]
+    groups: dict[str, Group] = {}
+    for one in tasks:
+        condition = one.cfg.condition
+        groups.setdefault(condition.group, Group(condition.group, {})).parts[condition.name] = Artifacts(one)
+    return groups

@@ -1,7 +1,7 @@
 """The paper's claims beside what was measured here, each with a verdict that follows from the numbers.
 
 The words of a claim and its criterion are in ``paper.yaml``; what measures it is a function of its name in
-``claims_training.py`` or ``claims_identification.py``, which asks one group of columns.
+``claims_training.py`` or ``claims_identification.py``, which asks one group of conditions.
 """
 
 from collections import Counter
@@ -36,7 +36,7 @@ class Claim(NamedTuple):
     paper: str
     criterion: str
     why: str
-    findings: dict[str, Finding]  # by group of columns
+    findings: dict[str, Finding]  # by group of conditions
 
 
 def claims(groups: Mapping[str, Group]) -> list[Claim]:
@@ -72,11 +72,11 @@ def barren_variants(group: Group) -> dict[str, int]:
     return {str(name): int(part.drawn.sum()) for name, part in parts if (part["count"] == 0).all()}
 
 
-def table(judged: list[Claim], groups: Mapping[str, Group]) -> pd.DataFrame:
+def table(judged: list[Claim]) -> pd.DataFrame:
     """The verdicts on every claim, a column for each group."""
     rows = [
         {"Claim": claim.text, "Paper": f"{claim.paper} ({claim.where})"}
-        | {groups[name].title: signed(finding) for name, finding in claim.findings.items()}
+        | {name: signed(finding) for name, finding in claim.findings.items()}
         for claim in judged
     ]
     return pd.DataFrame(rows).set_index("Claim")

@@ -1,7 +1,6 @@
 """Criteria of the claims about identification (tables I, II and III)."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
 
@@ -10,14 +9,13 @@ import pandas as pd
 
 from experiments import exp2
 from experiments.artifacts import Group
-from experiments.finding import GANS, SIDE_GANS, Finding, listed, named, ratios
-from experiments.verdicts import COLUMN, REPEAT, TRAINING, UNKNOWN, above, levels, not_below, together
+from experiments.finding import GANS, SIDE_GANS, Finding, listed, ratios
+from experiments.verdicts import REPEAT, SEED_SET, TRAINING, above, levels, not_below, together
 from sidegan.pipeline.settings import Config
 
 OfWholeSets: TypeAlias = Callable[[pd.DataFrame, Config], Finding]
 
-_STEADY = 0.5  # share of a norm that hardly falls when the seeds are measured again
-_LEVELS = [COLUMN, TRAINING, REPEAT]
+_LEVELS = [SEED_SET, TRAINING, REPEAT]
 
 
 def _short_beat_long(group: Group) -> Finding:
@@ -61,19 +59,8 @@ def _against_seeds(group: Group, frame: str) -> Finding:
 
 
 def _of_whole_sets(criterion: OfWholeSets, group: Group) -> Finding:
-    """A claim about Table II, with what becomes of its verdict under other readings of the noise."""
-    cfg, errors = group.first.cfg, group.frame("readings")
-    found = criterion(group.frame("whole_errors"), cfg)
-    others = errors[errors.reading != cfg.replication.reading].groupby("reading", sort=False)
-    moved = {str(name): criterion(part, cfg).verdict for name, part in others}
-    if not moved:
-        return found
-    return replace(found, ours=f"{found.ours}; verdicts under other readings of the noise: {_each(moved)}")
-
-
-def _each(verdicts: Mapping[str, str]) -> str:
-    """Verdicts by name, in words."""
-    return "; ".join(f"{name}: {verdict}" for name, verdict in verdicts.items())
+    """A claim about Table II."""
+    return criterion(group.frame("whole_errors"), group.first.cfg)
 
 
 def _generated_improve(errors: pd.DataFrame, config: Config) -> Finding:
@@ -110,16 +97,11 @@ def _not_less(errors: pd.DataFrame, config: Config) -> Finding:
 
 def _smallest_norm(group: Group) -> Finding:
     """Whether eigen's covariance norm is below that of every other set of Table III."""
-    facts, norms = group.frame("whole_facts"), group.frame("covariances")
-    effects = _over_eigen(group, facts)
+    facts = group.frame("whole_facts")
     per_sample = facts.assign(covariance_norm=facts.covariance_norm * facts.samples)
-    recursion = norms.apply(lambda row: named(row.prior, row.forgetting), axis=1)
-    parts = {str(name): part for name, part in norms.groupby(recursion, sort=False)}
-    usual = named(group.first.cfg.identification.prior, group.first.cfg.identification.forgetting)
-    moved = {"‖diag P‖ × samples": per_sample} | {k: part for k, part in parts.items() if k != usual}
-    verdicts = {name: _smallest(_over_eigen(group, part)) for name, part in moved.items()}
-    ours = f"theirs over eigen's: {ratios(effects)}; verdicts otherwise: {_each(verdicts)}"
-    return Finding(_smallest(effects), ours, {"steady": _steady_norms(group, parts), "share": _STEADY})
+    effects, otherwise = _over_eigen(group, facts), _smallest(_over_eigen(group, per_sample))
+    ours = f"theirs over eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
+    return Finding(_smallest(effects), ours)
 
 
 def _smallest(effects: Mapping[str, pd.Series]) -> str:
@@ -130,19 +112,6 @@ def _over_eigen(group: Group, frame: pd.DataFrame) -> dict[str, pd.Series]:
     """Logarithms of the ratios of covariance norms to eigen's, by set of the paper's table."""
     norms = _by_set(group, frame, "covariance_norm")
     return {n: _log_ratio(x, norms["eigen"]) for n, x in norms.items() if n not in ("eigen", _most(group))}
-
-
-def _steady_norms(group: Group, parts: Mapping[str, pd.DataFrame]) -> str:
-    """The recursions under which seeds that are measured again keep most of their norm, in words."""
-    once, *more = (f"seeds ×{k}" for k in sorted(group.first.cfg.replication.replicas))
-    if not more:
-        return UNKNOWN
-    means = {name: part.groupby("set").covariance_norm.mean() for name, part in parts.items()}
-    steady = [name for name, mean in means.items() if mean[more[0]] > _STEADY * mean[once]]
-    if not steady:
-        return "no recursion that was tried"
-    forgets = all((parts[name].forgetting < 1).all() for name in steady)
-    return " and ".join(steady) + (": only what forgets" if forgets else "")
 
 
 def _most(group: Group) -> str:
@@ -157,7 +126,7 @@ def _table1(group: Group, frame: str) -> dict[str, pd.Series]:
 
 
 def _by_set(group: Group, frame: pd.DataFrame, key: str) -> dict[str, pd.Series]:
-    """Mean of a column for every set by column and repeat, and by training where something was trained."""
+    """Mean of a column for every set by seed set and repeat, and by training where something was trained."""
     trained, mean = group.first.cfg.gan, frame.groupby(["set", *levels(frame, REPEAT)])[key].mean()
     parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
     return {name: x if name in trained else x.droplevel(TRAINING) for name, x in parts.items()}
@@ -181,7 +150,7 @@ def gain(errors: pd.DataFrame, name: str, replicas: int) -> pd.Series:
     return part.groupby(_LEVELS).improvement.mean()
 
 
-# Claims about Table II, of the errors that whole sets leave under any reading of the noise.
+# Claims about Table II, of the errors that whole sets leave.
 OF_WHOLE_SETS: dict[str, OfWholeSets] = {
     "generated_improve": _generated_improve,
     "more_than_vanilla": _more_than_vanilla,

@@ -24,6 +24,7 @@ from experiments.training import EARLY, RELIABLE
 from experiments.verdicts import (
     HOLDS,
     NOT,
+    SEED_SET,
     TRAINING,
     above,
     below,
@@ -154,7 +155,7 @@ def _diverse_diagonals(group: Group) -> Finding:
 def _diverse_union(group: Group) -> Finding:
     frame, effects = group.frame("generators"), {}
     for name in SIDE_GANS:
-        part = frame[frame.name == name].set_index(["column", TRAINING]).union_distance_diagonal
+        part = frame[frame.name == name].set_index([SEED_SET, TRAINING]).union_distance_diagonal
         effects[name] = against(part.astype(float), group.seeds("distance_diagonal"))
     return Finding(together(above(x) for x in effects.values()), f"of the seeds': {ratios(effects)}")
 
@@ -174,7 +175,7 @@ def _few_seeds_fail(group: Group) -> Finding:
 
 def _few_seeds_excite(group: Group) -> Finding:
     condition, smallest = _few(group, "condition")
-    random = pd.Series({column: float(part.random["condition"]) for column, part in group.parts.items()})
+    random = pd.Series({one: float(part.random["condition"]) for one, part in group.parts.items()})
     effects = {n: against(x, random) for n, x in condition.items()}
     seeds = {n: against(x, group.seeds("condition")) for n, x in condition.items()}
     ours = f"cond(YᵀY) over that of random valid ones: {ratios(effects)}; over the seeds': {ratios(seeds)}"
@@ -186,7 +187,7 @@ def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
     frame = group.frame("subsets")
     smallest = int(frame.seeds.min())
     part = frame[frame.seeds == smallest]
-    kept = part[part.kept].set_index(["column", TRAINING])
+    kept = part[part.kept].set_index([SEED_SET, TRAINING])
     return {n: kept[kept.variant == n][key] for n in SIDE_GANS}, smallest
 
 

@@ -14,13 +14,11 @@ from experiments.words import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
-from sidegan.report.export import show, write_table
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 EXPECTED, EXPECTED_WEIGHTED = "Simulator, expected", "Simulator, weighted, expected"
 PLANT, PLANT_WEIGHTED = "MuJoCo plants", "MuJoCo plants, weighted"
 RAW, RAW_PLANT = "exp1.parquet", "plant.parquet"
-_KEYS = ["seed", "set", "training", "repeat", "weighted", "joint"]
 
 
 collect = Artifacts
@@ -42,7 +40,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "generators": (tables.generators(artifacts.generators), "Seeds and generators, true physics"),
     }
     progress = training.figure(artifacts.histories, artifacts.few_seeds)
-    leave(folder, tracker, shown, {"training": progress, "nmse": figures.errors(raw)})
+    drawn = {"training": progress, "nmse": figures.errors(raw)}
+    leave(folder, tracker, shown, summary(artifacts), drawn)
 
 
 def table1(
@@ -76,19 +75,12 @@ def _kind(name: str) -> str:
     return name if name in ("seeds", "random") else "generated"
 
 
-def aggregate(folders: list[Path], sweep: Path) -> pd.DataFrame | None:
-    """Table I over all jobs of a sweep: mean ± standard deviation over the seeds of the whole experiment."""
-    whole = [folder for folder in folders if (folder / RAW).exists() and (folder / RAW_PLANT).exists()]
-    if not whole:
-        return None
-    raw, plant = (
-        pd.concat([pd.read_parquet(folder / name) for folder in whole]).drop_duplicates(_KEYS)
-        for name in (RAW, RAW_PLANT)
-    )
-    table = table1(raw, plant, ["seed"])
-    caption = (
-        f"Table I over {raw.seed.nunique()} seeds of the whole experiment: nMSE, mean ± standard deviation"
-    )
-    write_table(table, sweep / "table1", caption)
-    show(table, caption)
-    return table
+def summary(artifacts: Artifacts) -> pd.DataFrame:
+    """Mean errors of every set, over joints, trainings and noise draws, for the table of a sweep."""
+    raw, plant, expected = artifacts.errors, artifacts.plant, artifacts.expected
+    parts = {"nMSE": raw, "nMSE, expected": expected, "nMSE, MuJoCo plants": plant}
+    columns = {}
+    for name, frame in parts.items():
+        for weighted, part in frame.groupby(frame.weighted.astype(bool)):
+            columns[f"{name}, weighted" if weighted else name] = part.groupby("set", sort=False).nmse.mean()
+    return pd.DataFrame(columns).reindex(tables.ordered(raw["set"].unique()))

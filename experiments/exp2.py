@@ -36,12 +36,26 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         shown[name] = table, f"Table II: improvement in nMSE [%], {spread} (RLS {kind}; {setting})"
     shown["table3"] = table3(artifacts.whole_facts), f"Table III: ‖diag P‖ ({setting})"
     shown["errors"] = errors(results), f"nMSE, mean over joints ({setting})"
-    leave(folder, tracker, shown)
+    leave(folder, tracker, shown, summary(artifacts))
+
+
+def summary(artifacts: Artifacts) -> pd.DataFrame:
+    """Mean errors, improvements over the seeds [%] and norms of every set, for the table of a sweep."""
+    errors, facts = artifacts.whole_errors, artifacts.whole_facts
+    errors = errors[~errors.weighted]
+    columns = {"nMSE": errors.groupby("set", sort=False).nmse.mean()}
+    for replicas in artifacts.cfg.replication.replicas:
+        gains = {
+            k: improvement(errors, k, f"seeds ×{replicas}").improvement.mean() for k in artifacts.cfg.gan
+        }
+        columns[f"improvement over seeds ×{replicas} [%]"] = pd.Series(gains)
+    columns["‖diag P‖"] = facts.groupby("set", sort=False).covariance_norm.mean()
+    return pd.DataFrame(columns).reindex(tables.ordered(errors["set"].unique()))
 
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
     """Improvement [%] over a reference set by training, repeat and joint."""
-    keys = [key for key in ("column", "repeat", "joint") if key in part]
+    keys = [key for key in ("seed_set", "repeat", "joint") if key in part]
     base = part[part["set"] == reference][[*keys, "nmse"]]
     both = part[part["set"] == name].merge(base, on=keys, suffixes=("", "_reference"))
     return both.assign(improvement=100 * (1 - both.nmse / both.nmse_reference))

@@ -1,4 +1,4 @@
-"""What was measured of one claim in one group of columns, and the words that say it."""
+"""What was measured of one claim in one group of conditions, and the words that say it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Group
-from experiments.verdicts import COLUMN, TRAINING, UNKNOWN, Interval, interval, together
+from experiments.verdicts import SEED_SET, TRAINING, UNKNOWN, Interval, interval, together
 from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
@@ -30,23 +30,23 @@ def unknown() -> Finding:
 
 
 def by_epoch(group: Group, variant: str, key: str) -> pd.DataFrame:
-    """A metric of a variant by epoch (rows), and column and training (columns)."""
+    """A metric of a variant by epoch (rows), and seed set and training (columns)."""
     histories = group.frame("histories")
     part = histories[histories.variant == variant]
-    return part.pivot(index="epoch", columns=[COLUMN, TRAINING], values=key)
+    return part.pivot(index="epoch", columns=[SEED_SET, TRAINING], values=key)
 
 
 def at(group: Group, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
-    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by column and training."""
+    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by seed set and training."""
     curve = by_epoch(group, variant, key)
     begin = min(first, len(curve)) - 1
     return curve.iloc[begin : len(curve) if last is None else max(last, begin + 1)].mean()
 
 
 def against(values: pd.Series, seeds: pd.Series) -> pd.Series:
-    """Logarithm of the ratio of values by column and training to a number of the column's seeds."""
-    columns = values.index.get_level_values(COLUMN)
-    return np.log(values) - np.log(seeds.loc[columns].to_numpy())
+    """Logarithm of the ratio of values by seed set and training to a number of the seeds."""
+    sets = values.index.get_level_values(SEED_SET)
+    return np.log(values) - np.log(seeds.loc[sets].to_numpy())
 
 
 def words(measured: Interval, form: str = ".3g") -> str:
@@ -93,8 +93,3 @@ def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
 def ratios(effects: Mapping[str, pd.Series]) -> str:
     """Geometric means of ratios and their intervals, of their logarithms by name."""
     return "; ".join(f"{name} {words(interval(x).exp())} ×" for name, x in effects.items())
-
-
-def named(prior: float, forgetting: float) -> str:
-    """A recursion for people."""
-    return f"P₀ = {plain(prior, 'g')} I, λ = {forgetting:g}"

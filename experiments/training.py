@@ -39,7 +39,17 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         ),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
-    leave(folder, tracker, shown, {"training": figure(histories, artifacts.few_seeds)})
+    drawn = {"training": figure(histories, artifacts.few_seeds)}
+    leave(folder, tracker, shown, summary(artifacts.generators), drawn)
+
+
+def summary(generators: pd.DataFrame) -> pd.DataFrame:
+    """Validity, fitness and diversity of every generator, mean over trainings, for the table of a sweep."""
+    frame = generators.assign(valid=generators.success.fillna(generators.get("valid")))
+    columns = {"valid": "valid share", "condition": "median cond(YᵀY)", "distance": "mean distance"}
+    columns["rank"] = "effective rank"
+    numbers = frame[list(columns)].astype(float).groupby(frame["name"], sort=False)
+    return numbers.mean().rename(columns=columns)
 
 
 def figure(

@@ -1,6 +1,6 @@
 """Verdicts from intervals: what many trainings, seed sets and noise draws together say of a claim.
 
-An effect is a series of numbers with the levels ``column`` (one for each seed set), ``training`` and
+An effect is a series of numbers with the levels ``seed_set``, ``training`` and
 ``repeat`` (noise draws) in its index, as far as it has them. Trainings and noise draws both add to the
 variance of its mean.
 """
@@ -19,7 +19,7 @@ HOLDS, PART, NOT = "holds", "holds in part", "does not hold"
 UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
 UNKNOWN = NOT_MEASURED
 CONFIDENCE = 0.95
-COLUMN, TRAINING, REPEAT = "column", "training", "repeat"
+SEED_SET, TRAINING, REPEAT = "seed_set", "training", "repeat"
 
 
 class Interval(NamedTuple):
@@ -45,7 +45,7 @@ class Interval(NamedTuple):
 
 def levels(frame: pd.DataFrame, *more: str) -> list[str]:
     """The columns that tell single trainings, and others after them, as far as a frame has them."""
-    return [key for key in (COLUMN, TRAINING, *more) if key in frame]
+    return [key for key in (SEED_SET, TRAINING, *more) if key in frame]
 
 
 def interval(effect: pd.Series) -> Interval:
@@ -85,7 +85,7 @@ def above(effect: pd.Series, bound: float | None = None) -> str:
     """Whether an effect's mean lies above zero, or a bound, in its whole interval and on every seed set."""
     bound, undecided = (0.0, UNDECIDED) if bound is None else (bound, OPEN)
     low, _, high = interval(effect)
-    levels = [COLUMN] if COLUMN in effect.index.names else []
+    levels = [SEED_SET] if SEED_SET in effect.index.names else []
     means = effect.groupby(levels).mean() if levels else pd.Series([effect.mean()])
     if low > bound and (means > bound).all():
         return HOLDS
@@ -124,5 +124,5 @@ def together(verdicts: Iterable[str]) -> str:
 def _units(values: pd.Series) -> list[list[str]]:
     """The levels that single trainings and single noise draws are told by, as far as an effect has them."""
     names = set(values.index.names)
-    shared = [COLUMN] if COLUMN in names else []
+    shared = [SEED_SET] if SEED_SET in names else []
     return [[*shared, level] for level in (TRAINING, REPEAT) if level in names]

@@ -20,7 +20,7 @@ class Selection:
     """How many trajectories are picked from a pool, and by what."""
 
     count: Count
-    method: Literal["greedy", "d_optimal", "a_optimal", "prediction"]
+    method: Literal["greedy", "d_optimal", "a_optimal"]
     noise: list[Positive] | None  # of each joint's torque [N·m], by which the joints count; not for greedy
 
     def __post_init__(self) -> None:
@@ -39,7 +39,5 @@ def choose(
         return greedy(diagonal, settings.count)
     noise = None if settings.noise is None else torch.tensor(settings.noise, dtype=torch.float64)
     information = information_of(body, trajectory, c, deviation=noise)
-    if settings.method in ("a_optimal", "prediction"):
-        target = information.mean if settings.method == "prediction" else None
-        return a_optimal(information, settings.count, target=target)
-    return d_optimal(information, settings.count)
+    pick = a_optimal if settings.method == "a_optimal" else d_optimal
+    return pick(information, settings.count)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from sidegan.design.criteria import root_of
-from sidegan.design.prediction import Linear
+from sidegan.design.linear import Linear
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.compiled.chain import array
 from sidegan.motion.dynamics import RigidBody

@@ -13,13 +13,11 @@ from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
 from sidegan.designer.aim import Aim
 from sidegan.designer.descent import Descents, Grid, Penalties
-from sidegan.designer.generator import Generator
 from sidegan.designer.proof import CONSTRAINTS, CheckProver, Prover, Verdict
 from sidegan.designer.pursuit import Budget, Pace, Proves, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
 from sidegan.designer.situation import Situation
-from sidegan.designer.starts import Probes, Starts
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.compiled import compiled
 from sidegan.motion.trajectory import Trajectory
@@ -102,8 +100,6 @@ class Designer:
         constraints: the arm in its workspace.
         trajectory: the family, with the home and the period where no other is asked for.
         settings: how.
-        starts: what searches start from, of ``make_starts`` or ``make_generator`` for the same arm; None:
-            random points.
         clock: what deadlines are read from [s].
         seed: of random points.
     """
@@ -113,13 +109,11 @@ class Designer:
         constraints: Constraints,
         trajectory: Trajectory,
         settings: DesignerSettings,
-        starts: Starts | Generator | None = None,
         clock: Callable[[], float] = time.perf_counter,
         seed: int = 0,
     ) -> None:
-        self.settings, self.starts, self.clock, self.seed = settings, starts, clock, seed
+        self.settings, self.clock, self.seed = settings, clock, seed
         self.numbers = ArmNumbers(constraints, trajectory)
-        self.probes = Probes(self.numbers)
         self._pace = Pace()
         self.descents, self.prover = descents_of(self.numbers, settings), prover_of(self.numbers)
         self._warm_up()
@@ -168,18 +162,11 @@ class Designer:
         random = np.random.default_rng(self.seed)
         pursuit = Pursuit(self.numbers, self.settings, self.prover, scene, at_home, budget, random)
         descent = self.descents.descent(scene, aim, pursuit.penalties)
-        c, verdict = pursuit.run(descent, self._candidates(scene))
+        c, verdict = pursuit.run(descent)
         if c is None or verdict is None:
             faults = () if verdict is None else self._faults(scene, verdict)
             return self._answer(scene, None, budget, None, (*faults, "no trajectory was proven in time"))
         return self._answer(scene, c, budget, verdict, ())
-
-    def _candidates(self, scene: Scene) -> list[Array]:
-        """Coefficients (J, K) [rad/s] to start from."""
-        if self.starts is None:
-            return []
-        felt = self.probes.feel((*self.numbers.constraints.regions, *scene.situation.regions))
-        return self.starts.candidates(self.numbers, scene, felt, self.settings.neighbours)
 
     def _faults(self, scene: Scene, verdict: Verdict, timed: bool = True) -> list[str]:
         labels = self.numbers.among(scene).labels

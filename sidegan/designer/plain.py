@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from sidegan.design.lbfgs import BatchedLbfgs
+from sidegan.design.linear import with_terms
 from sidegan.design.objective import HIGHEST, LOWEST, SHARPNESS
-from sidegan.design.prediction import with_terms
 from sidegan.design.problem import HOPELESS
 from sidegan.designer.aim import Aim
 from sidegan.designer.descent import Grid, Penalties

@@ -115,15 +115,12 @@ class Pursuit:
         settings = self._settings
         return Penalties(_WEIGHT, settings.reserve, settings.reserve, settings.clearance)
 
-    def run(self, descent: Descent, candidates: list[Array]) -> tuple[Array | None, Verdict | None]:
+    def run(self, descent: Descent) -> tuple[Array | None, Verdict | None]:
         """The best proven coefficients (J, K) [rad/s], and the verdict on them or on the last that failed."""
-        points = [self._numbers.points(self._scene, c) for c in candidates]
-        order = self._sorted(descent, points)
         while self._left > 0 and not self._budget.late:
-            x = order.pop(0) if order else self._start()
             self._penalties = self.penalties
             descent.penalise(self._penalties)
-            descent.place(x)
+            descent.place(self._start())
             self._pursue(descent)
         return self.best, self.verdict
 
@@ -132,25 +129,10 @@ class Pursuit:
         """Evaluations that are left when what they find shall be proven, or made smaller until it is."""
         return self._budget.left(_FIRST if self.best is None else 1)
 
-    def _sorted(self, descent: Descent, points: list[Array]) -> list[Array]:
-        """Points in the order of what they are worth as they are."""
-        values = []
-        for x in points:
-            if self._budget.left(2) <= 2:
-                break
-            began = self._budget.time()
-            values.append(sum(self._evaluate(descent, x)))
-            self._budget.evaluated(1, self._budget.time() - began)
-        order = np.argsort(values, kind="stable")
-        return [points[k] for k in order] + points[len(values) :]
-
-    def _evaluate(self, descent: Descent, x: Array) -> tuple[float, float]:
-        return descent.evaluate(x, self._gradient)
-
     def _look(self, descent: Descent, c: Array) -> tuple[float, float]:
         """Goal and penalty of coefficients (J, K) [rad/s] beside the search."""
         self._budget.looks += 1
-        return self._evaluate(descent, self._numbers.points(self._scene, c))
+        return descent.evaluate(self._numbers.points(self._scene, c), self._gradient)
 
     def _start(self) -> Array:
         """A random point."""

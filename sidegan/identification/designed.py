@@ -1,18 +1,17 @@
 """Sets of trajectories for what is uncertain of a model, each designed given those before it."""
 
-from functools import partial
-
 import torch
 from torch import Tensor
 
 from sidegan.design import sequence
 from sidegan.design.problem import Problem
-from sidegan.design.sequence import Search, told
-from sidegan.designer import Designer, DesignerSettings, one_by_one
+from sidegan.design.sequence import Search
+from sidegan.designer import Designer, DesignerSettings
+from sidegan.errors import InfeasibleError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.motion.compiled import compiled
 
-_POINTS = 10  # per second, at which what a trajectory tells is taken
+_POINTS = 10  # per second, at which the information of a trajectory is taken
 
 
 def designed(
@@ -30,14 +29,17 @@ def designed(
     compiled, ``sequence`` makes them with its search.
 
     Raises:
-        InfeasibleError: when a search proves no trajectory.
+        InfeasibleError: when no trajectory is proven.
     """
     if not compiled() or aim.goal.form is None:
-        return sequence.designed([problem], aim, count, search, torch.Generator().manual_seed(seed))[1]
+        return sequence.designed(problem, aim, count, search, torch.Generator().manual_seed(seed))
     designer = Designer(problem.constraints, problem.trajectory, settings, seed=seed)
     points = round(_POINTS * problem.trajectory.period)
-
-    def take(c: Tensor) -> None:
-        aim.take(told(problem, aim, c[None], points))
-
-    return one_by_one(designer, partial(aim.asked, settings.rate), take, count, evaluations)
+    found = []
+    for _ in range(count):
+        design = designer.ask(aim=aim.asked(settings.rate), evaluations=evaluations)
+        if design.coefficients is None:
+            raise InfeasibleError("; ".join(design.blocked))
+        aim.take(sequence.information(problem, aim, design.coefficients[None], points)[0])
+        found.append(design.coefficients)
+    return torch.stack(found)

@@ -13,13 +13,13 @@ import torch
 from torch import Tensor
 
 from sidegan.base.names import listed
-from sidegan.design.prediction import lacking
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
 
 BIASED = "bias dominates"
 
+_SHARP = 0.03  # [rad/s] of the smooth sign of friction
 _CHANCE = 4.0  # times what noise alone would explain: less is no finding
 _LEAST = 0.05  # share of a joint's residuals that a kind explains at least
 _MOST = 3  # kinds of one joint
@@ -31,7 +31,7 @@ class Kind(NamedTuple):
     """A kind of torque that models lack."""
 
     name: str
-    forms: tuple[int, ...]  # in ``design.prediction.lacking``
+    forms: tuple[int, ...]  # of ``unmodelled``
     motion: str  # that tells it, of a joint
 
 
@@ -44,6 +44,19 @@ KINDS = (
     Kind("torque that depends on the position", (4, 5, 6, 7), "{joint} slowly over its whole range"),
     Kind("ripple", (8, 9, 10, 11), "{joint} slowly, at constant speed"),
 )
+
+
+def unmodelled(q: Tensor, dq: Tensor, torque: Tensor, scale: Tensor) -> Tensor:
+    """Torques that models lack, in the order of ``KINDS``' forms, each of size one, (…, J, K).
+
+    At positions, velocities and torques (…, J) of joints whose usual torque is the scale, (J,).
+    """
+    s, root = torch.tanh(dq / _SHARP), (dq * dq + 1e-4) ** 0.25
+    waves = [f(n * q) for n in (2, 8, 20, 100) for f in (torch.sin, torch.cos)]
+    size = torque / scale
+    forms = [s * torch.exp(-((dq / 0.1) ** 2)), s * torch.tanh(3 * size) * size]
+    forms += [s * root, s * dq, *waves, s * torch.sin(2 * q), s * torch.cos(2 * q)]
+    return torch.stack(forms, -1)
 
 
 class Lack(NamedTuple):
@@ -188,7 +201,7 @@ def _products(model: TorqueModel, estimate: Estimate, samples: Samples) -> list[
 def _forms(model: TorqueModel, estimate: Estimate, y: Tensor, part: Measurements) -> Tensor:
     """What the model may lack at samples with a regressor, (S, J, K)."""
     rigid = y[..., : model.rigid] @ estimate.parameters[: model.rigid]
-    return lacking(part.position.double(), part.velocity.double(), rigid, _scale(estimate))
+    return unmodelled(part.position.double(), part.velocity.double(), rigid, _scale(estimate))
 
 
 def _scale(estimate: Estimate) -> Tensor:

@@ -1,6 +1,6 @@
 """Settings of identification, as ``conf/`` has them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import torch
@@ -22,29 +22,36 @@ class StudySettings:
     noise: Noise  # of the simulated measurements; test torques are free of it
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
+    reach: Annotated[
+        float, Bound(">", 0), Bound("≤", 1)
+    ]  # share of its tightest limit that each of them uses
 
 
 @dataclass(frozen=True)
 class ReplicationSettings:
     """Whole sets measured with noise, the seeds several times over."""
 
-    reading: str  # name of the reading of the paper's words about noise
+    # "each replication is done with 10% uniform random noise on both the robot state and on the output
+    # torques": on all measurements, on those of the seeds alone, or on torques alone
+    reading: Literal["all", "seeds", "torques"]
     replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
-    noise: Noise  # of every measurement of the seeds
-    generated: Noise  # of the measurements of generated trajectories
+    noise: Noise  # of noisy measurements
     repeats: Count
 
     def __post_init__(self) -> None:
         if not self.replicas or len(set(self.replicas)) < len(self.replicas):
             raise ConfigError(f"replicas is {self.replicas}, expected one number or more, each once")
 
+    @property
+    def of_seeds(self) -> Noise:
+        """Noise of the seeds' measurements."""
+        return replace(self.noise, state=False) if self.reading == "torques" else self.noise
 
-@dataclass(frozen=True)
-class Recursion:
-    """Recursive least squares from P₀ = prior · I, in which a sample of age k counts forgetting^k."""
-
-    prior: Positive
-    forgetting: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    @property
+    def of_generated(self) -> Noise:
+        """Noise of the measurements of generated trajectories."""
+        exact = replace(self.noise, level=0.0, torque=False, state=False)
+        return exact if self.reading == "seeds" else self.of_seeds
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ replications costs no more than its parts.
 Source: Jegorova et al. 2020, experiments 1 and 2.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
 from typing import TypeAlias
@@ -21,10 +20,10 @@ from sidegan.errors import ConfigError
 from sidegan.identification.expected import expected_errors
 from sidegan.identification.fit import Fit, recursive
 from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements, Noise, Samples, disturbed, measure
+from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
 from sidegan.identification.model import RIGID, TorqueModel
-from sidegan.identification.score import score, score_of_sums
-from sidegan.identification.settings import Recursion, StudySettings
+from sidegan.identification.score import score
+from sidegan.identification.settings import StudySettings
 from sidegan.identification.sums import Sums, no_sums
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
@@ -34,7 +33,6 @@ Progress: TypeAlias = Callable[[int, int], None]
 
 _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
 _TRAJECTORIES_AT_ONCE = 10
-_ROUNDING = torch.finfo(torch.float64).eps  # a sample that counts less is forgotten
 
 
 def compare(
@@ -134,56 +132,6 @@ def combined(
     )
 
 
-def covariance_norms(
-    body: RigidBody,
-    family: Family,
-    whole: Sums,
-    recursions: Sequence[Recursion],
-    settings: StudySettings,
-    random: np.random.SeedSequence,
-) -> list[float]:
-    """‖diag P‖ after a set under each recursion, with equal weights of the joints.
-
-    Args:
-        body: of the arm.
-        family: the set's trajectories in the order in which they are executed; measured are the last ones
-            alone, as many as are not forgotten.
-        whole: sums over all its samples, which a recursion that forgets nothing has.
-        recursions: priors and forgetting factors.
-        settings: rate and noise of the measurements.
-        random: of that noise.
-    """
-    samples = round(float(whole.weight))
-    factors = {one.forgetting for one in recursions}
-    sums = {x: whole if x == 1 else _remembered(body, family, x, settings, random) for x in factors}
-    return [_norm(recursive(sums[one.forgetting], samples, one.prior, one.forgetting)) for one in recursions]
-
-
-def errors_on(
-    body: RigidBody,
-    family: Family,
-    tests: Mapping[str, Samples],
-    settings: StudySettings,
-    random: np.random.SeedSequence,
-) -> pd.DataFrame:
-    """Errors on several kinds of test of what is identified from a set, as ``compare`` identifies it.
-
-    Columns repeat, weighted, test, joint, nmse and share: the root mean square error over the joint's torque
-    limit, or over its largest torque in the tests of that kind where it has none.
-    """
-    model, rows = TorqueModel(body, RIGID), []
-    judged = {kind: (gather(model, samples).sums, _scale(body, samples)) for kind, samples in tests.items()}
-    for repeat, child in enumerate(random.spawn(settings.repeats)):
-        noisy = _measured(body, family, settings.rate, settings.noise, np.random.default_rng(child))
-        data = gather(model, noisy, settings.forgetting)
-        for weighted, fit in _fits(data.sums, data.samples, settings).items():
-            for kind, (sums, scale) in judged.items():
-                errors = score_of_sums(sums, fit.parameters)
-                columns = model.arm.joint_names, errors.nmse.tolist(), (errors.rmse / scale).tolist()
-                rows += [(repeat, weighted, kind, *row) for row in zip(*columns)]
-    return pd.DataFrame(rows, columns=["repeat", "weighted", "test", "joint", "nmse", "share"])
-
-
 def _measured(
     body: RigidBody,
     family: Family,
@@ -224,31 +172,6 @@ def _fits(sums: Sums, samples: int, settings: StudySettings) -> dict[bool, Fit]:
 def _norm(fit: Fit) -> float:
     """‖diag P‖."""
     return float(torch.linalg.vector_norm(fit.inverse.diagonal()))
-
-
-def _remembered(
-    body: RigidBody,
-    family: Family,
-    forgetting: float,
-    settings: StudySettings,
-    random: np.random.SeedSequence,
-) -> Sums:
-    """Sums over the last trajectories of a set, as many as hold samples that are not forgotten."""
-    trajectory, coefficients = family
-    memory = math.log(_ROUNDING) / math.log(forgetting)
-    last = math.ceil(memory / len(trajectory.times(settings.rate)))
-    noise = np.random.default_rng(random)
-    recent = trajectory, coefficients[-last:]
-    data = _measured(body, recent, settings.rate, settings.noise, noise)
-    return gather(TorqueModel(body, RIGID), data, forgetting).sums
-
-
-def _scale(body: RigidBody, tests: Samples) -> Tensor:
-    """What an error of each joint's torque is compared with [N·m or N], (J,)."""
-    parts = [tests] if isinstance(tests, Measurements) else tests
-    largest = torch.stack([part.torque.abs().amax(0) for part in parts]).amax(0)
-    limit = body.arm.torque_limit.to(largest)
-    return torch.where(limit.isfinite(), limit, largest)
 
 
 def _stacked_condition(body: RigidBody, family: Family) -> float:

@@ -5,7 +5,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from sidegan.design.prediction import Prediction, Told, with_terms
+from sidegan.design.linear import with_terms
 from sidegan.designer.aim import Aim, noise_at
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques, Wanted
@@ -19,10 +19,10 @@ _FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's count
 _LEAST = 1e-9  # of what is known of a parameter: keeps factors of singular information finite
 
 
-class Uncertain(Prediction):
+class Uncertain:
     """The uncertainty of what is wanted of a model, rotors and friction included.
 
-    An aim of ``design.sequence``: trajectories are designed one after another, each given those before it.
+    A ``design.sequence.SetAim``: trajectories are designed one after another, each given those before it.
 
     Args:
         model: that was, or is to be, identified.
@@ -54,23 +54,22 @@ class Uncertain(Prediction):
         self._motion = torch.zeros_like(self._before)
         self.goal = wanted(model, self._scale)
 
-    def told(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Told:
-        """What B trajectories of so many seconds tell, each alone, of their states (B, T, J)."""
+    def information(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Tensor:
+        """Information of B trajectories of so many seconds, each alone, at states (B, T, J): (B, P, P)."""
         batch, count, joints = q.shape
         states = [x.reshape(-1, joints) for x in (q, dq, ddq)]
         y = with_terms(self._model, self._model.body.base_regressor(*states), *states[1:])
         y = y * self._certainty[:, None] * self._scale
         y = y.unflatten(0, (batch, count)).flatten(1, 2)
-        nothing = q.new_zeros(batch, 0, 0)
-        return Told(self._rate * seconds / count * (y.mT @ y), nothing, nothing)
+        return self._rate * seconds / count * (y.mT @ y)
 
-    def value(self, new: Told) -> Tensor:
+    def value(self, information: Tensor) -> Tensor:
         """The goal after each of B trajectories beside what is known, (B,)."""
-        return self.goal.value(self._before, self._motion + new.information)
+        return self.goal.value(self._before, self._motion + information)
 
-    def take(self, new: Told) -> None:
-        """Count one trajectory as known."""
-        self._motion = self._motion + new.information[0].detach()
+    def take(self, information: Tensor) -> None:
+        """Count a trajectory of this information, (P, P), as known."""
+        self._motion = self._motion + information.detach()
 
     def asked(self, rate: float) -> Aim:
         """The same of a designer that takes torques at a rate [Hz].
@@ -120,12 +119,6 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
     return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, wanted)
 
 
-def information_on(covariance: Tensor) -> Tensor:
-    """Information on parameters whose errors have a covariance, (P, P); one that is certain is nearly so."""
-    unit, known = _known(covariance)
-    return known / unit / unit[:, None]
-
-
 def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
     """Deviations, (P,), and information in units of them, positive definite, (P, P)."""
     variance = covariance.diagonal()
@@ -135,22 +128,6 @@ def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
         (covariance + torch.diag(least - variance)) / unit / unit[:, None], hermitian=True
     )
     return unit, (known + known.T) / 2 + _LEAST * torch.eye(len(unit), dtype=torch.float64)
-
-
-def rigid_information(model: TorqueModel, covariance: Tensor) -> Tensor:
-    """Information on rigid bodies where all else is unknown, in their orthonormal basis, (q, q).
-
-    Args:
-        model: whose parameters are known.
-        covariance: of their errors, (P, P); a parameter that is certain counts as nearly so.
-    """
-    bodies = slice(model.rigid)
-    spread = torch.linalg.solve(model.body.base.subspace, covariance[bodies, bodies])
-    spread = torch.linalg.solve(model.body.base.subspace, spread.T)
-    unit = spread.diagonal().clamp_min(_LEAST * float(spread.diagonal().max())).sqrt()
-    values, vectors = torch.linalg.eigh((spread + spread.T) / 2 / unit / unit[:, None])
-    found = (vectors / values.clamp_min(_LEAST * float(values[-1]))) @ vectors.T / unit / unit[:, None]
-    return (found + found.T) / 2
 
 
 def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.typed import Count, Natural, Share, Size
+from sidegan.base.typed import Count, Natural, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.validity import Validity, check, summarise_faults
@@ -26,8 +26,6 @@ class Expansion:
     batch: Size
     draws: Count  # most samples drawn before giving up
     least: Natural  # valid ones, with fewer of which a generator is refused
-    polish: Natural  # gradient steps on every sample; 0: none
-    reserve: Share  # of each limit, and twice that share of 0.25 m, that polished samples keep free
 
 
 @dataclass(frozen=True)

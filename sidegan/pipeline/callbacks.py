@@ -1,41 +1,25 @@
 """What happens around the jobs: threads, and of a sweep the parent run and the table over all jobs."""
 
 import logging
-import math
 import os
 import re
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hydra.experimental.callback import Callback
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
-from sidegan.base.names import folder_name
 from sidegan.base.storage import read_json
 from sidegan.errors import SideganError
-from sidegan.pipeline.stages import STAGES
+from sidegan.pipeline.sweep import TABLE, sweep_table
 from sidegan.pipeline.tracking import Status, Tracker
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 log = logging.getLogger(__name__)
 
 PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may be other processes
 STATUS = "status.json"
 
-
-def times(*factors: Any) -> float | None:
-    """A product; null where a factor is no number, which is then refused by its own name too."""
-    return math.prod(factors) if all(isinstance(x, int | float) for x in factors) else None
-
-
-OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
-OmegaConf.register_new_resolver("times", times, replace=True)
-_STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
-OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 _parent: Tracker | None = None
 
@@ -72,12 +56,12 @@ class SweepCallback(Callback):
         failed = [folder for folder, code in codes.items() if code != 0]
         worst = max(codes.values(), default=1)
         try:
-            table = aggregate(config.experiment, finished, sweep)
+            table = sweep_table(finished)
             if table is not None and _parent is not None:
-                from sidegan.report.export import markdown
+                from sidegan.report.export import publish
 
-                _parent.log_table(table, "sweep")
-                _parent.log_note(markdown(table.reset_index()))
+                caption = f"{config.experiment}, all jobs: mean ± standard deviation over seeds"
+                publish(table, sweep / TABLE, caption, _parent)
         except Exception:
             log.exception("the table over all jobs could not be made")
             worst = max(worst, 1)
@@ -106,19 +90,6 @@ def job_codes(sweep: Path) -> dict[Path, int]:
         with suppress(SideganError):  # the job was killed before it could tell
             codes[folder] = read_json(folder / STATUS)["code"]
     return codes
-
-
-def aggregate(experiment: str, folders: list[Path], sweep: Path) -> "pd.DataFrame | None":
-    """Table over the finished jobs: the experiment's own ``aggregate(folders, sweep)``, if it has one."""
-    name = f"experiments.{experiment}"
-    try:
-        module = import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name not in (name, "experiments"):
-            raise
-        return None
-    hook = getattr(module, "aggregate", None)
-    return hook(folders, sweep) if hook is not None and folders else None
 
 
 def _limit_threads(threads: int | None) -> None:

@@ -1,6 +1,6 @@
 """The graph of artifacts: each result on disk is a node that says what it is made with, from what, by whom.
 
-Stamps, the order of work, reuse, what MLflow records and ``dvc.yaml`` follow from it.
+Stamps, the order of work, reuse and what MLflow records follow from it.
 """
 
 import hashlib
@@ -53,7 +53,6 @@ class Artifact:
         make: fills its folder.
         metrics: what is recorded of a finished one, given its folder: numbers, or series of them.
         alone: its work is spread over all workers already, so it is not made beside others.
-        column: of the comparison, in whose folder it lies; None for the run's own settings.
     """
 
     maker: str
@@ -65,17 +64,11 @@ class Artifact:
     make: Callable[[Build], None] = field(repr=False, compare=False)
     metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
     alone: bool = False
-    column: str | None = None
 
     @property
-    def shelf(self) -> str:
-        """Folder of its maker's artifacts, below the outputs."""
-        maker = folder_name(self.maker)
-        return maker if self.column is None else f"columns/{folder_name(self.column)}/{maker}"
-
-    def folder(self, digest: bool = True) -> str:
-        """Name of its folder there, with the first digits of its digest or without."""
-        return f"{folder_name(self.label)}-{self.digest[:8]}" if digest else folder_name(self.label)
+    def folder(self) -> Path:
+        """Its folder below the outputs: its maker, then its label with the first digits of its digest."""
+        return Path(folder_name(self.maker), f"{folder_name(self.label)}-{self.digest[:8]}")
 
     @cached_property
     def stamp(self) -> dict[str, Any]:
@@ -88,7 +81,6 @@ class Artifact:
             "settings": self.settings,
             "inputs": inputs,
             "seed": self.seed,
-            **({"column": self.column} if self.column else {}),
         }
         return json.loads(json.dumps(stamp))
 

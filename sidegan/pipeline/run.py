@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +29,7 @@ from sidegan.base.progress import duration
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError, SideganError, StorageError
 from sidegan.pipeline.callbacks import PARENT, STATUS, end_sweep
+from sidegan.pipeline.compose import CONF
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.tracking import Tracker
@@ -38,36 +39,26 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_HERE = Path(__file__).resolve().parents[1]
-CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is_dir()), _HERE / "conf")
-
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
 _MODE = ("hydra.mode", "hydra.searchpath", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
 EVERYTHING = "--help-all"
 # What names of runs leave out.
-_UNNAMED = ("experiment", "outputs", "seed", "tracking", "named", "publish", "parallel", "hydra")
+_UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 
 _interrupts: list[int] = []  # signals that this command got
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
 
-def composed(*overrides: str) -> "Config":
-    """The settings that a command with these overrides would have."""
-    from sidegan.pipeline.settings import validate
-
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return validate(hydra.compose("config", overrides=list(overrides)))
-
-
-def run_stages(config: "Config", run_folder: Path, name: str) -> None:
+def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
     """Run the configured stages in order, tracked as one run.
 
     Args:
         config: the settings of the run.
         run_folder: where logs and tables of this run go.
         name: of the run, for people.
+        overrides: of the command, from which other conditions are composed.
 
     Raises:
         SideganError: whatever a stage refuses; ConfigError before any work.
@@ -80,7 +71,7 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
     for one in config.stages:
         stage(one)  # is imported
     _collect_garbage()
-    task = Task(config, Store(Path(config.outputs), config.named, run_folder))
+    task = Task(config, Store(Path(config.outputs), run_folder), tuple(overrides))
     for one in config.stages:
         refuse(stage(one), task)
     tracking, parent = config.tracking, os.environ.get(PARENT)
@@ -101,18 +92,19 @@ def run_stages(config: "Config", run_folder: Path, name: str) -> None:
             tracker.log_metrics({f"stage seconds/{one}": seconds})
 
 
-def run_job(cfg: DictConfig, run_folder: Path, name: str) -> int:
+def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[str] = ()) -> int:
     """Exit code of one job; its outcome is logged and left in its folder.
 
     Args:
         cfg: the composed configuration.
         run_folder: where logs and tables of this job go.
         name: of the job, for people.
+        overrides: of its command.
     """
     from sidegan.pipeline.settings import validate
 
     try:
-        run_stages(validate(cfg), run_folder, name)
+        run_stages(validate(cfg), run_folder, name, overrides)
     except KeyboardInterrupt:
         _leave(run_folder, INTERRUPTED, "interrupted")
         raise
@@ -238,7 +230,7 @@ def _hydra_main(cfg: DictConfig) -> None:
     given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name
     overrides: Any = OmegaConf.to_container(job.overrides.task)
     name = run_name(str(given["experiment"]), overrides, job.runtime.choices, given["seed"])
-    code = run_job(cfg, Path(job.runtime.output_dir), name)
+    code = run_job(cfg, Path(job.runtime.output_dir), name, overrides)
     # In a sweep the other jobs go on; the callback leaves with the worst code.
     if code and job.mode == RunMode.RUN:
         sys.exit(code)

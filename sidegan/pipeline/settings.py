@@ -4,7 +4,7 @@ Values live in the YAML files only. A command composes the groups that it uses; 
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -15,7 +15,7 @@ from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
 from sidegan.design.sequence import Search
-from sidegan.designer.settings import DesignerSettings, GeneratorSettings
+from sidegan.designer.settings import DesignerSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
@@ -23,22 +23,18 @@ from sidegan.identification import (
     EstimationSettings,
     GoalSettings,
     KnownLoad,
-    Recursion,
     ReplicationSettings,
     StudySettings,
     Terms,
 )
 from sidegan.library.draw import Expansion
 from sidegan.pipeline.schema import (
-    Beyond,
-    Column,
-    Designs,
+    Condition,
     Discussion,
-    Elsewhere,
     Parallel,
+    Plants,
     Robot,
     Scale,
-    Sensitivity,
     Tracking,
     TrajectoryFamily,
 )
@@ -46,10 +42,9 @@ from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import RecordingSettings
 from sidegan.seeds.settings import Long, Seeds
-from sidegan.worth.settings import StandIn, WorthSettings
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_PARTS = ("subset", "half", "only", "column")  # of a comparison of sets and columns
+_PARTS = ("subset", "conditions")  # of a comparison
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -86,7 +81,6 @@ class Config:
     outputs: str
     clearance: NonNegative | None  # of workspaces that say nothing else [m]
     effort: Part | None  # of robots that say nothing else
-    named: bool  # folders without a digest in their name, as a pipeline tool wants them
     publish: str | None  # folder of a page and its tables; null: the run's own
     device: str
     tracking: Tracking
@@ -97,7 +91,6 @@ class Config:
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
-    half: Natural | None = None  # train on the first or second half of the seeds (0, 1); null: on both
     surrogates: SurrogateSettings = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
@@ -108,31 +101,18 @@ class Config:
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")
-    stand_in: StandIn = _group("stand_in")  # for the robot of table I
+    plants: Plants = _group("plants")  # for the robot of table I
     replication: ReplicationSettings = _group("replication")
-    readings: dict[str, ReplicationSettings] = _group("readings")  # others, of the paper's words about noise
-    recursions: list[Recursion] = _group("recursions")  # of which covariance norms are taken
-    elsewhere: Elsewhere = _group("elsewhere")
-    columns: dict[str, Column] = _group("columns")  # other settings for the whole comparison
-    only: list[str] | None = None  # columns to make, "ours" among them; null: all
-    column: str | None = None  # which of them this is; null: none
-    kinds: dict[str, Seeds] = _group("kinds")  # other seed sets that the seeds are compared with
-    sensitivity: Sensitivity = _group("sensitivity")
+    condition: Condition = _group("condition")
+    conditions: list[str] | None = None  # which the page compares; null: the run's own alone
     discussion: Discussion = _group("discussion")
-    ablation: dict[str, Variant] = _group("ablation")  # that show what each part of the recipe does
-    ladder: dict[str, Variant] = _group("ladder")  # from the paper's recipe to ours, one change at a time
-    beyond: Beyond = _group("beyond")
     designer: DesignerSettings = _group("designer")
-    generator: GeneratorSettings = _group("generator")  # of the designer's starts
-    design: Designs = _group("design")
-    worth: WorthSettings = _group("worth")  # of motions
     recordings: list[str] = _group("recordings")  # files to identify from
     # files that are held out, or which share of every recording, its last part
     validation: list[str] | Open = _group("validation")
     loaded: list[str] = _group("loaded")  # files of runs with a load
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
-    other: str | None = _group("other")  # folder of another such run
     goal: GoalSettings = _group("goal")  # what excite designs for
     search: Search = _group("search")  # of such trajectories
     recording: RecordingSettings = _group("recording")
@@ -154,12 +134,7 @@ class Config:
         return {name: value for name, value in values.items() if value is not None or name not in _PARTS}
 
     def __post_init__(self) -> None:
-        variants = [
-            name
-            for group in ("gan", "ablation", "ladder")
-            if self.has(group)
-            for name in getattr(self, group)
-        ]
+        variants = list(self.gan) if self.has("gan") else []
         for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants)]:
             if not _NAME.fullmatch(name):
                 raise ConfigError(f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'")
@@ -178,20 +153,9 @@ class Config:
             raise ConfigError(
                 "replication adds sums that have no order in time: identification.forgetting must be 1"
             )
-        if self.has("replication", "readings"):
-            self._check_readings()
         if self.has("seeds", "trajectory"):
             self._check_counts()
             self._check_rates()
-
-    def _check_readings(self) -> None:
-        """Refuse readings that would be taken for each other."""
-        for name, one in self.readings.items():
-            if one.reading != name or name == self.replication.reading:
-                raise ConfigError(
-                    f"readings.{name}.reading is {one.reading!r}, expected {name!r}, "
-                    f"and another one than replication.reading = {self.replication.reading!r}"
-                )
 
     def _check_files(self) -> None:
         """Refuse a recording that is named twice, or that a model would be validated on after training."""
@@ -214,13 +178,6 @@ class Config:
                 raise ConfigError(f"discussion.sizes has {sizes}, expected at most seeds.count = {seeds}")
         if not self.has("library"):
             return
-        if self.has("sensitivity") and "sensitivity" in self.stages:
-            most = max(self.sensitivity.counts)
-            if most > min(seeds, self.library.count):
-                raise ConfigError(
-                    f"sensitivity.counts goes to {most}, expected at most seeds.count = "
-                    f"{seeds} and library.count = {self.library.count}"
-                )
         if self.has("selection") and self.selection.count > seeds + self.library.count:
             raise ConfigError(
                 f"selection.count is {self.selection.count}, expected at most "
@@ -266,12 +223,6 @@ def validate(cfg: DictConfig) -> Config:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise ConfigError(refused_value(error)) from error
-    for group in ("ablation", "ladder"):
-        if group in values:
-            values[group] = altered(values[group], group)
-    for group in ("objectives", "few_seeds"):
-        if group in values.get("beyond", {}):
-            values["beyond"][group] = altered(values["beyond"][group], f"beyond.{group}")
     return build(Config, values)
 
 
@@ -279,33 +230,3 @@ def refused_value(error: OmegaConfBaseException) -> str:
     """What is wrong with a value that OmegaConf cannot read, in one line."""
     reason = str(error.msg or error).splitlines()[0]
     return f"{error.full_key}: {reason}" if error.full_key else reason
-
-
-def altered(group: Any, path: str) -> dict[str, Any]:
-    """Variants that differ from others in some settings, by name.
-
-    Args:
-        group: ``variants`` by name, and ``changes`` by name, each ``{of: variant, …}`` with what differs; the
-            variant may be a change before it.
-        path: of the group, for messages.
-
-    Raises:
-        ConfigError: when a change is of a variant that is not there.
-    """
-    made: dict[str, Any] = {}
-    try:
-        known, changes = dict(group["variants"]), group["changes"]
-        for name, one in changes.items():
-            made[name] = _merged(known[one["of"]], {k: v for k, v in one.items() if k != "of"})
-            known[name] = made[name]
-    except (KeyError, TypeError) as error:
-        raise ConfigError(
-            f"{path} needs variants, and changes that are each of one of them: {error}"
-        ) from error
-    return made
-
-
-def _merged(values: Any, changes: Any) -> Any:
-    if not (isinstance(values, Mapping) and isinstance(changes, Mapping)):
-        return changes
-    return {**values, **{key: _merged(values.get(key), x) for key, x in changes.items()}}

@@ -9,7 +9,6 @@ from typing import Any
 
 from sidegan.base.names import plain
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.pipeline.columns import OURS, chosen, leads
 from sidegan.pipeline.graph import Artifact, Metrics, waves
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
@@ -24,23 +23,12 @@ class Stage:
     Attributes:
         artifacts: of a task, in the order in which they are recorded.
         show: what it prints and leaves in the run's folder besides.
-        columnwise: its artifacts are made in every column of the comparison, and not in our own alone.
-        leading: of columns that differ in their seed set alone they are made in the first.
         check: refuses what it could not work with, before the run's first stage has begun.
     """
 
     artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
     show: Callable[[Task, Tracker], None] | None = None
-    columnwise: bool = False
-    leading: bool = False
     check: Callable[[Task], object] = lambda task: None
-
-    def listed(self, task: Task) -> list[Artifact]:
-        """Its artifacts in every column that is made; what columns share is listed by each."""
-        if not self.columnwise:
-            return [*self.artifacts(task)] if task.cfg.only is None or OURS in task.cfg.only else []
-        made = (column for column in chosen(task) if leads(column) or not self.leading)
-        return [one for column in made for one in self.artifacts(column)]
 
 
 def refuse(stage: Stage, task: Task) -> None:
@@ -49,13 +37,13 @@ def refuse(stage: Stage, task: Task) -> None:
     Raises:
         SideganError: settings that are not there or contradict each other, an arm that cannot be used.
     """
-    stage.listed(task)
+    list(stage.artifacts(task))
     stage.check(task)
 
 
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
-    artifacts = stage.listed(task)
+    artifacts = list(stage.artifacts(task))
     missing = {one.digest for one in artifacts if task.store.find(one) is None}
     if missing and task.cfg.has("workspace", "trajectory"):
         _ = task.constraints  # an arm that cannot rest at home is refused before anything is written

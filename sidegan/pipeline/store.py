@@ -11,7 +11,7 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -31,7 +31,6 @@ from sidegan.pipeline.graph import Artifact, Build, difference
 log = logging.getLogger(__name__)
 
 STAMP = "stamp.json"
-_BEHIND = "left_out"  # key of a stamp
 _PROBE = bytes(2**20)  # room that a run needs at the very least
 _SHOWN = 6  # differences of a stamp that are told
 
@@ -41,15 +40,14 @@ class Store:
 
     Args:
         root: folder of all results; made when missing.
-        named: folders without a digest in their name; then one artifact replaces another.
         run_folder: where this run's logs and tables go; the root when not given.
 
     Raises:
         StorageError: when the root cannot be written, or is full.
     """
 
-    def __init__(self, root: Path, named: bool = False, run_folder: Path | None = None) -> None:
-        self.root, self.named = root, named
+    def __init__(self, root: Path, run_folder: Path | None = None) -> None:
+        self.root = root
         self.run_folder = run_folder or root
         try:
             root.mkdir(parents=True, exist_ok=True)
@@ -63,10 +61,7 @@ class Store:
 
     def folder(self, artifact: Artifact) -> Path:
         """Where the artifact is or will be."""
-        return self.root / artifact.shelf / self._name(artifact)
-
-    def _name(self, artifact: Artifact) -> str:
-        return artifact.folder(digest=not self.named)
+        return self.root / artifact.folder
 
     def find(self, artifact: Artifact) -> Path | None:
         """Folder of the artifact, or None when it is absent, damaged, or made from something else."""
@@ -111,7 +106,7 @@ class Store:
         write_json(self._costs(artifact), costs)
 
     def _costs(self, artifact: Artifact) -> Path:
-        return self.root / "costs" / artifact.shelf / f"{self._name(artifact)}.json"
+        return self.root / "costs" / f"{artifact.folder}.json"
 
     def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
         """Folder of the artifact, made unless it is there already.
@@ -120,7 +115,6 @@ class Store:
 
         Raises:
             StorageError: when something cannot be written.
-            ArtifactError: when it has to be made from what was copied without some of its files.
         """
         with self._lock(artifact):
             folder = self.find(artifact)
@@ -130,16 +124,7 @@ class Store:
             log.info("%s: reused from %s", artifact.maker, folder)
             return folder
 
-    def _refuse_excerpts(self, artifact: Artifact) -> None:
-        for folder in map(self.folder, artifact.parents):
-            if behind := left_out(folder):
-                raise ArtifactError(
-                    f"{artifact.maker}/{artifact.label} is made from {folder}, which is an excerpt without "
-                    f"{', '.join(behind)}: remove that folder, and its stage makes it anew"
-                )
-
     def _make(self, artifact: Artifact, report: Report) -> Path:
-        self._refuse_excerpts(artifact)
         final = self.folder(artifact)
         work = self._work(artifact)
         folder = final.with_name(f".{final.name}.tmp")
@@ -180,11 +165,11 @@ class Store:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _work(self, artifact: Artifact) -> Path:
-        return self.folder(artifact).with_name(f"{artifact.folder()}.work")
+        return self.folder(artifact).with_name(f"{artifact.folder.name}.work")
 
     @contextmanager
     def _lock(self, artifact: Artifact) -> Iterator[None]:
-        path = self.root / ".locks" / f"{artifact.shelf.replace('/', '-')}-{self._name(artifact)}.lock"
+        path = self.root / ".locks" / f"{'-'.join(artifact.folder.parts)}.lock"
         with _storage_errors(path):
             path.parent.mkdir(exist_ok=True)
             lock = FileLock(path)
@@ -200,7 +185,7 @@ class Store:
             lock.release()
 
     def _siblings(self, artifact: Artifact) -> Iterator[dict[str, Any]]:
-        for path in sorted((self.root / artifact.shelf).glob(f"*/{STAMP}")):
+        for path in sorted(self.folder(artifact).parent.glob(f"*/{STAMP}")):
             try:
                 other = read_stamp(path.parent)
             except ArtifactError:
@@ -218,7 +203,6 @@ def read_stamp(folder: Path) -> dict[str, Any]:
     stamp = read_json(folder / STAMP)
     if not isinstance(stamp, dict) or not isinstance(files := stamp.pop("files", None), dict):
         raise ArtifactError(f"{folder / STAMP} is not a stamp")
-    stamp.pop(_BEHIND, None)
     if "maker" not in stamp:
         raise ArtifactError(f"{folder} is of version 0.1")
     for name, digest in files.items():
@@ -230,17 +214,11 @@ def read_stamp(folder: Path) -> dict[str, Any]:
     return stamp
 
 
-def left_out(folder: Path) -> list[str]:
-    """Names of the files that an artifact was copied without."""
-    path = folder / STAMP
-    return list(read_json(path).get(_BEHIND, ())) if path.exists() else []
-
-
-def write_stamp(folder: Path, stamp: Mapping[str, Any], behind: Sequence[str] = ()) -> None:
-    """Stamp of a folder, with the SHA-256 of each file, and the names of those it was copied without."""
+def write_stamp(folder: Path, stamp: Mapping[str, Any]) -> None:
+    """Stamp of a folder, with the SHA-256 of each file."""
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / STAMP)
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
-    write_json(folder / STAMP, {**stamp, "files": digests, **({_BEHIND: list(behind)} if behind else {})})
+    write_json(folder / STAMP, {**stamp, "files": digests})
 
 
 def file_digest(path: Path) -> str:

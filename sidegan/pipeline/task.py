@@ -19,6 +19,7 @@ from sidegan.errors import ConfigError
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.compose import composed
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
@@ -34,7 +35,6 @@ RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet
 
 _homes: dict[tuple[str, str], tuple[float, ...] | None] = {}  # found before, by arm and workspace
 _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
-_SHARED = {"seeds", "paper_seeds", "halves", "long"}  # made once for all columns that have them
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,7 @@ class Task:
 
     cfg: Config
     store: Store
+    overrides: tuple[str, ...] = ()  # of the command, from which other conditions are composed
 
     @cached_property
     def arm(self) -> Arm:
@@ -159,7 +160,12 @@ class Task:
 
     def with_settings(self, **changes: Any) -> "Task":
         """The same task with other settings, by their name in the configuration."""
-        return Task(replace(self.cfg, stages=[], **changes), self.store)
+        return replace(self, cfg=replace(self.cfg, stages=[], **changes))
+
+    def under(self, condition: str) -> "Task":
+        """The same task under another condition."""
+        kept = [one for one in self.overrides if one.partition("=")[0] != "condition"]
+        return replace(self, cfg=composed(*kept, f"condition={condition}"))
 
     def require_room(self, count: int, setting: str) -> None:
         """Refuse a setting by which there would be more trajectories than fit into memory."""
@@ -198,7 +204,6 @@ class Task:
         if not self._centred:  # since 2 joints go as far as their limits on either side of home
             family["rooms"] = 2
         shared = {"workspace": self.cfg.workspace.stamped(self.arm), "trajectory": family}
-        column = None if maker in _SHARED else self.cfg.column
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         numbered = {} if training is None else {"training": training}
         of_some = self.cfg.subset is not None and "subset" in own
@@ -208,14 +213,13 @@ class Task:
         return Artifact(
             maker,
             folder_name("-".join(parts)),
-            "/".join([*([column] if column else []), options.get("title", maker)]),
+            options.get("title", maker),
             {**shared, **numbered, maker: own},
             {"robot": self.arm.digest, **(inputs or {})},
             self.cfg.seed,
             partial(make, self),
             options.get("metrics", report_and_history),
             options.get("alone", False),
-            column,
         )
 
     def report(self, artifact: Artifact) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Friction and ripple that no linear model has, in two families, and what of them a model can have.
 
-The laws differ in form between the families, and from the smooth basis that ``design.prediction`` weighs
+The laws differ in form between the families, and from the smooth basis that ``identification.lacking`` weighs
 motions by, so that no motion is judged with what it was designed for.
 """
 

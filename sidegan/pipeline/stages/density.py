@@ -1,12 +1,10 @@
 """Stage density: a kernel density estimate of the seeds in place of the GAN."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import torch
-from torch import Tensor
 
 from sidegan.base.storage import write_parquet
 from sidegan.errors import ConfigError
@@ -36,41 +34,23 @@ def _make(task: Task, build: Build) -> None:
 
     Source: Scott 1992, Multivariate density estimation (bandwidth); the kernel has the seeds' covariance.
     """
-    seeds, rows = training_seeds(task).coefficients, []
-    for bandwidth in task.cfg.discussion.bandwidths:
-        random = np.random.default_rng(task.random(f"density {bandwidth}"))
-        c, factor = blurred(seeds, bandwidth)(task.cfg.discussion.draws, random)
-        distance = torch.cdist(c.flatten(1), seeds.flatten(1)).amin(1).mean()
-        facts = measure(task.constraints, task.trajectory, c)
-        estimated = {"bandwidth": bandwidth, "factor": factor, "from_seed": float(distance)}
-        rows.append(estimated | facts)
-    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
-
-
-def blurred(seeds: Tensor, bandwidth: float) -> Callable[[int, np.random.Generator], tuple[Tensor, float]]:
-    """Draws of so many samples (n, J, H, 2) of a density estimate of seeds (N, J, H, 2), and its factor.
-
-    Args:
-        seeds: what it is estimated from.
-        bandwidth: of the kernel, in shares of Scott's.
-
-    Raises:
-        ConfigError: when there are too few seeds for a covariance.
-    """
     from scipy.stats import gaussian_kde
 
+    seeds, rows = training_seeds(task).coefficients, []
     if len(seeds) <= seeds[0].numel():
         raise ConfigError(
             f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].numel()}"
         )
-    estimate = gaussian_kde(seeds.flatten(1).numpy().T)
-    estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
+    for bandwidth in task.cfg.discussion.bandwidths:
+        estimate = gaussian_kde(seeds.flatten(1).numpy().T)
+        estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
+        random = np.random.default_rng(task.random(f"density {bandwidth}"))
+        drawn = estimate.resample(task.cfg.discussion.draws, random)
+        c = torch.from_numpy(np.ascontiguousarray(drawn.T)).reshape(-1, *seeds.shape[1:])
+        distance = torch.cdist(c.flatten(1), seeds.flatten(1)).amin(1).mean()
+        estimated = {"bandwidth": bandwidth, "factor": estimate.factor, "from_seed": float(distance)}
+        rows.append(estimated | measure(task.constraints, task.trajectory, c))
+    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
-    def draw(count: int, random: np.random.Generator) -> tuple[Tensor, float]:
-        drawn = estimate.resample(count, random)
-        return torch.from_numpy(np.ascontiguousarray(drawn.T)).reshape(-1, *seeds.shape[1:]), estimate.factor
 
-    return draw
-
-
-STAGE = Stage(lambda task: [density(task)], columnwise=True, leading=True)
+STAGE = Stage(lambda task: [density(task)])

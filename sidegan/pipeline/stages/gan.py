@@ -3,4 +3,4 @@
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator, generators
 
-STAGE = Stage(lambda task: [generator(task, *one) for one in generators(task)], columnwise=True)
+STAGE = Stage(lambda task: [generator(task, *one) for one in generators(task)])

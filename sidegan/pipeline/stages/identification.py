@@ -10,7 +10,7 @@ from sidegan.identification import study
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import ExcitationSet
-from sidegan.pipeline.stages.random import random_valid
+from sidegan.pipeline.stages.random import test_trajectories
 from sidegan.pipeline.stages.selection import excitation_sets
 from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
@@ -39,7 +39,7 @@ def mean_errors(folder: Path) -> Metrics:
 
 def _make(task: Task, build: Build, one: ExcitationSet) -> None:
     settings = task.cfg.identification
-    tests = task.trajectory, random_valid(task, settings.tests, "tests").coefficients
+    tests = task.trajectory, test_trajectories(task)
     family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
     frames = study.compare(task.body, {one.name: family}, tests, settings, random, build.report)
     expected = study.expected(task.body, family, tests, settings).assign(set=one.name)
@@ -47,4 +47,4 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
 
-STAGE = Stage(lambda task: [identification(task, one) for one in excitation_sets(task)], columnwise=True)
+STAGE = Stage(lambda task: [identification(task, one) for one in excitation_sets(task)])

@@ -7,10 +7,8 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import write_json
-from sidegan.design.polish import Polish
 from sidegan.library import Library
 from sidegan.library.draw import draw_valid
-from sidegan.library.grow import WHOLE, Growth, grow, sample_of, summary_of
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
@@ -44,24 +42,16 @@ def _make(task: Task, build: Build, name: str, training: int) -> None:
     path = task.store.require(generator(task, name, training)) / GENERATOR
     network = TrajectoryGenerator.load(path, task.arm)
     noise = torch.Generator().manual_seed(task.number(f"library {name}", training))
-    polish = Polish(settings.polish, settings.reserve) if settings.polish else None
 
     def sample(count: int) -> Tensor:
-        c = network.sample(count, noise)
-        return c if polish is None else polish.improve(task.problem, c)
+        return network.sample(count, noise)
 
-    if settings.count > WHOLE:
-        growth = Growth(sample, task.constraints, task.trajectory, name)
-        draws = grow(build.folder / LIBRARY, growth, settings, build.report)
-        made = sample_of(build.folder / LIBRARY)
-        facts = summary_of(build.folder / LIBRARY, made)
-    else:
-        draws = draw_valid(
-            sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
-        ).require(settings.least, f"drawn from {name}")
-        made = measured(task.constraints, task.trajectory, draws.coefficients, name)
-        made.save(build.folder / LIBRARY)
-        facts = summary(made) if len(made) else {"count": 0}
+    draws = draw_valid(
+        sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
+    ).require(settings.least, f"drawn from {name}")
+    made = measured(task.constraints, task.trajectory, draws.coefficients, name)
+    made.save(build.folder / LIBRARY)
+    facts = summary(made) if len(made) else {"count": 0}
     facts = {key: x for key, x in facts.items() if key != "valid"}
     if task.cfg.gan[name].seeded:
         facts |= _union(task, made, noise)
@@ -70,7 +60,7 @@ def _make(task: Task, build: Build, name: str, training: int) -> None:
 
 
 def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float]:
-    """Diversity of the library, or of a sample of it, and the seeds put together."""
+    """Diversity of the library and the seeds put together."""
     both = task.load(seed_set(task)).merge(made)
     shuffled = summary(both.take(torch.randperm(len(both), generator=noise)))
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
@@ -78,6 +68,5 @@ def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float
 
 STAGE = Stage(
     lambda task: [library(task, *one) for one in generators(task)],
-    columnwise=True,
     check=lambda task: task.require_room(task.cfg.library.count, "library.count"),
 )

@@ -49,4 +49,4 @@ def _make(task: Task, build: Build, harmonics: int) -> None:
     write_json(build.folder / REPORT, report | {"evaluations": seeds.evaluations_per_start})
 
 
-STAGE = Stage(lambda task: [long_trajectory(task, h) for h in task.cfg.long.harmonics], columnwise=True)
+STAGE = Stage(lambda task: [long_trajectory(task, h) for h in task.cfg.long.harmonics])

@@ -1,6 +1,7 @@
 """Stage random: valid trajectories that nobody optimised, the baseline of everything else."""
 
 import torch
+from torch import Tensor
 
 from sidegan.base.storage import write_json
 from sidegan.library import draw
@@ -25,6 +26,12 @@ def random_valid(task: Task, count: int, purpose: str, reach: float = REACH) -> 
     return draw.random_valid(task.problem, count, generator, reach)
 
 
+def test_trajectories(task: Task) -> Tensor:
+    """Trajectories whose torques are predicted, (tests, J, H, 2); no set contains or generated them."""
+    settings = task.cfg.identification
+    return random_valid(task, settings.tests, "tests", settings.reach).coefficients
+
+
 def _make(task: Task, build: Build) -> None:
     count = task.cfg.library.count
     draws = random_valid(task, count, "random set")
@@ -34,4 +41,4 @@ def _make(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(library), **share})
 
 
-STAGE = Stage(lambda task: [random_set(task)], columnwise=True)
+STAGE = Stage(lambda task: [random_set(task)])

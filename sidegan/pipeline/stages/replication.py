@@ -14,13 +14,12 @@ from sidegan.identification.sums import Sums
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import SEEDS, Pool, own_pools
-from sidegan.pipeline.stages.random import random_valid
+from sidegan.pipeline.stages.random import test_trajectories
 from sidegan.pipeline.stages.training import title
 from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
 SUMS = "sums.pt"
-EVERYTHING = "everything"  # the reading that needs no name
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,9 @@ class Measured:
         """How a set is measured under the task's reading."""
         settings = task.cfg.replication
         if pool.name == SEEDS:
-            return cls(settings.noise, settings.repeats, max(settings.replicas))
-        return cls(settings.generated, 1 if settings.generated.exact else settings.repeats, 1)
+            return cls(settings.of_seeds, settings.repeats, max(settings.replicas))
+        noise = settings.of_generated
+        return cls(noise, 1 if noise.exact else settings.repeats, 1)
 
     @property
     def mark(self) -> str:
@@ -63,17 +63,13 @@ def sums(task: Task, pool: Pool) -> Artifact:
 def replication(task: Task) -> Artifact:
     """What identification from each combination of whole sets is worth."""
     inputs = {f"{one.name} {one.training or 0}": sums(task, one) for one in whole_sets(task)}
-    own = asdict(task.cfg.replication)
-    reading = own.pop("reading")
-    del own["generated"]  # the inputs have it
-    names = [*task.cfg.gan, *([] if reading == EVERYTHING else [reading])]
     return task.artifact(
         "replication",
-        "-".join(names),
+        "-".join([*task.cfg.gan, task.cfg.replication.reading]),
         _combine,
-        asdict(task.cfg.identification) | own,
+        asdict(task.cfg.identification) | asdict(task.cfg.replication),
         inputs,
-        title="/".join(["nmse", *names[len(task.cfg.gan) :]]),
+        title="nmse",
         metrics=partial(_mean_errors, task),
     )
 
@@ -125,7 +121,7 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
 
 def _combine(task: Task, build: Build) -> None:
     settings = task.cfg.replication
-    tests = (task.trajectory, random_valid(task, task.cfg.identification.tests, "tests").coefficients)
+    tests = task.trajectory, test_trajectories(task)
     seeds, *libraries = ((one, draws(task, one)) for one in whole_sets(task))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.repeats):
@@ -135,12 +131,10 @@ def _combine(task: Task, build: Build) -> None:
             of_training = [(pool, parts) for pool, parts in libraries if pool.training == training]
             jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, study_settings(task, settings.noise))
+            frames = combined(task.body, sets, tests, study_settings(task, settings.of_seeds))
             tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
 
 
-STAGE = Stage(
-    lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)], columnwise=True
-)
+STAGE = Stage(lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)])

@@ -20,19 +20,12 @@ def method_settings(task: Task) -> Seeds:
     return settings
 
 
-def seed_set(task: Task, title: str = "seeds") -> Artifact:
-    """The seed set, or the configured half of it; each method is a maker of its own."""
+def seed_set(task: Task) -> Artifact:
+    """The seed set; each method is a maker of its own."""
     settings = method_settings(task)
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
-    if settings.method != "paper" and settings.steps != task.cfg.scale.seed_steps:
-        label += f"-{settings.steps}steps"  # sets of other quality stand side by side
-        title += f" {settings.steps} steps"
-    whole = task.artifact(maker, label, _make, settings.stamped(), title=title, alone=True)
-    if task.cfg.half is None:
-        return whole
-    name, values = f"{label}-half{task.cfg.half}", {"half": task.cfg.half}
-    return task.artifact("halves", name, _halve, values, {"seeds": whole}, title=title)
+    return task.artifact(maker, label, _make, settings.stamped(), title="seeds", alone=True)
 
 
 def _make(task: Task, build: Build) -> None:
@@ -56,19 +49,6 @@ def _method(settings: Seeds, workers: int | None) -> tuple[Method, int]:
     return Compiled(settings.steps, settings.attempts, settings.reserve or 0.0, threads), settings.count
 
 
-def _halve(task: Task, build: Build) -> None:
-    whole = task.load(seed_set(task.with_settings(half=None)))
-    middle = len(whole) // 2
-    half = whole.take(range(middle, len(whole)) if task.cfg.half else range(middle))
-    half.save(build.folder / LIBRARY)
-    write_json(build.folder / REPORT, summary(half))
-
-
-def _sets(task: Task) -> list[Artifact]:
-    seeds = seed_set(task)
-    return [*seeds.parents, seeds]
-
-
 STAGE = Stage(
-    _sets, columnwise=True, check=lambda task: task.require_room(task.cfg.seeds.count, "seeds.count")
+    lambda task: [seed_set(task)], check=lambda task: task.require_room(task.cfg.seeds.count, "seeds.count")
 )

@@ -55,4 +55,4 @@ def _generated(seeds: str, folder: Path) -> Metrics:
     return {"generated": int((source != seeds).sum())}
 
 
-STAGE = Stage(lambda task: [selection(task, pool) for pool in pools(task)], columnwise=True)
+STAGE = Stage(lambda task: [selection(task, pool) for pool in pools(task)])

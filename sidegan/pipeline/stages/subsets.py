@@ -10,7 +10,7 @@ from sidegan.pipeline.task import Task
 
 def on_subset(task: Task, size: int) -> Task:
     """The same task, trained on so many of the seeds; on all of them it is the task itself."""
-    if size >= task.cfg.seeds.count // (1 if task.cfg.half is None else 2):
+    if size >= task.cfg.seeds.count:
         return task
     variants = {name: one for name, one in task.cfg.gan.items() if one.features != "none"} or task.cfg.gan
     return task.with_settings(subset=size, gan=variants, trainings=task.cfg.scale.side_trainings)
@@ -23,4 +23,4 @@ def _artifacts(task: Task) -> Iterator[Artifact]:
         yield from (generator(smaller, *one) for one in generators(smaller))
 
 
-STAGE = Stage(_artifacts, columnwise=True, leading=True)
+STAGE = Stage(_artifacts)

@@ -17,4 +17,4 @@ def _artifacts(task: Task) -> list[Artifact]:
     return needed
 
 
-STAGE = Stage(_artifacts, columnwise=True)
+STAGE = Stage(_artifacts)

@@ -81,4 +81,4 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-STAGE = Stage(lambda task: [timing(task, name) for name in task.cfg.gan], columnwise=True, leading=True)
+STAGE = Stage(lambda task: [timing(task, name) for name in task.cfg.gan])

@@ -1,0 +1,71 @@
+"""Randomised plants recorded as a robot is: sensors, filters and coloured noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.base.typed import Hertz, NonNegative, Seconds
+from sidegan.motion.trajectory import Trajectory
+from sidegan.plant.friction import Array
+from sidegan.plant.varied import VariedPlant
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Noise of torques, in shares of each joint's torque, and how signals are processed."""
+
+    noise: NonNegative  # standard deviation
+    correlation: Seconds  # time over which noise keeps its sign
+    cutoff: Hertz  # of the filter without delay that positions and torques go through
+    rate: Hertz  # of the samples that are identified from
+
+
+def recorded(
+    plant: VariedPlant,
+    family: Trajectory,
+    coefficients: Tensor,
+    sensors: Sensors,
+    random: np.random.Generator | None = None,
+) -> list[Tensor]:
+    """Positions, velocities, accelerations and torques of trajectories, (n, S, J) each.
+
+    Args:
+        plant: who executes them.
+        family: of the trajectories.
+        coefficients: [rad/s], (n, J, H, 2).
+        sensors: what is recorded.
+        random: of the noise on torques; None for none.
+    """
+    rate = plant.settings.rate
+    clock = torch.arange(round(family.period * rate), dtype=torch.float64) / rate
+    signals = plant.follow(family.roll_out(coefficients, clock))
+    states = _filtered(signals.position, signals.torque, rate, sensors)
+    if random is not None:
+        states[3] = states[3] + torch.stack([_noise(x, plant.scale, sensors, random) for x in states[3]])
+    return states
+
+
+def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> list[Tensor]:
+    """States and torque (n, S, J) at the sensors' rate, filtered without delay."""
+    from scipy.signal import butter, sosfiltfilt  # takes half a second to import
+
+    step, sos = round(rate / sensors.rate), butter(2, sensors.cutoff, fs=rate, output="sos")
+    q, torque = (sosfiltfilt(sos, x, axis=1) for x in (position, torque))
+    dq = np.gradient(q, 1 / rate, axis=1)
+    ddq = np.empty_like(q)
+    ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
+    ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
+    kept = (x[:, step // 2 :: step] for x in (q, dq, ddq, torque))
+    return [torch.from_numpy(np.ascontiguousarray(x)) for x in kept]
+
+
+def _noise(torque: Tensor, scale: Array, sensors: Sensors, random: np.random.Generator) -> Tensor:
+    """Gaussian noise on the torques of one recording, (S, J), that keeps its sign for a while."""
+    from scipy.signal import lfilter
+
+    keep = np.exp(-1 / (sensors.rate * sensors.correlation))
+    draw = random.standard_normal(torque.shape)
+    draw[1:] *= np.sqrt(1 - keep**2)
+    return torch.from_numpy(sensors.noise * scale * lfilter([1.0], [1.0, -keep], draw, axis=0))
