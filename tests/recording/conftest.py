@@ -1,4 +1,5 @@
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +51,26 @@ def recorded(arm, time, keep=("position", "velocity", "torque")):
     return Recording("made", arm.joint_names, time, **{name: signals[name] for name in keep})
 
 
+def part_of(recording, rows):
+    """Some samples of a recording, a slice or a list of numbers."""
+    signals = {name: x[rows] for name, x in recording.signals().items()}
+    return replace(recording, time=recording.time[rows], **signals)
+
+
 @pytest.fixture
 def clock():
     """20 s at about 100 Hz, with a tenth of a step of jitter."""
     rng = np.random.default_rng(1)
     return np.arange(2000) * 0.01 + rng.uniform(-0.001, 0.001, 2000)
+
+
+@pytest.fixture
+def recording(planar, clock):
+    """A recording of the planar arm without faults."""
+    return recorded(planar, clock)
+
+
+@pytest.fixture
+def made(recording):
+    """Its first 200 samples."""
+    return part_of(recording, slice(200))

@@ -15,9 +15,27 @@ def frame(recording):
     return pd.DataFrame(columns)
 
 
-def write_csv(recording, folder):
-    frame(recording).to_csv(folder / "a.csv", index=False)
-    return folder / "a.csv"
+def text(content, name="a.csv"):
+    """A writer of some text instead of a recording."""
+
+    def write(_, folder):
+        (folder / name).write_text(content)
+        return folder / name
+
+    return write
+
+
+def written(change=lambda table: table, **options):
+    """A writer of a CSV whose table was changed."""
+
+    def write(recording, folder):
+        change(frame(recording)).to_csv(folder / "a.csv", **{"index": False, **options})
+        return folder / "a.csv"
+
+    return write
+
+
+write_csv = written()
 
 
 def write_parquet(recording, folder):
@@ -30,26 +48,44 @@ def write_npz(recording, folder):
     return folder / "a.npz"
 
 
-def write_bag(recording, folder, plugin=StoragePlugin.SQLITE3, names=None, topic="/joint_states", order=None):
-    """Joint states with positions, velocities and torques as efforts; ``order`` shuffles the joints."""
+def arrays(**changes):
+    """A writer of an array of all joints a signal."""
+
+    def write(recording, folder):
+        signals = {
+            "t": recording.time,
+            "q": recording.position,
+            "v": recording.velocity,
+            "tau": recording.torque,
+        }
+        np.savez(folder / "a.npz", **signals | changes)
+        return folder / "a.npz"
+
+    return write
+
+
+def write_messages(folder, messages, kind="sensor_msgs/msg/JointState", plugin=StoragePlugin.SQLITE3):
+    """A bag of messages: nanoseconds, byte order, and for a joint state its names and arrays."""
     store = get_typestore(Stores.ROS2_HUMBLE)
-    state, header = store.types["sensor_msgs/msg/JointState"], store.types["std_msgs/msg/Header"]
+    make, header = store.types[kind], store.types["std_msgs/msg/Header"]
     stamp = store.types["builtin_interfaces/msg/Time"]
-    names = names or list(recording.joint_names)
-    order = order or list(range(len(names)))
-    signals = recording.signals()
     with Writer(folder / "bag", version=9, storage_plugin=plugin) as writer:
-        to = writer.add_connection(topic, state.__msgtype__, typestore=store)
-        for k, t in enumerate(recording.time.tolist()):
-            nanoseconds = round(t * 1e9) + 10**9
-            values = [
-                signals[name][k].numpy()[order] if name in signals else np.zeros(0)
-                for name in ("position", "velocity", "torque")
-            ]
+        to = writer.add_connection("/joint_states", kind, typestore=store)
+        for nanoseconds, little, *values in messages:
             when = stamp(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-            message = state(header(when, ""), [names[i] for i in order], *values)
-            writer.write(to, nanoseconds, store.serialize_cdr(message, state.__msgtype__))
+            message = make(header(when, ""), *values) if kind.startswith("sensor") else make(*values)
+            writer.write(to, nanoseconds, store.serialize_cdr(message, kind, little_endian=little))
     return folder / "bag"
+
+
+def write_bag(recording, folder, plugin=StoragePlugin.SQLITE3, names=None, order=None):
+    """Joint states with positions, velocities and torques as efforts; ``order`` shuffles the joints."""
+    names, order = names or list(recording.joint_names), order or list(range(len(recording.joint_names)))
+    signals = [getattr(recording, name)[:, order].numpy() for name in ("position", "velocity", "torque")]
+    stamps = [round(t * 1e9) + 10**9 for t in recording.time.tolist()]
+    named = [names[i] for i in order]
+    messages = ((t, True, named, *(x[k] for x in signals)) for k, t in enumerate(stamps))
+    return write_messages(folder, messages, plugin=plugin)
 
 
 def write_mcap(recording, folder):

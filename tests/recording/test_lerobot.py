@@ -1,7 +1,6 @@
 """LeRobot datasets of both versions, written as their documentation describes them."""
 
 import json
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -92,24 +91,21 @@ def test_episodes_are_stretches_of_the_check(made, planar, tmp_path):
 
 def test_joints_of_other_names_are_said(made, tmp_path):
     folder = written(made, tmp_path / "set", "v3.0")
-    ours = replace(made, joint_names=("a", "b"))
-    with pytest.raises(
-        RecordingError, match=r"no position of 1 of the arm's 2|no position of 2 of the arm's 2"
-    ):
-        load_recording(folder, of_dataset(), ours.joint_names)
-    loaded = load_recording(folder, of_dataset(joints=list(made.joint_names)), ours.joint_names)
+    with pytest.raises(RecordingError, match="no position of 2 of the arm's 2"):
+        load_recording(folder, of_dataset(), ("a", "b"))
+    loaded = load_recording(folder, of_dataset(joints=list(made.joint_names)), ("a", "b"))
     torch.testing.assert_close(loaded.torque, made.torque, rtol=1e-6, atol=1e-6)
 
 
 def test_what_is_no_dataset_is_refused(made, tmp_path):
     folder = written(made, tmp_path / "set", "v3.0")
-    for file in folder.glob("data/*/*.parquet"):
-        file.unlink()
-    with pytest.raises(RecordingError, match="a LeRobot dataset without frames"):
-        load_recording(folder, of_dataset(), made.joint_names)
-    pq.write_table(pa.table({"timestamp": [0.0, 1.0]}), folder / "data" / "chunk-000" / "file-000.parquet")
-    with pytest.raises(RecordingError, match="has no column episode_index"):
-        load_recording(folder, of_dataset(), made.joint_names)
-    (folder / "meta" / "info.json").write_text("{")
-    with pytest.raises(RecordingError, match="is not a whole JSON file"):
-        load_recording(folder, of_dataset(), made.joint_names)
+    first, second = sorted(folder.glob("data/*/*.parquet"))
+    second.unlink()
+    for words, fault in (
+        ("a LeRobot dataset without frames", first.unlink),
+        ("no column episode_index", lambda: pq.write_table(pa.table({"timestamp": [0.0, 1.0]}), first)),
+        ("is not a whole JSON file", lambda: (folder / "meta" / "info.json").write_text("{")),
+    ):
+        fault()
+        with pytest.raises(RecordingError, match=words):
+            load_recording(folder, of_dataset(), made.joint_names)

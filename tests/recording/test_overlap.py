@@ -8,6 +8,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.overlap import joined, refuse_shared, rows_of
+from tests.recording.conftest import part_of
 from tests.recording.made import moved
 
 NONE = torch.zeros(2)
@@ -23,12 +24,6 @@ def made(planar, seed):
     return moved(planar, time, NONE, NONE, torch.Generator().manual_seed(seed))
 
 
-def part(recording, rows, shift=0.0):
-    """Some rows of a recording, with another clock."""
-    cut = {name: x[rows] for name, x in recording.signals().items()}
-    return dataclasses.replace(recording, time=recording.time[rows] + shift, **cut)
-
-
 def refused(first, second):
     try:
         refuse_shared([("a", rows_of(first)), ("b", rows_of(second))])
@@ -42,10 +37,10 @@ def test_the_same_samples_are_found(one):
 
 
 def test_a_stretch_with_another_clock_is_found_and_told(one, planar):
-    middle = part(one, slice(1000, 1200), shift=-3.0)
-    other = part(made(planar, 1), slice(0, 1500))
+    middle = part_of(one, slice(1000, 1200))
+    other = part_of(made(planar, 1), slice(0, 1500))
     columns = {name: torch.cat([x, middle.signals()[name]]) for name, x in other.signals().items()}
-    both = dataclasses.replace(other, time=torch.cat([other.time, 10 + middle.time]), **columns)
+    both = dataclasses.replace(other, time=torch.cat([other.time, 7 + middle.time]), **columns)
     words = refused(one, both)
     assert words.startswith("b holds samples of a, from 12.0") and "to 12.9" in words
 
@@ -56,7 +51,7 @@ def test_a_file_with_fewer_signals_or_in_single_precision_is_found(one):
 
 
 def test_pieces_are_joined(one):
-    pieces = [rows_of(part(one, slice(k, k + 500))) for k in range(0, 3000, 500)]
+    pieces = [rows_of(part_of(one, slice(k, k + 500))) for k in range(0, 3000, 500)]
     whole, again = rows_of(one), joined(pieces)
     assert set(whole.time.tolist()) <= set(again.time.tolist())
     with pytest.raises(RecordingError, match="count twice"):
@@ -70,7 +65,7 @@ def test_another_motion_or_other_noise_is_not_the_same(one, planar):
 
 
 def test_arms_at_rest_in_one_place_are_not_the_same(one):
-    still = part(one, slice(0, 1))
+    still = part_of(one, slice(0, 1))
     rest = {name: x.expand(500, -1) for name, x in still.signals().items()}
     resting = dataclasses.replace(one, time=torch.arange(500.0).double(), **rest)
     assert not refused(one, resting) and not refused(resting, resting)

@@ -1,0 +1,249 @@
+"""What is refused or warned of, and the words that say why: settings, files and recordings."""
+
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, RecordingError
+from sidegan.recording.check import check_recording
+from sidegan.recording.segments import preprocess
+from tests.recording.conftest import load_recording, of_file, part_of
+from tests.recording.files import (
+    arrays,
+    text,
+    write_bag,
+    write_mcap,
+    write_messages,
+    write_npz,
+    write_parquet,
+    written,
+)
+
+SETTINGS = [
+    (r"units\.angle is 'turn', expected one of rad, deg", {"units": {"angle": "turn"}}),
+    ("position is None, expected text", {"position": None}),
+    *(("no braces but", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
+    *((name, {name: -1.0}) for name in ("cutoff", "bandwidth", "still")),
+    *((name, {name: 0}) for name in ("cutoff", "order")),
+    *((name, {name: 1e300}) for name in ("pause", "gap")),
+    *(("oversampling", {"oversampling": 2.0}), ("order", {"order": 1000}), ("rows", {"rows": 10**12})),
+]
+
+
+@pytest.mark.parametrize(("words", "changes"), SETTINGS)
+def test_settings(words, changes):
+    with pytest.raises(ConfigError, match=words):
+        of_file(**changes)
+
+
+def nowhere(_, folder):
+    return folder / "a.csv"
+
+
+def pipe(_, folder):
+    os.mkfifo(folder / "a.csv")
+    return folder / "a.csv"
+
+
+def folder_alone(_, folder):
+    return folder
+
+
+def other_joints(made, folder):
+    return write_bag(made, folder, names=["x", "y"])
+
+
+def of_text(_, folder):
+    return write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
+
+
+def without(*columns):
+    return written(lambda table: table.drop(columns=[*columns]))
+
+
+def twice(**names):
+    """Columns under other names too."""
+    return written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
+
+
+ARRAYS = {"position": "q", "torque": "tau"}
+HEADER, NAMELESS = ["t", "q{index}", "qd{index}", "tau{index}"], written(header=False)
+FILES = [
+    ("there is no recording", nowhere, {}),
+    ("neither a file nor a folder", pipe, {}),
+    ("without a bag", folder_alone, {}),
+    (r"ends in \.xls, expected \.csv", text("x", "a.xls"), {}),
+    ("1 joint names are given, the arm has 2", written(), {"joints": ["a"]}),
+    ("without a number, in column tau2", written(lambda table: table.assign(tau2=np.nan)), {}),
+    ("no position of 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),
+    ("has q3: position of more than the arm's 2 joints", twice(q3="q1"), {}),
+    ("no torque of 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
+    (r"no column 'time' or 't' of time stamps.*recording\.rate=1000", without("t"), {}),
+    ("time as 'time' and as 't'; say which is meant: recording.time='time'", twice(time="t"), {}),
+    (r"position as 'q_\{joint\}' and as 'q\{index\}'; say which", twice(q_1="q1", q_2="q2"), {}),
+    ("begins with numbers.*say what they are", NAMELESS, {}),
+    (r"has 7 columns, recording\.header has 5", NAMELESS, {"header": HEADER[:3]}),
+    ("named twice", NAMELESS, {"header": [HEADER[0], *HEADER[1:2] * 3]}),
+    (r"leave recording\.header out", written(), {"header": HEADER}),
+    (r"no recording\.header", write_parquet, {"header": HEADER}),
+    ("not of the same length: t has 200, q has 3", arrays(q=np.ones((3, 2))), ARRAYS),
+    ("the arm has 2 joints", arrays(q=np.ones((200, 3))), ARRAYS),
+    ("array q holds complex128, expected real numbers", arrays(q=1j * np.ones((200, 2))), ARRAYS),
+    ("has no joint 1, 2; it has x, y", other_joints, {}),
+    ("has no joint states on /arm, but on /joint_states", write_bag, {"topic": "/arm"}),
+    (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
+]
+
+
+@pytest.mark.parametrize(("words", "write", "changes"), FILES, ids=[words for words, *_ in FILES])
+def test_files(made, tmp_path, words, write, changes):
+    with pytest.raises(RecordingError, match=words):
+        load_recording(write(made, tmp_path), of_file(**changes), ("1", "2"))
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.npz", "a.mcap", "a.db3"])
+@pytest.mark.parametrize("content", [b"", b"\x93garbage\x00\xff" * 99])
+def test_files_of_nothing(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError, match=name.replace(".", r"\.")):
+        load_recording(tmp_path / name, of_file(), ("1", "2"))
+
+
+@pytest.mark.parametrize("write", [write_parquet, write_npz, write_mcap, write_bag])
+def test_files_cut_off(made, tmp_path, write):
+    path = write(made, tmp_path)
+    file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
+    with pytest.raises(RecordingError):
+        load_recording(path, of_file(), made.joint_names)
+
+
+def but(signal, change):
+    """A change of one signal."""
+    return lambda recording: replace(recording, **{signal: change(getattr(recording, signal))})
+
+
+def scaled(signal, factor):
+    return but(signal, lambda x: factor * x)
+
+
+def currents(factor=1.0):
+    """Currents [A] of drives with gains of two, or as many times too large, in place of torques."""
+    return lambda recording: replace(recording, torque=None, current=factor / 2 * recording.torque)
+
+
+def of_elbow(signal, change):
+    """A change of one signal of the second joint."""
+    return but(signal, lambda x: torch.stack([x[:, 0], change(x[:, 1])], 1))
+
+
+def same(recording):
+    return recording
+
+
+def shuffled(time):
+    """A sample that is stamped like an earlier one."""
+    return torch.where(torch.arange(len(time)) == 100, time[90], time)
+
+
+def interrupted(time):
+    """A sample that is stamped like the one before it, and two seconds without samples."""
+    return torch.where(torch.arange(len(time)) == 700, time[699], time) + 2.0 * (
+        torch.arange(len(time)) >= 1000
+    )
+
+
+DEGREES, GAINS = 180 / math.pi, r"are the gains \(robot\.gains\)"
+UNITS = [("ms", "s", 1e3), ("us", "s", 1e6), ("ns", "s", 1e9), ("us", "ms", 1e3), ("ns", "ms", 1e6)]
+DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
+CHECKED = [
+    ("are these degrees", scaled("position", DEGREES), {}),
+    ("are these radians", scaled("position", 1 / DEGREES), {"angle": "deg"}),
+    ("one of them is in degrees", scaled("velocity", DEGREES), {}),
+    *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
+    (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": (2.0, 2.0)}),
+    (GAINS, currents(1e3), {"gains": (2.0, 2.0), "units": {"current": "mA"}}),
+    (GAINS, currents(), {"gains": (2e5, 2e5)}),
+    ("is it in N·m, and in this order", scaled("torque", 1e7), {}),
+    ("there is no motion", but("position", torch.ones_like), {}),
+    ("hardly moves: no joint by more than 0", scaled("position", 0.005), {}),
+    ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
+    ("every torque is zero", but("torque", torch.zeros_like), {}),
+    ("torque of elbow is constant", of_elbow("torque", torch.ones_like), {}),
+    ("neither torque nor current", but("torque", lambda _: None), {}),
+    *((DEAD, but("velocity", constant), {}) for constant in (torch.ones_like, torch.zeros_like)),
+    ("all samples have the same time stamp", but("time", torch.ones_like), {}),
+    ("time runs backwards.* after sample 100", but("time", shuffled), {}),
+    ("holds 5 samples", lambda recording: part_of(recording, slice(5)), {}),
+]
+
+
+@pytest.mark.parametrize(("words", "change", "options"), CHECKED)
+def test_recordings(recording, planar, words, change, options):
+    units = options.get("units", {})
+    others = {name: x for name, x in options.items() if name != "units"}
+    with pytest.raises(RecordingError, match=words):
+        check_recording(change(recording), planar, of_file(units=units), **others)
+
+
+def limited(arm, torque):
+    return replace(arm, torque_limit=torch.full_like(arm.torque_limit, torque))
+
+
+def test_recordings_of_an_arm_without_limits(recording, planar):
+    arm = limited(planar, torch.inf)
+    with pytest.raises(RecordingError, match="times what the description's links need"):
+        check_recording(currents(1e3)(recording), arm, of_file(), (2.0, 2.0))
+
+
+def test_limits_that_the_arms_own_links_exceed_are_none(recording, planar):
+    warnings = check_recording(recording, limited(planar, 1e-3), of_file()).warnings
+    assert "the torque of shoulder, elbow is beyond the arm's limit" in "\n".join(warnings)
+
+
+def test_recordings_of_another_arm(recording, arm):
+    with pytest.raises(RecordingError, match="has 2 joints, kuka_lwr4 has 7"):
+        check_recording(recording, arm, of_file())
+
+
+LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
+PREPROCESSED = [
+    ("give the drive gains", currents(), None, {}),
+    ("3 drive gains, the arm has 2 joints", currents(), (1.0, 1.0, 1.0), {}),
+    ("reverse names wrist", same, None, {"reverse": ["wrist"]}),
+    ("no joint is ever faster than 100 rad/s", same, None, {"still": 100.0}),
+    ("bandwidth is 80 Hz, expected less than half the rate", same, None, {"bandwidth": 80.0}),
+    *((LOW, same, None, {name: 1e-11}) for name in ("cutoff", "headroom", "bandwidth")),
+]
+
+
+@pytest.mark.parametrize(("words", "change", "gains", "settings"), PREPROCESSED)
+def test_recordings_that_are_preprocessed(recording, words, change, gains, settings):
+    with pytest.raises(RecordingError, match=words):
+        preprocess(change(recording), of_file(**settings), gains)
+
+
+WARNED = [
+    ("recording.reverse=[elbow]", of_elbow("torque", torch.neg)),
+    ("is its sign wrong?", of_elbow("velocity", torch.neg)),
+    ("the arm hardly moves", scaled("position", 0.1)),
+    ("elbow never moves", lambda r: replace(of_elbow("position", torch.zeros_like)(r), velocity=None)),
+    ("1 gap, the longest 2", but("time", interrupted)),
+    ("1 sample with the time stamp", but("time", interrupted)),
+    ("looks saturated", but("torque", lambda x: x.clamp(max=float(x.max()) / 2))),
+    ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
+    (
+        "is this the arm, and are its joints in this order?",
+        lambda r: replace(r, torque=torch.sin(r.time[:, None] * torch.tensor([3.1, 4.3]))),
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "change"), WARNED, ids=[words for words, _ in WARNED])
+def test_warnings(planar, recording, words, change):
+    before, after = (check_recording(x, planar, of_file()).warnings for x in (recording, change(recording)))
+    assert words in "\n".join(after) and words not in "\n".join(before)
