@@ -24,7 +24,6 @@ TINY = (
     "surrogates.width=16",
     "surrogates.margin_steps=8",
     "surrogates.feature_steps=8",
-    "surrogates.shallow.width=16",
     "long.period=32",
     "long.harmonics=[3,12]",
     "long.samples=64",

@@ -32,27 +32,10 @@ class SurrogateSettings:
     margin_steps: Count  # time points per trajectory at which margins are predicted
     feature_steps: Count  # time points per trajectory that the converter sees
     negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
-    shallow: "ShallowSettings"
 
     def __post_init__(self) -> None:
-        _check_one(self.negatives)
-
-
-@dataclass(frozen=True)
-class ShallowSettings:
-    """How the paper's surrogates are trained, on as many generated trajectories as seeds."""
-
-    epochs: Count
-    width: Count
-    negatives: dict[str, Variant]  # the paper's vanilla GAN
-
-    def __post_init__(self) -> None:
-        _check_one(self.negatives)
-
-
-def _check_one(negatives: dict[str, Variant]) -> None:
-    if len(negatives) != 1:
-        raise ConfigError(f"negatives are of one variant, got {sorted(negatives)}")
+        if len(self.negatives) != 1:
+            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
 
 
 class SuccessPredictor(nn.Module):

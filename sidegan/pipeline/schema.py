@@ -28,7 +28,6 @@ class Scale:
     long_steps: Count  # of a single long trajectory
     labelled: Count  # samples that the surrogates learn from
     surrogate_epochs: Count
-    shallow_epochs: Count
     gan_epochs: Count
     gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
     fitness_start: Natural  # first epoch in which the fitness loss counts

@@ -8,7 +8,6 @@ from typing import Any
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import write_json
 from sidegan.gan import Variant
-from sidegan.gan.surrogates import ShallowSettings, SurrogateSettings
 from sidegan.gan.variants import Kind
 from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build
@@ -16,7 +15,6 @@ from sidegan.pipeline.stage import finite
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
 
-_OWN = ("negatives", "shallow")  # settings of surrogates that are not those of all of them
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
 
@@ -56,8 +54,8 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
 
 def surrogates(task: Task, kind: Kind) -> Artifact:
     """Success predictor and converters of a kind (``gan.variants.Learned``)."""
-    settings = {key: x for key, x in asdict(_settings(task, kind)).items() if key not in _OWN}
-    inputs = {"seeds": seed_set(task), "negatives": negatives(task, kind)}
+    settings = {key: x for key, x in asdict(task.cfg.surrogates).items() if key != "negatives"}
+    inputs = {"seeds": seed_set(task), "negatives": negatives(task)}
     make = partial(_pretrain, kind=kind)
     settings |= {"kind": kind} | taught(task)
     return task.artifact("surrogates", kind, make, settings, inputs, title=f"surrogates/{kind}", alone=True)
@@ -66,18 +64,13 @@ def surrogates(task: Task, kind: Kind) -> Artifact:
 def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]:
     """The surrogates that some variants learn from, and what these learn from."""
     kinds = sorted({kind for one in variants for kind in one.learned.values()})
-    taught_by = {one.digest: one for one in (negatives(task, kind) for kind in kinds)}
-    return [*taught_by.values(), *(surrogates(task, kind) for kind in kinds)]
+    return [*([negatives(task)] if kinds else []), *(surrogates(task, kind) for kind in kinds)]
 
 
-def negatives(task: Task, kind: Kind = "broad") -> Artifact:
-    """The generator whose output the surrogates of a kind learn from, beside the seeds."""
-    ((name, variant),) = _settings(task, kind).negatives.items()
+def negatives(task: Task) -> Artifact:
+    """The generator whose output the surrogates learn from, beside the seeds."""
+    ((name, variant),) = task.cfg.surrogates.negatives.items()
     return generator(task, name, _NEGATIVES_TRAINING, variant)
-
-
-def _settings(task: Task, kind: Kind) -> SurrogateSettings | ShallowSettings:
-    return task.cfg.surrogates.shallow if kind == "paper" else task.cfg.surrogates
 
 
 def taught(task: Task) -> dict[str, Any]:
@@ -121,7 +114,7 @@ def _pretrain(task: Task, build: Build, kind: Kind) -> None:
     from sidegan.gan.jobs import SHARES, Pretraining, negatives_count
 
     settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
-    vanilla = TrajectoryGenerator.load(task.store.require(negatives(task, kind)) / GENERATOR, task.arm)
+    vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)
     seeds = training_seeds(task).coefficients
     faulty = vanilla.sample(negatives_count(kind, settings.samples, len(seeds)), task.number("negatives"))
     pretraining = Pretraining(task.constraints, task.trajectory, settings, kind, seeds, faulty, build.work)
