@@ -1,10 +1,12 @@
-"""Arms that people own: where their descriptions are, and what an independent check has to know."""
+"""Arms that people own: their descriptions, what their refusals ask for, and what a judge has to know."""
 
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 
+from sidegan.errors import SideganError
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
@@ -14,6 +16,9 @@ from sidegan.robot.tree import read_tree
 from sidegan.validity import Plane
 from tests.robot.judge import Facts
 
+_ROUNDS = 6  # of following what refusals say
+_SETTING = r"(?:robot|workspace)(?:\.[a-z_]+)*="
+_REMEDY = re.compile(rf"'({_SETTING}[^']*)'|({_SETTING}[^\s;,]+)")
 _FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 # Folder of example-robot-data's descriptions, the extra ``arms``, where they are installed.
 ROBOTS = next((folder for entry in sys.path if (folder := Path(entry, _FOLDER)).is_dir()), None)
@@ -44,3 +49,20 @@ def facts_of(task):
         standing=[name.rpartition(" in region ")[0] for name in constraints.excepted.get("keep_out", ())],
         limits=limits,
     )
+
+
+def remedied(work, given=()):
+    """Outcome of ``work(words)``, and the words that it took; of several ends of an arm the first."""
+    words = dict(word.split("=", 1) for word in given)
+    for _ in range(_ROUNDS):
+        said = [f"{name}={value}" for name, value in words.items()]
+        try:
+            return work(said), said
+        except SideganError as error:
+            offered = [(a or b).split("=", 1) for a, b in _REMEDY.findall(str(error))]
+            tips = [one for one in offered if one[0] == "robot.tip" and "robot.tip" not in words]
+            more = words | dict(tips[:1] or [one for one in offered if one[0] != "robot.tip"])
+            if more == words:
+                raise
+            words = more
+    raise AssertionError(f"refused {_ROUNDS} times, at last with {words}")

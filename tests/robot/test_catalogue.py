@@ -1,8 +1,7 @@
 """Every stock description with an arm loads, or does once its refusals' own remedies have been followed.
 
 The descriptions are those of example-robot-data (extra `arms`). All of them are read, reduced and given to
-Pinocchio; some go on until a command would begin to plan, which takes time for those with many meshes:
-test_arms_table.py does so with the others.
+Pinocchio; ``test_arms_table.py`` goes on to trajectories.
 """
 
 from pathlib import Path
@@ -11,12 +10,10 @@ import pytest
 import yaml
 
 from sidegan.errors import RobotError
-from sidegan.pipeline.task import Task
 from sidegan.robot import Limits, Setup
 from sidegan.robot.description import read_description
 from sidegan.robot.model import build
-from tests.robot.arms import ROBOTS, task_of
-from tests.robot.remedies import remedied
+from tests.robot.arms import ROBOTS, remedied
 
 pytestmark = pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
 
@@ -52,13 +49,6 @@ ARMS = {
     "xarm_description/urdf/xarm7.urdf": 7,
     "z1_description/urdf/z1.urdf": 6,
 }
-READY = {  # file: what the refusals ask for
-    "panda_description/urdf/panda_collision.urdf": {"robot.may_touch"},
-    "baxter_description/urdf/baxter.urdf": {"robot.tip", "robot.may_touch"},
-    "b1_description/urdf/b1-z1.urdf": {"robot.tip"},
-    "so_arm_description/urdf/so100.urdf": set(),
-    "talos_data/robots/talos_left_arm.urdf": {"robot.may_touch"},
-}
 NO_ARMS = {"hector_description/robots/quadrotor_base.urdf", "iris_description/robots/iris_simple.urdf"}
 EMPTY = {"ur_description/urdf/ur3.urdf"}
 
@@ -90,23 +80,6 @@ def test_loads_or_its_remedies_do(name):
     description = read_description(ROBOTS / name, readable(ROBOTS / name))
     assert len(description.limits) == ARMS[name]
     assert description.missing == {}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", READY)
-def test_is_ready_to_be_excited(name, tmp_path):
-    """Shapes, pairs, floor and home: all that can be refused before there is any planning."""
-
-    def ready(words: list[str]) -> Task:
-        task = task_of(ROBOTS / name, words, tmp_path)
-        assert len(task.constraints.pairs) or len(task.constraints.guarded)
-        return task
-
-    task, words = remedied(ready)
-    assert task.arm.joints == ARMS[name]
-    assert {word.partition("=")[0] for word in words} == READY[name]
-    shaped = task.arm.capsules.link.tolist()
-    assert set(shaped) <= set(range(-1, task.arm.joints)) and len(set(shaped)) > 2
 
 
 def test_all_others_load_or_have_nothing_that_moves():

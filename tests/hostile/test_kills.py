@@ -1,0 +1,50 @@
+"""A run that is killed at three points, with its whole group, leaves the files of one that is not."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.tiny import TINY
+
+COMMAND = (sys.executable, "-m", "sidegan.run", "+experiment=exp1", "stages=[seeds,surrogates,gan]")
+KILLS, SEED = 3, 0
+UNEQUAL = {".locks", "costs", "runs"}  # folders that tell of times and processes
+
+
+def contents(outputs):
+    """What lies in the artifacts of a folder of outputs, and in what is unfinished."""
+    names = {path.relative_to(outputs): path for path in outputs.rglob("*") if path.is_file()}
+    return {str(name): path.read_bytes() for name, path in names.items() if name.parts[0] not in UNEQUAL}
+
+
+def start(outputs):
+    return subprocess.Popen(
+        [*COMMAND, *TINY, "gan=eigen", f"outputs={outputs}"],
+        cwd=Path(__file__).parents[2],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+@pytest.mark.slow
+def test_a_run_that_was_killed_three_times_ends_as_one_that_was_not(tmp_path):
+    whole, torn, seen = tmp_path / "whole", tmp_path / "torn", set()
+    assert start(whole).wait() == 0
+    expected = contents(whole)
+    for point in sorted(random.Random(SEED).sample(range(1, len(expected) - 1), KILLS)):
+        process = start(torn)
+        while len(seen) < point and process.poll() is None:  # as many files, of whatever it has written
+            seen |= {path for path in torn.rglob("*.*") if path.relative_to(torn).parts[0] not in UNEQUAL}
+            time.sleep(0.005)
+        assert process.poll() is None, "it ended before its kill"
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert start(torn).wait() == 0
+    assert contents(torn) == expected
