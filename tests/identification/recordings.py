@@ -9,6 +9,7 @@ import torch
 from sidegan.identification import (
     FULL,
     EstimationSettings,
+    GoalSettings,
     Measurements,
     Noise,
     StudySettings,
@@ -19,6 +20,7 @@ from sidegan.motion.dynamics import RigidBody
 from tests.settings import settings
 
 NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
+GOAL = GoalSettings(wanted="all", noise=None, assumed=0.05, correlation=0.03, believed=1.0, evaluations=100)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
 
@@ -54,13 +56,26 @@ def at_once(samples):
     return patch("sidegan.identification.measurements.SAMPLES_AT_ONCE", samples)
 
 
-def recorded(model, samples=1500, noise=0.0, seed=0):
-    """Measurements of the model with its true parameters, with white noise [N·m] on torque."""
-    states = multisine(model.joints, samples, seed)
-    torque = model.torque(truth_of(model), *states)
-    draw = torch.from_numpy(np.random.default_rng([seed, 1]).normal(size=torque.shape))
+def white(shape, *seed):
+    """Standard normal draws."""
+    return torch.from_numpy(np.random.default_rng(seed).normal(size=shape))
+
+
+def measured(model, states, noise=0.0, seed=0, parameters=None):
+    """Measurements of the model at states, by its true parameters unless told, with white noise [N·m]."""
+    torque = model.torque(truth_of(model) if parameters is None else parameters, *states)
     level = torch.as_tensor(noise, dtype=torch.float64)
-    return Measurements(*states, torque + level * draw)
+    return Measurements(*states, torque + level * white(torque.shape, seed, 1))
+
+
+def recorded(model, samples=1500, noise=0.0, seed=0):
+    """Measurements of a motion of all joints."""
+    return measured(model, multisine(model.joints, samples, seed), noise, seed)
+
+
+def half_still(model, noise, elbow=1e-2):
+    """Measurements of a planar arm whose second joint hardly moves."""
+    return measured(model, [x * torch.tensor([1.0, elbow]) for x in multisine(2, 1000)], noise)
 
 
 class Fixed:
@@ -101,4 +116,4 @@ def fitted(method, model, measurements, **changes):
 
 def study_settings(**changes):
     values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": NOISE, "repeats": 2}
-    return StudySettings(**{**values, "tests": 3, **changes})
+    return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})

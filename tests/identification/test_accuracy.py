@@ -9,23 +9,26 @@ from scipy.signal import butter, sosfiltfilt, sosfreqz
 
 from sidegan.identification import estimate
 from sidegan.identification.accuracy import inflation_of
-from tests.identification.recordings import Fixed, at_once, model_of, multisine, truth_of
+from sidegan.robot import load_robot
+from tests.identification.recordings import Fixed, at_once, model_of, multisine, recorded, truth_of, white
 
 DRAWS = 100
 
 
-def errors_over_draws(model, samples, colour, method="weighted", **settings):
-    """Errors over their stated deviations, (draws, P), and how many parameters are within 3 of them."""
-    states = multisine(model.joints, samples, seed=4)
-    y, truth = model.regressor(*states), truth_of(model)
+def errors_over_draws(model, samples, colour, method):
+    """Errors over their stated deviations, (draws, P)."""
+    y, truth = model.regressor(*multisine(model.joints, samples, seed=4)), truth_of(model)
     fixed, level = Fixed(y), torch.linspace(2.0, 0.2, model.joints, dtype=torch.float64)
     found = []
     for k in range(DRAWS):
-        noise = colour(np.random.default_rng([k, 7]).normal(size=(samples, model.joints)))
-        data = fixed.measurements(y @ truth + level * torch.from_numpy(noise.copy()))
-        one = estimate(method, fixed, data, **settings)
+        noise = torch.from_numpy(colour(white((samples, model.joints), k, 7).numpy()).copy())
+        one = estimate(method, fixed, fixed.measurements(y @ truth + level * noise))
         found.append((one.parameters - truth) / one.deviation)
     return torch.stack(found)
+
+
+def as_it_is(noise):
+    return noise
 
 
 def low_passed(noise):
@@ -33,40 +36,32 @@ def low_passed(noise):
     return sosfiltfilt(butter(4, 0.1, output="sos"), noise, axis=0)
 
 
+def with_outliers(noise):
+    rare = np.random.default_rng(abs(int(noise[0, 0] * 1e6))).random(noise.shape) < 0.05
+    return np.where(rare, 10 * noise, noise)
+
+
 class TestStatedDeviations:
-    @pytest.mark.parametrize("method", ["weighted", "ols", "huber", "rls"])
-    def test_hold_for_white_noise(self, planar, method):
-        found = errors_over_draws(model_of(planar), 500, lambda x: x, method)
+    @pytest.mark.parametrize(
+        ("name", "method", "samples", "colour", "error"),
+        [
+            *(("planar2", method, 300, as_it_is, 0.12) for method in ("weighted", "ols", "huber", "rls")),
+            ("kuka_lwr4", "weighted", 600, as_it_is, 0.05),
+            ("planar2", "weighted", 2000, low_passed, 0.12),
+            ("planar2", "huber", 300, with_outliers, 0.5),
+        ],
+    )
+    def test_hold(self, name, method, samples, colour, error):
+        found = errors_over_draws(model_of(load_robot(name)), samples, colour, method)
         assert (found.abs() <= 3).double().mean() >= 0.99
-        assert found.std() == pytest.approx(1.0, abs=0.12)
-
-    def test_hold_on_the_arm_of_seven_joints(self, arm):
-        found = errors_over_draws(model_of(arm), 1500, lambda x: x)
-        assert (found.abs() <= 3).double().mean() >= 0.99
-        assert found.std() == pytest.approx(1.0, abs=0.05)
-
-    def test_hold_for_filtered_noise(self, planar):
-        found = errors_over_draws(model_of(planar), 2000, low_passed)
-        assert (found.abs() <= 3).double().mean() >= 0.99
-        assert found.std() == pytest.approx(1.0, abs=0.12)
-
-    def test_hold_for_outliers_with_huber(self, planar):
-        def contaminated(noise):
-            rare = np.random.default_rng(abs(int(noise[0, 0] * 1e6))).random(noise.shape) < 0.05
-            return np.where(rare, 10 * noise, noise)
-
-        found = errors_over_draws(model_of(planar), 300, contaminated, "huber")
-        assert (found.abs() <= 3).double().mean() >= 0.99
+        assert found.std() == pytest.approx(1.0, abs=error)
 
     def test_do_not_depend_on_what_is_kept_of_a_long_recording(self, planar):
         model, samples = model_of(planar), 4000
-        y = model.regressor(*multisine(2, samples))
-        noise = torch.from_numpy(np.random.default_rng(0).normal(size=(samples, 2)))
-        data = Fixed(y).measurements(y @ truth_of(model) + noise)
+        data = recorded(model, samples, 1.0)
         with at_once(40):
-            few = estimate("weighted", Fixed(y), data)
-        all_ = estimate("weighted", Fixed(y), data)
-        assert (few.deviation / all_.deviation - 1).abs().max() < 0.25
+            few = estimate("weighted", model, data)
+        assert (few.deviation / estimate("weighted", model, data).deviation - 1).abs().max() < 0.25
 
 
 class TestCorrelation:

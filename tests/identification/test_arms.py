@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import SideganError
 from sidegan.identification import RIGID, TorqueModel, estimate, measure, score
 from sidegan.identification.fit import recursive
 from sidegan.identification.gather import gather
@@ -53,16 +52,6 @@ def test_noise_free_measurements_give_the_arms_base_parameters(model, clean, uns
     parameters = estimate(method, model, clean, prior=1e12).parameters
     torch.testing.assert_close(parameters, model.body.base.values, rtol=0, atol=1e-8)
     assert score(model, parameters, unseen).nmse.max() < 1e-14
-
-
-def test_it_is_least_squares_of_the_stacked_regressor(model, noisy):
-    rows = model.body.base_regressor(*noisy.states).flatten(0, 1)
-    prior = 1e-3 * torch.eye(rows.shape[1], dtype=torch.float64)
-    right = torch.cat([noisy.torque.flatten(), torch.zeros(len(prior), dtype=torch.float64)])
-    expected = torch.linalg.lstsq(torch.cat([rows, prior]), right).solution
-    with at_once(333):
-        parameters = estimate("ols", model, noisy).parameters
-    torch.testing.assert_close(parameters, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))
 
 
 def test_compiled_sums_are_those_of_the_regressor(model, noisy):
@@ -114,20 +103,3 @@ def test_an_arm_at_rest_is_predicted_where_it_rests(model):
     assert result.parameters.isfinite().all() and result.covariance.isfinite().all()
     predicted = model.torque(result.parameters, *data.states)
     torch.testing.assert_close(predicted, data.torque, rtol=0, atol=1e-5)
-
-
-def test_a_motion_of_another_arm_is_refused(model):
-    trajectory = Trajectory(model.joints + 1)
-    still = torch.zeros(1, *trajectory.shape, dtype=torch.float64)
-    with pytest.raises(SideganError, match=f"expected .*{model.joints}"):
-        measure(model.body, trajectory.roll_out(still, trajectory.times(10.0)))
-
-
-def test_forgetting_follows_a_change_of_load(planar):
-    model = TorqueModel(RigidBody(planar), RIGID)
-    before = measure(model.body, motions(model, 4, seed=1))
-    heavier = 1.5 * model.body.base.values
-    half = len(before) // 2
-    after = replace(before, torque=model.torque(heavier, *before.states))
-    result = estimate("rls", model, [before[:half], after[half:]], forgetting=0.98)
-    torch.testing.assert_close(result.parameters, heavier, rtol=0, atol=1e-4)

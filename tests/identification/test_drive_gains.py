@@ -4,7 +4,7 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, RecordingError, ShapeError
+from sidegan.errors import RecordingError
 from sidegan.identification import Measurements
 from sidegan.identification.drive_gains import drive_gains
 from tests.identification.recordings import model_of
@@ -26,8 +26,20 @@ def currents(arm, load, seed, noise=0.02):
     return Measurements(*data.states, data.torque / TRUE + noise * draw)
 
 
-def test_gains_come_back_within_their_deviations(arm, load):
-    found = drive_gains(model_of(arm), [currents(arm, 0 * load, 0)], [currents(arm, load, 1)], load)
+@pytest.fixture(scope="module")
+def free(arm, load):
+    """Currents of a motion without the load."""
+    return currents(arm, 0 * load, 0)
+
+
+@pytest.fixture(scope="module")
+def laden(arm, load):
+    """Currents of another motion with it."""
+    return currents(arm, load, 1)
+
+
+def test_gains_come_back_within_their_deviations(arm, load, free, laden):
+    found = drive_gains(model_of(arm), [free], [laden], load)
     assert ((found.gains - TRUE).abs() < 4 * found.deviation + 1e-3 * TRUE).all()
     assert (found.deviation < 0.05 * TRUE).all()
     assert found.certain.all() and not found.doubts(arm)
@@ -39,9 +51,9 @@ def test_without_noise_they_are_exact(arm, load):
     torch.testing.assert_close(found.gains, TRUE, rtol=1e-4, atol=0)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_load_that_was_not_there_is_refused(arm, load, seed):
-    free, again = currents(arm, 0 * load, seed), currents(arm, 0 * load, 10 + seed)
+@pytest.mark.parametrize("seed", range(2))
+def test_a_load_that_was_not_there_is_refused(arm, load, free, seed):
+    again = currents(arm, 0 * load, 10 + seed)
     with pytest.raises(RecordingError, match=r"the load is not seen in the currents: its part .* in loaded"):
         drive_gains(model_of(arm), [free], [again], load)
 
@@ -54,24 +66,10 @@ def test_a_gain_that_is_uncertain_is_told(arm, load):
     assert "not seen in the current of joint_7: the gain has a σ of more than 20% of it" in doubt
 
 
-def test_a_current_that_is_counted_the_other_way_round_is_told(arm, load):
-    data = [currents(arm, 0 * load, 0), currents(arm, load, 1)]
+def test_a_current_that_is_counted_the_other_way_round_is_told(arm, load, free, laden):
     turned = torch.tensor([1, 1, 1, -1, 1, 1, 1])
-    free, laden = (Measurements(*x.states, turned * x.torque) for x in data)
-    found = drive_gains(model_of(arm), [free], [laden], load)
+    data = ([Measurements(*x.states, turned * x.torque)] for x in (free, laden))
+    found = drive_gains(model_of(arm), *data, load)
     assert found.certain.tolist() == [True, True, True, False, True, True, True]
     (doubt,) = found.doubts(arm)
     assert "gain of joint_4 is below zero" in doubt and "recording.reverse=[joint_4]" in doubt
-
-
-def test_a_load_that_does_nothing_is_refused(planar, load):
-    lying = torch.zeros(10, dtype=torch.float64)
-    data = [currents_of(planar)]
-    with pytest.raises(ConfigError, match="the load has no effect on shoulder, elbow"):
-        drive_gains(model_of(planar), data, data, lying)
-    with pytest.raises(ShapeError, match="expected ten finite parameters"):
-        drive_gains(model_of(planar), data, data, load[:3])
-
-
-def currents_of(planar):
-    return runs(planar, torch.zeros(10).double().numpy(), 0, 0.0, 200)

