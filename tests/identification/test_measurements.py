@@ -3,10 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.errors import ShapeError
 from sidegan.identification import Measurements, Noise, measure
 from sidegan.identification.measurements import STATES_AT_ONCE, pieces
 from sidegan.motion.trajectory import Motion
@@ -34,24 +33,16 @@ def test_without_noise_the_states_and_their_torques_are_measured(body, motion):
         torch.testing.assert_close(measured.torque, body.torque(*measured.states))
 
 
-def test_multiplicative_noise_is_uniform_relative_to_the_signal(body, motion):
+def test_noise_is_uniform_relative_to_the_signal_or_its_deviation(body, motion):
     clean = stack(measure(body, motion))
-    noise = replace(NOISE, state=True)
-    ratio = stack(measure(body, motion, noise, np.random.default_rng(1))) / clean - 1
-    assert 0.0995 < ratio.abs().max() <= 0.1 + 1e-12
-    # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 3600 draws, five standard errors.
-    assert abs(ratio.mean()) < 5 * 0.1 / np.sqrt(3 * 3600)
-    assert ratio.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
-
-
-def test_additive_noise_is_uniform_relative_to_the_signals_deviation(body, motion):
-    clean = stack(measure(body, motion))
-    noise = Noise("additive", 0.2, torque=True, state=True)
-    added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
-    deviation = clean.reshape(4, 2, 150, 3).numpy().std(axis=2, keepdims=True)
-    share = added.reshape(4, 2, 150, 3).numpy() / deviation
-    assert 0.199 < np.abs(share).max() <= 0.2 + 1e-9
-    assert share.std() == pytest.approx(0.2 / np.sqrt(3), rel=0.05)
+    deviation = clean.reshape(4, 2, 150, 3).std(2, correction=0, keepdim=True).expand(4, 2, 150, 3)
+    for kind, scale in (("multiplicative", clean), ("additive", deviation.reshape(clean.shape))):
+        noise = Noise(kind, 0.1, torque=True, state=True)
+        share = (stack(measure(body, motion, noise, np.random.default_rng(1))) - clean) / scale
+        assert 0.0995 < share.abs().max() <= 0.1 + 1e-9
+        # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 3600 draws, five standard errors.
+        assert abs(share.mean()) < 5 * 0.1 / np.sqrt(3 * 3600)
+        assert share.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
 
 
 @pytest.mark.parametrize("kind", ["multiplicative", "additive"])
@@ -92,12 +83,7 @@ def test_inverse_dynamics_are_asked_for_a_bounded_number_of_states(body):
     torch.testing.assert_close(measured.torque, body.torque(x[0], x[0], x[0]))
 
 
-def test_nothing_to_measure_is_refused(body):
-    empty = torch.zeros(0, 10, 3, dtype=torch.float64)
-    with pytest.raises(ShapeError, match="nothing to measure"):
-        measure(body, Motion(empty[:, 0, 0], empty, empty, empty), NOISE)
-
-
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=6), st.integers(1, 12))
 def test_pieces_are_the_same_samples_in_order_and_end_with_their_recording(lengths, samples):
     starts = np.cumsum([0, *lengths])
@@ -110,45 +96,9 @@ def test_pieces_are_the_same_samples_in_order_and_end_with_their_recording(lengt
         assert torch.equal(joined, stack(recording(sum(lengths))))
 
 
-def test_pieces_of_one_recording():
-    with at_once(3):
-        assert [len(x) for x in pieces(recording(7))] == [3, 3, 1]
-
-
-def signed(count):
-    one = recording(count)
-    return Measurements(*one.states, one.torque, one.velocity.tanh())
-
-
 def test_the_sign_goes_with_its_samples():
-    whole = signed(10)
-    assert torch.equal(whole[2:5].sign, whole.sign[2:5])
-    assert whole.inputs[3] is whole.sign and len(recording(3).inputs) == 3
-    copied = whole[2:5].copy()
-    assert torch.equal(copied.sign, whole.sign[2:5]) and copied.sign.data_ptr() != whole.sign[2:5].data_ptr()
-
-
-def test_a_sign_that_does_not_fit_is_refused():
-    one = recording(3)
-    with pytest.raises(ShapeError, match="sign is"):
-        Measurements(*one.states, one.torque, one.velocity[:2])
-
-
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"velocity": torch.zeros(4, 3)}, r"velocity is \(4, 3\)"),
-        ({"torque": torch.zeros(3, 2)}, "position"),
-        ({"position": torch.zeros(8)}, "position"),
-        (
-            {"acceleration": torch.tensor([[0.0, 0], [0, 0], [0, torch.nan], [0, 0]])},
-            "acceleration of sample 2",
-        ),
-        ({"torque": torch.full((4, 2), torch.inf)}, "torque of sample 0"),
-    ],
-)
-def test_recordings_that_do_not_fit_are_refused(change, named):
-    zeros = torch.zeros(4, 2)
-    fields = {"position": zeros, "velocity": zeros, "acceleration": zeros, "torque": zeros}
-    with pytest.raises(ShapeError, match=named):
-        Measurements(**{**fields, **change})
+    one = recording(10)
+    whole = Measurements(*one.states, one.torque, one.velocity.tanh())
+    for part in (whole[2:5], whole[2:5].copy()):
+        assert torch.equal(part.sign, whole.sign[2:5]) and part.inputs[3] is part.sign
+    assert len(one.inputs) == 3 and part.sign.data_ptr() != whole.sign[2:5].data_ptr()
