@@ -67,6 +67,8 @@ class TrajectoryGenerator:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
         content = read_torch(path)
+        if not isinstance(content, dict):
+            raise ArtifactError(f"{path} does not hold a trajectory generator")
         try:
             meta = json.loads(content["meta"])
             if meta["format"] != _FORMAT:

@@ -1,6 +1,5 @@
 """Convolutions of small images against torch's own."""
 
-import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,8 +26,3 @@ def test_images_and_gradients_are_torchs(ours, size, kernel, stride, padding, bi
         found.append([y, *torch.autograd.grad((y**3).sum(), [x, *network.parameters()])])
     for mine, theirs in zip(*found, strict=True):
         torch.testing.assert_close(mine, theirs)
-
-
-def test_padding_by_name_is_refused():
-    with pytest.raises(TypeError, match="'same'"):
-        SmallConv2d(1, 1, 3, padding="same")(torch.zeros(1, 1, 3, 3))

@@ -19,30 +19,22 @@ def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     assert 6 < metrics["rank"] <= 12
 
 
-def test_a_collapsed_batch_has_no_diversity(constraints, family, seeds):
-    metrics = measure(constraints, family, seeds[:1].expand(40, -1, -1, -1))
-    assert metrics["success"] == 1
+def test_collapsed_batches_are_told_from_diverse_ones(constraints, family, seeds):
+    one = measure(constraints, family, seeds[:1].expand(40, -1, -1, -1))
+    assert one["success"] == 1
     for name in ("distance", "nearest", "rank", "distance_diagonal"):
-        assert metrics[name] == pytest.approx(0, abs=1e-6), name
+        assert one[name] == pytest.approx(0, abs=1e-6), name
+    two = measure(constraints, family, seeds[:2].repeat(20, 1, 1, 1))  # far apart, but no other is near
+    assert two["distance"] > 0.3 * measure(constraints, family, seeds)["distance"]
+    assert two["nearest"] == pytest.approx(0, abs=1e-6) and two["rank"] == pytest.approx(1)
 
 
-def test_two_modes_have_a_mean_distance_but_no_nearest_one(constraints, family, seeds):
-    modes = seeds[:2].repeat(20, 1, 1, 1)
-    metrics = measure(constraints, family, modes)
-    assert metrics["distance"] > 0.3 * measure(constraints, family, seeds)["distance"]
-    assert metrics["nearest"] == pytest.approx(0, abs=1e-6)
-    assert metrics["rank"] == pytest.approx(1)
-
-
-def test_without_a_valid_sample_their_condition_is_not_a_number(constraints, family, seeds):
-    metrics = measure(constraints, family, 20 * seeds[:20])
-    assert metrics["success"] == 0
-    assert math.isnan(metrics["condition_valid"]) and not math.isnan(metrics["condition"])
-
-
-def test_two_samples_are_enough(constraints, family, seeds):
-    assert all(map(math.isfinite, measure(constraints, family, seeds[:2]).values()))
-    assert all(map(math.isfinite, measure(constraints, family, seeds[:3]).values()))
+def test_what_is_not_there_is_not_a_number(constraints, family, seeds):
+    for count in (2, 3):
+        assert all(map(math.isfinite, measure(constraints, family, seeds[:count]).values()))
+    invalid = measure(constraints, family, 20 * seeds[:20])
+    assert invalid["success"] == 0
+    assert math.isnan(invalid["condition_valid"]) and not math.isnan(invalid["condition"])
 
 
 def epochs(*rows):

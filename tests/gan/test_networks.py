@@ -1,55 +1,30 @@
 import pytest
 import torch
 
-from sidegan.errors import ConfigError
-from sidegan.gan.networks import Generator, feature_discriminator, image_discriminator
+from sidegan.gan.networks import Discriminator, Generator
 
-BODIES = ("conv", "mlp")
 SIZES = [(1, 1), (1, 4), (2, 3), (7, 6), (3, 5)]
 
 
-@pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize(("joints", "harmonics"), SIZES)
 @pytest.mark.parametrize("shortcut", [False, True])
-def test_images_have_the_coefficients_shape_and_unit_spread(body, joints, harmonics, shortcut):
+def test_images_have_the_coefficients_shape_and_unit_spread(joints, harmonics, shortcut):
     torch.manual_seed(0)
-    network = Generator(joints, harmonics, 20, body, 64, shortcut)
+    network = Generator(joints, harmonics, 20, 64, shortcut)
     images = network(network.draw(2000)).detach()
     assert images.shape == (2000, 2, joints, harmonics)
     assert images.std(0).mean() == pytest.approx(1, abs=0.15)
 
 
-@pytest.mark.parametrize("body", [*BODIES, "dcgan"])
-@pytest.mark.parametrize(("joints", "harmonics"), SIZES)
-@pytest.mark.parametrize("minibatch", [False, True])
-def test_discriminators_give_one_logit_per_image(body, joints, harmonics, minibatch):
-    images = torch.randn(5, 2, joints, harmonics)
-    assert image_discriminator(joints, harmonics, body, 16, minibatch)(images).shape == (5,)
-    assert feature_discriminator(4, body, 16, minibatch)(torch.randn(5, 4)).shape == (5,)
-
-
-def test_noise_is_uniform_and_follows_its_generator():
+def test_noise_is_uniform():
     network = Generator(2, 3, 30, width=8)
     z = network.draw(4000, torch.Generator().manual_seed(1))
-    assert z.shape == (4000, 30)
     assert -1 <= z.min() < -0.99 and 0.99 < z.max() <= 1
     assert float(z.var()) == pytest.approx(1 / 3, abs=0.01)
-    torch.testing.assert_close(z, network.draw(4000, torch.Generator().manual_seed(1)), rtol=0, atol=0)
-    assert (z != network.draw(4000, torch.Generator().manual_seed(2))).any()
-
-
-@pytest.mark.parametrize("body", [*BODIES, "dcgan"])
-def test_the_settings_make_the_same_network(body):
-    network = Generator(3, 5, 12, body, 16, body != "dcgan")
-    twin = Generator(**network.settings)
-    twin.load_state_dict(network.state_dict())
-    z = network.draw(7)
-    torch.testing.assert_close(twin(z), network(z))
 
 
 def images_of(count, shape, rank=None):
-    random = torch.Generator().manual_seed(3)
-    size = shape[0] * shape[1] * shape[2]
+    random, size = torch.Generator().manual_seed(3), shape[0] * shape[1] * shape[2]
     mixing = torch.randn(size, rank or size, generator=random, dtype=torch.float64)
     x = torch.randn(count, rank or size, generator=random, dtype=torch.float64)
     return (x @ mixing.T + torch.linspace(-2, 2, size)).view(count, *shape)
@@ -63,8 +38,7 @@ def test_a_gaussian_start_has_the_mean_and_covariance_of_the_images(noise, rank)
     network.start_from(images)
     with torch.no_grad():
         z = network.draw(100_000)
-        linear = network.shortcut(z).double()
-        layers = network.layers(z).flatten(1)
+        linear, layers = network.shortcut(z).double(), network.layers(z).flatten(1)
         torch.testing.assert_close(network(z).flatten(1), network.shortcut(z) + layers)
     x = images.flatten(1)
     torch.testing.assert_close((linear + layers).mean(0), x.mean(0), rtol=0, atol=0.05)
@@ -83,25 +57,13 @@ def test_too_little_noise_keeps_the_leading_directions():
     torch.testing.assert_close(root @ root.T / 3, leading, rtol=1e-4, atol=1e-4)
 
 
-def test_a_start_needs_a_shortcut():
-    with pytest.raises(ConfigError, match="without a shortcut"):
-        Generator(2, 3, width=8).start_from(torch.randn(10, 2, 2, 3))
-
-
-def test_an_unknown_body_is_refused():
-    with pytest.raises(ConfigError, match="'vit' must be one of conv, mlp, dcgan"):
-        Generator(2, 3, body="vit")
-
-
-@pytest.mark.parametrize("body", BODIES)
-def test_only_the_minibatch_feature_tells_a_collapsed_batch_apart(body):
+def test_only_the_minibatch_feature_tells_a_collapsed_batch_apart():
     torch.manual_seed(0)
     diverse = torch.randn(40, 2, 2, 3)
     collapsed = diverse[:1].expand(40, -1, -1, -1)
     for minibatch in (True, False):
-        critic = image_discriminator(2, 3, body, 32, minibatch)
+        critic = Discriminator(12, 32, minibatch)
         same = torch.allclose(critic(diverse)[0], critic(collapsed)[0], atol=1e-6)
         assert same != minibatch
-        assert torch.isfinite(
-            torch.autograd.grad(critic(collapsed).sum(), list(critic.parameters()))[0]
-        ).all()
+        slopes = torch.autograd.grad(critic(collapsed).sum(), list(critic.parameters()))
+        assert all(torch.isfinite(slope).all() for slope in slopes)

@@ -1,49 +1,70 @@
+"""Success predictor and converter: what they see, what they compute exactly, and what they learn."""
+
 import dataclasses
 
+import pytest
 import torch
 
+from sidegan.gan.labels import scaled_margins
+from sidegan.gan.pretrain import accuracy, explained
+from sidegan.gan.rollout import RollOut
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import load_robot
 from sidegan.validity import Constraints
-from tests.gan.conftest import random
+from tests.gan.conftest import normal, random
+from tests.validity.critical import limited
 
 
-def test_position_and_velocity_margins_are_exact(arm):
-    family = Trajectory(7, 3, 12.0)
-    c = 0.5 * torch.randn(20, *family.shape, generator=random(), dtype=torch.float64)
-    predictor = SuccessPredictor(arm, family, len(Constraints(arm).labels), 8, 60)
-    found = predictor.margins(c.float())[:, :2].amin(2)
-    motion = family.roll_out(c, family.times(100))
-    half = (arm.position_upper - arm.position_lower) / 2
-    q, dq = motion.position, motion.velocity.abs()
-    position = (torch.minimum(q - arm.position_lower, arm.position_upper - q) / half).amin((1, 2))
-    velocity = (1 - dq / arm.velocity_limit).amin((1, 2))
-    torch.testing.assert_close(found.double(), torch.stack([position, velocity], 1), rtol=0, atol=2e-3)
+def test_channels_are_those_of_the_exact_motion(arm):
+    family = Trajectory(7, 5, 10.0, [0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7])
+    steps, fine, c = 30, 4, normal(family, count=6)
+    network = RollOut(arm, family, steps)
+    channels = network(c)
+    assert channels.shape == (6, network.channels, steps)
+    motion = family.roll_out(c.double(), family.grid(steps * fine))
+    middle = (arm.position_lower + arm.position_upper) / 2
+    used = (motion.position - middle) / (arm.position_upper - middle)
+    rate = motion.velocity / arm.velocity_limit
+    q, share, speed, ddq = (x[:, ::fine] for x in (motion.position, used, rate, motion.acceleration))
+    peaks = [x.abs().reshape(6, steps, -1).amax(2, keepdim=True) for x in (used, rate)]
+    expected = torch.cat([q.sin(), q.cos(), share, speed, ddq / 5, *peaks], 2)
+    torch.testing.assert_close(channels.double(), expected.transpose(1, 2), rtol=1e-4, atol=1e-4)
 
 
-def test_the_worst_moment_of_each_constraint_decides(planar, family):
+@pytest.mark.parametrize(
+    ("name", "higher"),
+    [
+        ("kuka_lwr4", []),
+        *(("planar2", x) for x in ([], ["acceleration"], ["jerk"], ["acceleration", "jerk"])),
+    ],
+)
+def test_margins_of_what_is_linear_are_exact(name, higher):
+    arm = limited(load_robot(name), higher, 0.1)
+    family, constraints = Trajectory(arm.joints, 3, 8.0), Constraints(arm)
+    predictor, c = SuccessPredictor(arm, family, len(constraints.labels), 8, 400), normal(family, 5, 0.1, 20)
+    found, exact = predictor.margins(c), scaled_margins(constraints, family, c.double(), 400)
+    assert exact.shape == found.shape == (20, len(constraints.labels), 400)
+    for k in range(2 + len(higher)):
+        one, other = (x[:, k].amin(1) for x in (found, exact))
+        torch.testing.assert_close(one.clamp(-1, 1), other, rtol=0, atol=5e-3)
+
+
+def test_the_worst_moment_of_each_constraint_decides(planar, family, wild):
     predictor = SuccessPredictor(planar, family, 3, 8, 10)
     good = torch.full((1, 3, 10), 0.9)
     bad = good.clone()
     bad[0, 2, 4] = -0.5
     high, low = predictor.log_probability(torch.cat([good, bad])).exp().tolist()
     assert high > 0.99 and low < 0.01
-
-
-def test_a_log_probability_is_not_positive(planar, family, wild):
-    predictor = SuccessPredictor(planar, family, 4, 8, 10)
-    out = predictor(wild.float())
-    assert out.shape == (len(wild),)
-    assert (out <= 0).all()
+    assert (predictor(wild.float()) <= 0).all()
 
 
 def test_an_arm_with_nothing_to_learn_about_has_a_predictor_too(planar, family):
     free = dataclasses.replace(planar, torque_limit=torch.full((2,), torch.inf).double())
-    constraints = Constraints(free)
-    predictor = SuccessPredictor(free, family, 2, 8, 10)
-    assert len(constraints.labels) >= 2
-    assert predictor.margins(torch.zeros(3, *family.shape)).shape == (3, 2, 10)
-    assert (predictor(torch.zeros(3, *family.shape)) > -0.1).all()
+    predictor, rest = SuccessPredictor(free, family, 2, 8, 10), torch.zeros(3, *family.shape)
+    assert predictor.margins(rest).shape == (3, 2, 10)
+    assert (predictor(rest) > -0.1).all()
 
 
 def test_standardised_features_come_back_as_logs(planar, family):
@@ -54,12 +75,21 @@ def test_standardised_features_come_back_as_logs(planar, family):
     torch.testing.assert_close(standard.mean(0), torch.zeros(4), rtol=0, atol=1e-4)
     torch.testing.assert_close(standard.std(0), torch.ones(4), rtol=0, atol=1e-4)
     torch.testing.assert_close(converter.log_features(standard), features.log().float(), rtol=1e-4, atol=1e-4)
+    flat = torch.tensor([[0.0, 3.0, 3.0, 0.0]], dtype=torch.float64).expand(10, 4)  # constant or vanishing
+    converter.fit_standard(flat)
+    assert torch.isfinite(converter.standardise(flat)).all()
 
 
-def test_a_constant_or_vanishing_feature_stays_finite(planar, family):
-    features = torch.zeros(10, 2, dtype=torch.float64)
-    features[:, 1] = 3.0
-    converter = Converter(planar, family, 2, 8, 10)
-    converter.fit_standard(features)
-    assert torch.isfinite(converter.standardise(features)).all()
-    assert converter(torch.randn(5, *family.shape)).shape == (5, 2)
+def test_the_predictor_learns_validity(predictor, labelled):
+    held = labelled[1]
+    assert 0.15 < float(held.valid.double().mean()) < 0.85  # or there would be nothing to learn
+    assert accuracy(predictor, held.c, held.valid) > 0.9
+
+
+def test_the_converter_learns_the_features(converter, labelled, planar, family):
+    held = labelled[1]
+    r2 = explained(converter, held.c, held.diagonal)
+    assert r2.shape == (held.diagonal.shape[1],) and r2.mean() > 0.8
+    untrained = Converter(planar, family, held.diagonal.shape[1], 8, 8)
+    untrained.fit_standard(held.diagonal)
+    assert explained(untrained, held.c, held.diagonal).mean() < 0.5
