@@ -3,52 +3,46 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.model import formula, states_within
+from sidegan.robot import load_robot
 from tests.chains import chain_model, random_chain
-from tests.identification.recordings import model_of, multisine
+from tests.identification.recordings import model_of, multisine, white
 
 
-def everything(arm):
-    return model_of(arm, [0.2] * arm.joints)
-
-
-@pytest.fixture(scope="module")
-def arms(arm, planar):
-    return [arm, planar, random_chain(4, 1)[0], random_chain(5, 3)[0], random_chain(3, 2)[0]]
+@pytest.fixture(scope="module", params=["kuka_lwr4", "planar2", (4, 1), (5, 3), (3, 2)], ids=str)
+def model(request):
+    """A model with every term, of a built-in arm or of a random chain."""
+    built_in = isinstance(request.param, str)
+    one = load_robot(request.param) if built_in else random_chain(*request.param)[0]
+    return model_of(one, [0.2] * one.joints)
 
 
 class TestRegressor:
-    def test_gives_the_torque_of_all_standard_parameters(self, arms):
-        for arm in arms:
-            model = everything(arm)
-            q, dq, ddq = states_within(arm, 40, seed=5)
-            full = torch.from_numpy(np.random.default_rng(0).normal(size=model.mapping.shape[1]))
-            sign = torch.tanh(dq / 0.01)
-            signals = [ddq, dq, sign, torch.ones_like(dq), sign * torch.exp(-((dq / 0.2) ** 2))]
-            terms = full[10 * arm.joints :].reshape(5, arm.joints)
-            expected = model.body.torque(q, dq, ddq, full[: 10 * arm.joints])
-            expected = expected + sum(x * term for x, term in zip(signals, terms))
-            found = model.torque(model.mapping @ full, q, dq, ddq)
-            assert (found - expected).abs().max() < 1e-9 * expected.abs().max()
+    def test_gives_the_torque_of_all_standard_parameters(self, model):
+        q, dq, ddq = states_within(model.arm, 40, seed=5)
+        full = white(model.mapping.shape[1:], 0)
+        sign = torch.tanh(dq / 0.01)
+        signals = [ddq, dq, sign, torch.ones_like(dq), sign * torch.exp(-((dq / 0.2) ** 2))]
+        terms = full[10 * model.joints :].reshape(5, model.joints)
+        expected = model.body.torque(q, dq, ddq, full[: 10 * model.joints])
+        expected = expected + sum(x * term for x, term in zip(signals, terms))
+        found = model.torque(model.mapping @ full, q, dq, ddq)
+        assert (found - expected).abs().max() < 1e-9 * expected.abs().max()
 
-    def test_columns_are_independent_and_rigid_ones_come_first(self, arms):
-        for arm in arms:
-            model = everything(arm)
-            y = model.regressor(*states_within(arm, 60 * arm.joints, seed=9))
-            rows = y.reshape(-1, model.count)
-            assert torch.linalg.matrix_rank(rows / rows.norm(dim=0), rtol=1e-9) == model.count
-            assert tuple(model.names[: model.rigid]) == model.body.base.names
+    def test_columns_are_independent_and_rigid_ones_come_first(self, model):
+        y = model.regressor(*states_within(model.arm, 60 * model.joints, seed=9))
+        rows = y.reshape(-1, model.count)
+        assert torch.linalg.matrix_rank(rows / rows.norm(dim=0), rtol=1e-9) == model.count
+        assert tuple(model.names[: model.rigid]) == model.body.base.names
 
-    def test_rigid_columns_are_those_of_pinocchio(self, arms):
-        for arm in arms:
-            model, chain, states = everything(arm), chain_model(arm), states_within(arm, 20, seed=2)
-            y = model.regressor(*states).numpy()[..., : model.rigid]
-            for i in range(20):
-                state = (x[i].numpy() for x in states)
-                full = pin.computeJointTorqueRegressor(chain, chain.createData(), *state)
-                expected = full[:, model.body.base.columns.numpy()]
-                np.testing.assert_allclose(y[i], expected, atol=1e-12 * np.abs(y).max())
+    def test_rigid_columns_are_those_of_pinocchio(self, model):
+        chain, states = chain_model(model.arm), states_within(model.arm, 20, seed=2)
+        y = model.regressor(*states).numpy()[..., : model.rigid]
+        for i in range(20):
+            state = (x[i].numpy() for x in states)
+            full = pin.computeJointTorqueRegressor(chain, chain.createData(), *state)
+            expected = full[:, model.body.base.columns.numpy()]
+            np.testing.assert_allclose(y[i], expected, atol=1e-12 * np.abs(y).max())
 
     def test_friction_follows_the_sign_where_one_is_given(self, planar):
         model = model_of(planar)
@@ -72,7 +66,8 @@ class TestGroupings:
             zip(model.standard_names, np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
         )
         full = torch.tensor([values[name] for name in model.standard_names], dtype=torch.float64)
-        for text, expected in zip(model.formulas, (model.mapping @ full).tolist()):
+        for own, text, expected in zip(model.names, model.formulas, (model.mapping @ full).tolist()):
+            assert own in text.split()
             words = text.replace("- ", "-").replace("+ ", "").split()
             total, factor = 0.0, 1.0
             for word in words:
@@ -83,11 +78,6 @@ class TestGroupings:
                 else:
                     factor = float(word)
             assert total == pytest.approx(expected, rel=1e-3)
-
-    def test_each_parameter_is_in_the_formula_of_its_own_name(self, arm):
-        model = model_of(arm, [0.1] * 7)
-        for name, text in zip(model.names, model.formulas):
-            assert name in text.split()
 
     def test_reads_as_people_write(self):
         shares = torch.tensor([0.0, -1.0, 0.0780001, 1.0], dtype=torch.float64)
@@ -103,20 +93,3 @@ class TestGroupings:
         states = multisine(2, 20)
         assert model.names == list(model.body.base.names)
         torch.testing.assert_close(model.regressor(*states), model.body.base_regressor(*states))
-
-
-class TestBadInput:
-    @pytest.mark.parametrize("velocities", [(0.1, 0.1, 0.1), ()])
-    def test_another_number_of_stribeck_velocities(self, planar, velocities):
-        with pytest.raises(ConfigError, match=f"{len(velocities)} Stribeck velocities, expected 2"):
-            model_of(planar, velocities)
-
-    def test_shapes(self, planar):
-        model = model_of(planar)
-        q = torch.zeros(4, 2, dtype=torch.float64)
-        with pytest.raises(ShapeError, match=r"sign \(3, 2\), expected \(S, 2\)"):
-            model.regressor(q, q, q, q[:3])
-        with pytest.raises(ShapeError, match=r"expected \(S, 2\)"):
-            model.regressor(q[None], q[None], q[None])
-        with pytest.raises(ShapeError, match="the model has"):
-            model.torque(torch.zeros(3, dtype=torch.float64), q, q, q)

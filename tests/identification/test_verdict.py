@@ -74,12 +74,6 @@ def test_uncertain_torque_decides(flawless, share, verdict, words):
     assert [words in x for x in said] == ([] if words is None else [True])
 
 
-def test_parameters_are_named_with_their_joint(flawless):
-    shaken = torch.tensor([0.2, 0.2], dtype=torch.float64)
-    first, second = replace(flawless, torque_deviation=shaken, weak=("fv1", "fc2", "Ia2")).reasons
-    assert "uncertain by 20% (fv1)" in first and "uncertain by 20% (fc2, Ia2)" in second
-
-
 @pytest.mark.parametrize(("ratio", "told"), [(2.9, False), (3.1, True)])
 def test_a_model_that_predicts_others_worse_than_its_own_is_overfitted(flawless, ratio, told):
     result = replace(flawless, **errors(0.015, 0.015, train=1 / ratio))
@@ -88,7 +82,7 @@ def test_a_model_that_predicts_others_worse_than_its_own_is_overfitted(flawless,
     assert tiny.verdict == GOOD  # both are good
 
 
-@pytest.mark.parametrize(("nominal", "told"), [(0.011, False), (0.01, True), (0.009, True)])
+@pytest.mark.parametrize(("nominal", "told"), [(0.011, False), (0.009, True)])
 def test_a_description_that_predicts_as_well_is_told(flawless, nominal, told):
     reasons = replace(flawless, nominal_score=score_of(nominal, nominal)).reasons
     assert any("the description's own link parameters predict as well" in x for x in reasons) == told
@@ -119,29 +113,30 @@ def test_advice_is_about_what_was_small(flawless, moved, fast, words):
 
 
 def test_all_about_a_joint_is_one_reason_and_the_gravest_comes_first(flawless):
-    result = replace(
-        flawless,
-        **errors(0.04, 0.31),
-        torque_deviation=torch.tensor([0.2, 0.2], dtype=torch.float64),
-    )
-    joints = [reason for reason in result.reasons if reason.startswith("joint ")]
-    assert [reason.partition(" (")[0] for reason in joints] == ["joint 2", "joint 1"]
-    assert all(word in joints[0] for word in ("leaves 31%", "uncertain by 20%", "excite it"))
-    assert "leaves" not in joints[1] and result.verdict == BAD
+    shaken = torch.tensor([0.2, 0.2], dtype=torch.float64)
+    weak = {"torque_deviation": shaken, "weak": ("fv1", "fc2", "Ia2")}
+    result = replace(flawless, **errors(0.04, 0.31), **weak)
+    first, second = (reason for reason in result.reasons if reason.startswith("joint "))
+    assert first.startswith("joint 2") and second.startswith("joint 1") and result.verdict == BAD
+    assert all(word in first for word in ("leaves 31%", "uncertain by 20% (fc2, Ia2)", "excite it"))
+    assert "uncertain by 20% (fv1)" in second and "leaves" not in second
 
 
 @pytest.mark.parametrize(("deviations", "told"), [(1.9, False), (2.1, True)])
 @pytest.mark.parametrize(
-    ("name", "words"), [("fv2", "friction drives no joint"), ("Ia2", "a rotor has no negative inertia")]
+    ("name", "words"),
+    [("fv2", "friction drives no joint"), ("Ia2", "a rotor has no negative inertia"), ("fo2", None)],
 )
 def test_what_no_joint_has_is_told(flawless, name, words, deviations, told):
     found = flawless.estimate
     parameters, k = found.parameters.clone(), found.names.index(name)
     parameters[k] = -deviations * found.deviation[k]
-    result = replace(flawless, estimate=replace(found, parameters=parameters))
+    result, told = (
+        replace(flawless, estimate=replace(found, parameters=parameters)),
+        told and words is not None,
+    )
     assert result.verdict == (USABLE if told else GOOD)
-    assert (words in result.reasons[0]) == told
-    assert result.reasons[0].startswith("joint 2 (elbow)") == told
+    assert any(x.startswith("joint 2 (elbow)") and words in x for x in result.reasons) == told
 
 
 @pytest.mark.parametrize(("found", "told"), [(19.9, False), (20.1, True), (0.201, False), (0.199, True)])
@@ -149,10 +144,3 @@ def test_links_of_another_weight_are_told(flawless, found, told):
     result = replace(flawless, mass=(found, 2.0))
     assert result.verdict == (USABLE if told else GOOD)
     assert ("the links weigh" in result.reasons[0] and "2 kg" in result.reasons[0]) == told
-
-
-def test_what_may_be_negative_is_not_told(flawless):
-    found = flawless.estimate
-    parameters = found.parameters.clone()
-    parameters[found.names.index("fo1")] = -5.0
-    assert replace(flawless, estimate=replace(found, parameters=parameters)).verdict == GOOD
