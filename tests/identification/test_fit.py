@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 
 from sidegan.identification.fit import least_squares, recursive
 from sidegan.identification.gather import gather
-from tests.identification.recordings import Fixed, at_once
+from tests.identification.recordings import Fixed, at_once, noisy_rows
+
+ROWS = noisy_rows(200)
 
 
 def classical(y, tau, prior, forgetting):
@@ -55,25 +57,25 @@ def assert_close(one, other, tolerance=1e-9):
 class TestOracles:
     @pytest.mark.parametrize("prior", [1e-2, 1e6, 1e12])
     @pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (0.1, 3.0, 40.0)])
-    def test_batch_least_squares(self, random_rows, prior, weights):
-        sums = gathered(*random_rows).sums
+    def test_batch_least_squares(self, prior, weights):
+        sums = gathered(*ROWS).sums
         fit = least_squares(sums, torch.tensor(weights, dtype=torch.float64), 1 / prior)
-        parameters, inverse = batch(*random_rows, prior, weights)
+        parameters, inverse = batch(*ROWS, prior, weights)
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, inverse)
 
     @pytest.mark.parametrize("forgetting", [0.9, 0.99, 1.0])
     @pytest.mark.parametrize("prior", [0.5, 1e3])
-    def test_the_classical_recursion(self, random_rows, forgetting, prior):
-        fit = fed(*random_rows, 37, prior, forgetting)
-        parameters, covariance = classical(*random_rows, prior, forgetting)
+    def test_the_classical_recursion(self, forgetting, prior):
+        fit = fed(*ROWS, 37, prior, forgetting)
+        parameters, covariance = classical(*ROWS, prior, forgetting)
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, covariance)
 
     @pytest.mark.parametrize("forgetting", [0.8, 0.99])
-    def test_weighted_least_squares_with_forgetting(self, random_rows, forgetting):
-        fit = fed(*random_rows, forgetting=forgetting, weighted=True)
-        parameters, inverse = batch(*random_rows, 1e6, fit.weights.numpy(), forgetting)
+    def test_weighted_least_squares_with_forgetting(self, forgetting):
+        fit = fed(*ROWS, forgetting=forgetting, weighted=True)
+        parameters, inverse = batch(*ROWS, 1e6, fit.weights.numpy(), forgetting)
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, inverse)
 
@@ -103,8 +105,8 @@ class TestLaws:
 class TestPoorData:
     @pytest.mark.parametrize("prior", [1e-2, 1e6, 1e14])
     @pytest.mark.parametrize("size", [1, 7, 200])
-    def test_directions_without_data_stay_at_the_prior(self, random_rows, prior, size):
-        y, tau = (x.clone() for x in random_rows)
+    def test_directions_without_data_stay_at_the_prior(self, prior, size):
+        y, tau = (x.clone() for x in ROWS)
         y[..., 2] = 0  # no effect at all
         y[..., 5] = 0.3 * y[..., 1]  # only the sum of two shows
         fit = fed(y, tau, size, prior)
@@ -120,8 +122,8 @@ class TestPoorData:
         if prior > 1:
             np.testing.assert_allclose(y @ fit.parameters, kept @ torch.from_numpy(seen), rtol=0, atol=1e-4)
 
-    def test_fewer_equations_than_parameters(self, random_rows):
-        y, tau = (x[:1] for x in random_rows)
+    def test_fewer_equations_than_parameters(self):
+        y, tau = (x[:1] for x in ROWS)
         fit = fed(y, tau, prior=1e8)
         assert_close((y @ fit.parameters)[0], tau[0], 1e-3)
         assert_close(fit.parameters, batch(y, tau, 1e8)[0], 1e-6)
@@ -138,14 +140,14 @@ class TestPoorData:
         assert_close(parameters, true, 1e-15 * 100**decades * 10)
         assert_close(y @ parameters, y @ true, 1e-9)
 
-    def test_units_that_differ_by_ten_decades_are_no_lack_of_excitation(self, random_rows):
-        y, tau = random_rows
+    def test_units_that_differ_by_ten_decades_are_no_lack_of_excitation(self):
+        y, tau = ROWS
         unit = torch.tensor([1e-5, 1, 1, 1e5, 1, 1], dtype=torch.float64)
         one, other = fed(y, tau, prior=1e18), fed(y * unit, tau, prior=1e18)
         assert_close(other.parameters * unit, one.parameters, 1e-7)
 
-    def test_a_long_forgotten_prior_stays_finite(self, random_rows):
-        y, tau = (x.repeat(20, *[1] * (x.ndim - 1)) for x in random_rows)
+    def test_a_long_forgotten_prior_stays_finite(self):
+        y, tau = (x.repeat(20, *[1] * (x.ndim - 1)) for x in ROWS)
         y[..., 2] = 0
         fit = fed(y, tau, 200, forgetting=0.5)
         assert fit.parameters.isfinite().all() and fit.inverse.isfinite().all()
@@ -162,8 +164,8 @@ class TestWeighted:
         assert (weighted.parameters - true).norm() < 1e-3 * (plain.parameters - true).norm()
         assert (1 / weighted.weights).tolist() == pytest.approx([10, 1e-3], rel=0.1)
 
-    def test_exact_data_and_a_joint_without_torque_do_not_divide_by_zero(self, random_rows):
-        y = random_rows[0].clone()
+    def test_exact_data_and_a_joint_without_torque_do_not_divide_by_zero(self):
+        y = ROWS[0].clone()
         y[:, 1] = 0
         true = torch.arange(1.0, 7.0, dtype=torch.float64)
         fit = fed(y, y @ true, prior=1e12, weighted=True)

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from sidegan.identification import Measurements, Noise, measure
 from sidegan.identification.measurements import STATES_AT_ONCE, pieces
-from sidegan.motion.trajectory import Motion
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Motion, Trajectory
 from tests.identification.recordings import NOISE, at_once
 
 
@@ -21,27 +22,37 @@ def recording(count, joints=2, start=0):
     return Measurements(x, x + 0.1, x + 0.2, x + 0.3)
 
 
-def one_trajectory(motion, i):
-    return Motion(motion.time, *(x[i : i + 1] for x in motion[1:]))
+@pytest.fixture(scope="module")
+def body(planar):
+    return RigidBody(planar)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Two trajectories of 150 samples, (2, 150, 2)."""
+    family = Trajectory(2, 3, 3.0)
+    c = torch.from_numpy(np.random.default_rng(7).normal(size=(2, *family.shape)))
+    return family.roll_out(c, family.times(149 / 3))
 
 
 def test_without_noise_the_states_and_their_torques_are_measured(body, motion):
     for noise in (None, replace(NOISE, level=0.0, state=True), replace(NOISE, torque=False)):
         measured = measure(body, motion, noise, 0)
         for x, true in zip(measured.states, motion[1:]):
-            assert torch.equal(x, true.reshape(300, 3))
+            assert torch.equal(x, true.reshape(300, 2))
         torch.testing.assert_close(measured.torque, body.torque(*measured.states))
 
 
 def test_noise_is_uniform_relative_to_the_signal_or_its_deviation(body, motion):
     clean = stack(measure(body, motion))
-    deviation = clean.reshape(4, 2, 150, 3).std(2, correction=0, keepdim=True).expand(4, 2, 150, 3)
+    deviation = clean.reshape(4, 2, 150, 2).std(2, correction=0, keepdim=True).expand(4, 2, 150, 2)
     for kind, scale in (("multiplicative", clean), ("additive", deviation.reshape(clean.shape))):
         noise = Noise(kind, 0.1, torque=True, state=True)
-        share = (stack(measure(body, motion, noise, np.random.default_rng(1))) - clean) / scale
+        added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
+        share = (added / scale)[scale != 0]  # at rest there is none
         assert 0.0995 < share.abs().max() <= 0.1 + 1e-9
-        # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 3600 draws, five standard errors.
-        assert abs(share.mean()) < 5 * 0.1 / np.sqrt(3 * 3600)
+        # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 2400 draws, five standard errors.
+        assert abs(share.mean()) < 5 * 0.1 / np.sqrt(3 * 2400)
         assert share.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
 
 
@@ -65,22 +76,18 @@ def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion, kind):
     noise = Noise(kind, 0.1, torque=True, state=True)
     whole = stack(measure(body, motion, noise, np.random.default_rng(5)))
     random = np.random.default_rng(5)
-    parts = [stack(measure(body, one_trajectory(motion, i), noise, random)) for i in range(2)]
+    assert torch.equal(whole, stack(measure(body, motion, noise, np.random.default_rng(5))))
+    alone = (Motion(motion.time, *(x[i : i + 1] for x in motion[1:])) for i in range(2))
+    parts = [stack(measure(body, one, noise, random)) for one in alone]
     torch.testing.assert_close(whole, torch.cat(parts, 1), rtol=1e-14, atol=1e-14)
 
 
-def test_the_generator_decides_the_noise(body, motion):
-    def torque(seed):
-        return measure(body, motion, NOISE, seed).torque
-
-    assert torch.equal(torque(1), torque(1)) and not torch.equal(torque(1), torque(2))
-
-
-def test_inverse_dynamics_are_asked_for_a_bounded_number_of_states(body):
-    x = torch.linspace(0, 9, STATES_AT_ONCE + 5, dtype=torch.float64)[None, :, None].expand(1, -1, 3)
-    measured = measure(body, Motion(x[0, :, 0], x, x, x))
-    assert body.largest == STATES_AT_ONCE and len(measured) == STATES_AT_ONCE + 5
-    torch.testing.assert_close(measured.torque, body.torque(x[0], x[0], x[0]))
+def test_inverse_dynamics_are_asked_for_a_bounded_number_of_states(body, monkeypatch):
+    x = torch.linspace(0, 9, STATES_AT_ONCE + 5, dtype=torch.float64)[None, :, None].expand(1, -1, 2)
+    expected, sizes, torque = body.torque(x[0], x[0], x[0]), [], body.torque
+    monkeypatch.setattr(body, "torque", lambda *states: sizes.append(len(states[0])) or torque(*states))
+    torch.testing.assert_close(measure(body, Motion(x[0, :, 0], x, x, x)).torque, expected)
+    assert sizes == [STATES_AT_ONCE, 5]
 
 
 @settings(max_examples=40)
