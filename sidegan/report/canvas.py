@@ -1,16 +1,32 @@
 """What all matplotlib figures share: the canvas, bands, axes, legends, files."""
 
+import re
+import warnings
 from collections.abc import Mapping
+from html import escape
+from io import StringIO
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from sidegan.base.names import plain
 from sidegan.base.storage import replacing
+
+_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # none of it
+_ROOM = 1.2  # at most, of the size that it is drawn for
+_VECTORS = {
+    "svg.fonttype": "none",
+    "font.sans-serif": ["DejaVu Sans"],  # that comes with matplotlib: its widths are alike everywhere
+    "text.parse_math": False,  # a dollar in somebody's name is a dollar
+}
 
 
 class Line(NamedTuple):
@@ -45,15 +61,24 @@ def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
     axis.spines[["right", "top"]].set_visible(False)
 
 
-def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """One legend below all panels; none for a single unnamed line."""
+def logarithmic(axis: Axes) -> None:
+    """A logarithmic scale upwards whose ticks are plain numbers."""
+    axis.set_yscale("log")
+    decades = np.ptp(np.log10(axis.get_ylim()))
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
+    axis.yaxis.set_minor_formatter(NullFormatter())
+
+
+def legend(figure: Figure, handles: Mapping[str, Any], place: str = "lower center") -> None:
+    """One legend outside of all panels; none for a single unnamed line."""
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
         figure.legend(
             list(handles.values()),
             list(handles),
-            loc="outside lower center",
+            loc=f"outside {place}",
             ncols=columns,
             fontsize=9,
             frameon=False,
@@ -66,3 +91,26 @@ def save(figure: Figure, path: Path) -> Path:
     with replacing(final) as draft:
         figure.savefig(draft, format="png", dpi=150, metadata={"Software": None})
     return final
+
+
+def svg(figure: Figure, name: str, label: str) -> str:
+    """The figure as an SVG element for HTML, sharp at any size, whose words are text.
+
+    The same figure gives the same bytes.
+
+    Args:
+        figure: to be drawn.
+        name: that no other element of the page has.
+        label: what is read aloud.
+    """
+    text = StringIO()
+    with rc_context(_VECTORS | {"svg.hashsalt": name}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # browsers have all
+        for words in figure.findobj(Text):
+            words.set_parse_math(False)
+        figure.savefig(text, format="svg", metadata=_METADATA, transparent=True)
+    drawn = re.sub(r'<g id="[^"]*"', "<g", text.getvalue().partition("<defs>")[2])
+    drawn = re.sub(r' (d|x|y)="[^"]*"', lambda numbers: re.sub(r"(\.\d\d)\d+|\n", r"\1", numbers[0]), drawn)
+    width, height = figure.get_size_inches()
+    box = f'viewBox="0 0 {72 * width:g} {72 * height:g}" style="max-width: {_ROOM * width:g}in"'
+    return f'<svg id="{name}" role="img" aria-label="{escape(label)}" {box}><defs>{drawn}'

@@ -1,23 +1,18 @@
 """Figures from the results of runs, with matplotlib."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from sidegan.report.canvas import Line, band, blank, legend, tidy
-from sidegan.report.style import colour, colours, seconds
+from sidegan.report.canvas import Line, band, blank, legend, logarithmic, tidy
+from sidegan.report.style import colour, colours
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
 _METRICS = ("success", "condition", "distance", "rank", "nearest", "distance_diagonal")
 _LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
-_CROWD = 50  # points of a kind from which on they are drawn small and faint
-_TIMES = (1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)  # [s] that may be ticks
 
 
 class Panel(NamedTuple):
@@ -31,11 +26,10 @@ class Panel(NamedTuple):
 
 
 class Across(NamedTuple):
-    """The column across, its name for people, and whether its axis is logarithmic."""
+    """The column across, and its name for people."""
 
     key: str
     label: str
-    log: bool = False
 
 
 def metrics(
@@ -54,19 +48,16 @@ def panels(
     across: Across,
     shown: Sequence[Panel],
     group: str,
-    run: str | None = None,
     columns: int = 2,
     markers: bool = False,
 ) -> Figure:
-    """Columns of a frame over another one, a panel each; a group has one colour.
+    """Columns of a frame over another one, a panel each; a group is a line of means with its range behind.
 
     Args:
         frame: a row per result.
         across: the column across.
         shown: the columns up.
         group: the column that tells colours apart.
-        run: the column that tells lines of one colour apart; without it a group is the line through its
-            means, with its range behind.
         columns: panels beside each other.
         markers: a dot at every result.
     """
@@ -77,15 +68,15 @@ def panels(
     handles: dict[str, Any] = {}
     for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
         drawn = frame.dropna(subset=[across.key, panel.key])
-        for (name, *_), part in drawn.groupby([group, run] if run else [group], sort=False):
+        for name, part in drawn.groupby(group, sort=False):
             values = part.groupby(across.key)[panel.key].agg(["mean", "min", "max"])
             line = Line(values.index.to_numpy(), *values.to_numpy(float).T)
             handles[str(name)] = band(axis, line, str(name), shades[str(name)], "o" if markers else None)
         for name, value in panel.references.items():
             shade = shades.get(name, colour(name))
             handles[name] = axis.axhline(value, color=shade, linestyle="--", linewidth=1.3)
-        _scale(axis, "x", across.log)
-        _scale(axis, "y", panel.log)
+        if panel.log:
+            logarithmic(axis)
         if panel.share:
             axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
         axis.set_title(panel.label, fontsize=10)
@@ -93,17 +84,6 @@ def panels(
         tidy(axis)
     legend(figure, {name: handles[name] for name in [*shades, *handles] if name in handles})
     return figure
-
-
-def _scale(axis: Axes, which: Literal["x", "y"], log: bool) -> None:
-    """A linear scale, or a logarithmic one whose ticks are plain numbers."""
-    if log:
-        axis.set(**{f"{which}scale": "log"})
-        ticks = axis.xaxis if which == "x" else axis.yaxis
-        decades = np.ptp(np.log10(axis.get_xlim() if which == "x" else axis.get_ylim()))
-        ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
-        ticks.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ticks.set_minor_formatter(NullFormatter())
 
 
 def errors(raw: pd.DataFrame) -> Figure:
@@ -132,54 +112,4 @@ def errors(raw: pd.DataFrame) -> Figure:
         tidy(axis, "y")
     figure.axes[0].set_ylabel("nMSE", fontsize=9)
     legend(figure, dict(zip(map(title, names), axis.containers[1::2])))
-    return figure
-
-
-def quality_diversity(frame: pd.DataFrame, labels: tuple[str, str]) -> Figure:
-    """A point per row of kind, diversity (across) and quality (up); the crosses are the medians of a kind."""
-    figure = blank(7.2, 4.6)
-    axis = figure.subplots()
-    handles: dict[str, Any] = {}
-    for name, shade in colours(frame.kind.astype(str)).items():
-        part = frame[frame.kind.astype(str) == name]
-        size, opacity = (28, 0.85) if len(part) < _CROWD else (14, 0.4)
-        handles[f"{name} ({len(part)})"] = axis.scatter(
-            part.diversity, part.quality, s=size, color=shade, alpha=opacity, linewidths=0
-        )
-        median = axis.plot(part.diversity.median(), part.quality.median(), "P", color=shade)[0]
-        median.set(markersize=13, markeredgecolor="white")
-    handles["median"] = Line2D([], [], marker="P", color="#404040", linestyle="", markersize=9)
-    axis.set_yscale("log")
-    axis.set_xlabel(labels[0], fontsize=9)
-    axis.set_ylabel(labels[1], fontsize=9)
-    tidy(axis)
-    legend(figure, handles)
-    return figure
-
-
-def timing(frame: pd.DataFrame) -> Figure:
-    """Durations ``ours`` and ``paper`` [s] of ``what`` on a logarithmic axis, each written at its bar.
-
-    They are positive; NaN where there is no duration.
-    """
-    there = frame[["paper", "ours"]].to_numpy(float)
-    # Room for what is written beside the bars.
-    low, high = float(np.nanmin(there)) / 3, float(np.nanmax(there)) * 12
-    figure = blank(8.6, 0.62 * len(frame) + 1.1)
-    axis = figure.subplots()
-    handles = {}
-    for name, shift in (("paper", -0.2), ("ours", 0.2)):
-        values = frame[name].astype(float).reset_index(drop=True).dropna()
-        bars = axis.barh(values.index + shift, values - low, 0.36, left=low, color=colour(name), label=name)
-        axis.bar_label(bars, [seconds(x) for x in values], padding=3, fontsize=8)
-        handles[name] = bars
-    axis.set_xscale("log")
-    axis.set_xlim(low, high)
-    axis.set_yticks(range(len(frame)), frame.what)
-    axis.invert_yaxis()
-    ticks = [tick for tick in _TIMES if low <= tick <= high]
-    axis.set_xticks(ticks, [seconds(t) for t in ticks])
-    axis.minorticks_off()
-    tidy(axis, "x")
-    legend(figure, handles)
     return figure

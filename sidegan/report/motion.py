@@ -80,19 +80,16 @@ def _panels(
     figure.set_size_inches(columns * size + 0.3, rows * size * _FLAT + 0.2)
     above, right = 0.36 / (rows * size * _FLAT), 0.5 / (columns * size)
     figure.subplots_adjust(0.01, 0.12 / rows, 1 - right, 1 - above, wspace=0.14, hspace=0.24)
-    limits, desk = shown.limits, shown.desk
+    limits = shown.limits
     (x, y, _), (right, back, _) = limits
+    desk = [[(x, y, 0.0), (right, y, 0.0), (right, back, 0.0), (x, back, 0.0)]]
     for k, title in enumerate(titles):
         axis: Axes3D = figure.add_subplot(rows, columns, k + 1, projection="3d", computed_zorder=False)
         axis.view_init(**_VIEW)
         axis.set(xlim=limits[:, 0], ylim=limits[:, 1], zlim=limits[:, 2])
         axis.set_title(title, fontsize=9)
         axis.set_box_aspect(limits[1] - limits[0], zoom=1.16)
-        if desk is not None:
-            plane = [[(x, y, desk), (right, y, desk), (right, back, desk), (x, back, desk)]]
-            axis.add_collection3d(
-                Poly3DCollection(plane, facecolors=DESK, alpha=0.25, zorder=1), autolim=False
-            )
+        axis.add_collection3d(Poly3DCollection(desk, facecolors=DESK, alpha=0.25, zorder=1), autolim=False)
         for part, name in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz"):
             part.set_major_locator(MaxNLocator(4))
             part.set_pane_color((1, 1, 1, 0))

@@ -41,7 +41,6 @@ class Scene(NamedTuple):
     bundles: list[Bundle]
     paths: list[np.ndarray]
     limits: np.ndarray
-    desk: float | None
 
 
 class Film(NamedTuple):
@@ -52,15 +51,14 @@ class Film(NamedTuple):
     times: np.ndarray
     meshes: list[Mesh]
     limits: np.ndarray
-    desk: float | None
 
 
-def scene(arm: Arm, bundles: Sequence[Bundle], desk: float | None = 0.0) -> Scene:
-    """The end effector's path along every trajectory of some bundles, above a desk of this height [m]."""
+def scene(arm: Arm, bundles: Sequence[Bundle]) -> Scene:
+    """The end effector's path along every trajectory of some bundles, above the desk."""
     if not bundles:
         raise ShapeError("there are no sets to draw")
     paths = [tip_traces(arm, bundle.family, bundle.coefficients) for bundle in bundles]
-    return Scene(list(bundles), paths, bounds(paths, desk), desk)
+    return Scene(list(bundles), paths, bounds(paths))
 
 
 def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray:
@@ -77,10 +75,8 @@ def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray
     return place_points(arm, q, arm.tip[None], [arm.joints - 1])[:, 0].T.reshape(batch, count, 3).numpy()
 
 
-def film(
-    arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6, desk: float | None = 0.0
-) -> Film:
-    """The arm at ``count`` instants spread over one period, above a desk of this height [m] if any.
+def film(arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6) -> Film:
+    """The arm at ``count`` instants spread over one period, above the desk.
 
     The ends of the period, where the arm is at home, are left out. Coefficients [rad/s] are (1, J, H, 2).
 
@@ -93,8 +89,9 @@ def film(
     times = family.grid(count)
     positions = family.derivative(coefficients.to("cpu", torch.float64), times, 0)[0]
     meshes = [arm_mesh(arm, q) for q in positions]
-    limits = bounds([path, *(mesh.vertices for mesh in meshes)], desk)
-    return Film(family.period, path, times.numpy(), meshes, limits, desk)
+    return Film(
+        family.period, path, times.numpy(), meshes, bounds([path, *(mesh.vertices for mesh in meshes)])
+    )
 
 
 def arm_mesh(arm: Arm, position: Tensor) -> Mesh:
@@ -126,14 +123,12 @@ def capsule_mesh(a: np.ndarray, b: np.ndarray, radius: float) -> Mesh:
     return Mesh(a + vertices @ np.stack([u, v, along]), faces)
 
 
-def bounds(points: list[np.ndarray], desk: float | None) -> np.ndarray:
+def bounds(points: list[np.ndarray]) -> np.ndarray:
     """Corners [m], (2, 3), of a box with all points (…, 3) in it, and with the arm's foot on the desk."""
-    flat = np.concatenate([x.reshape(-1, 3) for x in points])
-    if desk is not None:
-        flat = np.vstack([flat, [0.0, 0.0, desk]])
+    flat = np.concatenate([np.zeros((1, 3)), *(x.reshape(-1, 3) for x in points)])
     low, high = flat.min(0), flat.max(0)
     room = np.maximum(0.04 * (high - low).max(), _ROOM)
     low, high = low - room, high + room
-    if desk is not None and low[2] > desk - 2 * room:
-        low[2] = desk  # nothing worth showing is below: the desk is the floor of the picture
+    if low[2] > -2 * room:
+        low[2] = 0.0  # nothing worth showing is below: the desk is the floor of the picture
     return np.stack([low, high])

@@ -13,15 +13,10 @@ _COLOURS = {
     "eigen": "#1f77b4",
     "diagonal": "#d95f02",
     "exact": "#1b9e77",
-    "exact_together": "#17a2b8",
-    "exact_adversarial": "#e7298a",
-    "exact_adversarial_brief": "#e7298a",
     "seeds": "#7b4fb5",
     "union": "#d4a200",
     "random": "#4d9221",
     "long-6": "#b2182b",
-    "ours": "#1f77b4",
-    "paper": "#a08f7c",
 }
 _LONG = "#ef8a62"
 PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")

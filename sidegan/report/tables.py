@@ -1,7 +1,7 @@
 """Tables for people, from the results of runs."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
 import pyarrow as pa
@@ -77,12 +77,6 @@ def spread_or_dash(values: pd.Series | None) -> str:
     return spread(numbers) if len(numbers) else "—"
 
 
-def spread_if_any(values: pd.Series | None) -> str:
-    """Mean ± deviation of what is finite, a value alone where all are alike, a dash where none is known."""
-    finite = pd.Series(values, dtype=float).replace([math.inf, -math.inf], math.nan).dropna()
-    return plain(finite.iloc[0]) if finite.nunique() == 1 else spread_or_dash(finite)
-
-
 def weighting(weighted: bool) -> str:
     """Name of a weighting of the least squares for people."""
     return "weighted per joint" if weighted else "unweighted, as in the paper"
@@ -96,19 +90,6 @@ def formatted(frame: pd.DataFrame, columns: Mapping[str, Sequence[str]], unknown
         for key, (name, form) in columns.items()
     }
     return pd.DataFrame(cells, frame.index)
-
-
-def over_groups(
-    frame: pd.DataFrame,
-    by: str | list[str],
-    columns: Mapping[str, str],
-    words: Callable[[pd.Series | None], str] = spread_or_dash,
-) -> pd.DataFrame:
-    """A row per group in the order of appearance: of each column there its name, and its values in words."""
-    groups = list(frame.groupby(by, sort=False))
-    rows = [{name: words(part[key]) for key, name in columns.items() if key in part} for _, part in groups]
-    index = frame.drop_duplicates(by).set_index(by).index
-    return pd.DataFrame(rows, index)
 
 
 def joints(raw: pd.DataFrame) -> pd.DataFrame:
@@ -133,5 +114,8 @@ def generators(frame: pd.DataFrame) -> pd.DataFrame:
         valid_share=share.fillna(frame.get("valid")),
         condition_valid=frame.get("condition_valid", frame.condition).fillna(frame.condition),
     )
-    table = over_groups(rows.drop(columns="success", errors="ignore"), "name", NAMES)
-    return table.loc[ordered(table.index)].rename_axis("generator")
+    cells = {
+        name: {label: spread_or_dash(part[key]) for key, label in NAMES.items() if key in part}
+        for name, part in rows.drop(columns="success", errors="ignore").groupby("name", sort=False)
+    }
+    return pd.DataFrame.from_dict(cells, orient="index").loc[ordered(cells)].rename_axis("generator")

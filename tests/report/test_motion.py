@@ -1,21 +1,70 @@
+"""Pictures of motion: what they show is where Pinocchio has it."""
+
 import numpy as np
+import pinocchio
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from matplotlib.image import imread
 
-from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.report import motion, spatial
+from sidegan.report import motion
 from sidegan.report.canvas import save
-from sidegan.report.pose import Bundle, film, scene
+from sidegan.report.pose import Bundle, arm_mesh, bounds, capsule_mesh, film, scene, tip_traces
+from sidegan.robot import pinocchio_model
+from tests.report.builders import some
 
-FAMILY = Trajectory(2, harmonics=3, period=4.0)
-LONG = Trajectory(2, harmonics=5, period=12.0)
+FAMILY, LONG = Trajectory(2, harmonics=3, period=4.0), Trajectory(2, harmonics=5, period=12.0)
+SEVEN = Trajectory(7)
+POINTS = arrays(float, 3, elements=st.floats(-2, 2, width=16))
 
 
-def some(family, count):
-    source = torch.Generator().manual_seed(count)
-    return 0.3 * torch.randn(count, *family.shape, dtype=torch.float64, generator=source)
+def test_a_trace_is_where_pinocchio_has_the_end_effector(arm):
+    coefficients, times = some(SEVEN, 2), SEVEN.times(25.0)
+    traces = tip_traces(arm, SEVEN, coefficients)
+    assert traces.shape == (2, len(times), 3)
+    model = pinocchio_model(arm)
+    data = model.createData()
+    positions = SEVEN.derivative(coefficients, times, 0)
+    for k, step in ((0, 0), (0, 123), (1, 300)):
+        pinocchio.forwardKinematics(model, data, positions[k, step].numpy())
+        np.testing.assert_allclose(traces[k, step], data.oMi[arm.joints].act(arm.tip.numpy()), atol=1e-12)
+    np.testing.assert_allclose(traces[:, 0], traces[:, -1], atol=1e-12)  # home at both ends
+
+
+@given(POINTS, POINTS, st.floats(0.01, 0.5))
+def test_a_capsules_surface_is_at_its_radius_and_faces_outwards(a, b, radius):
+    mesh = capsule_mesh(a, b, radius)
+    along = b - a
+    share = np.clip((mesh.vertices - a) @ along / max(along @ along, 1e-18), 0, 1)
+    away = mesh.vertices - (a + share[:, None] * along)
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), radius, rtol=1e-6)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    assert ((normals * away[mesh.faces].mean(1)).sum(1) > 0).all()
+    assert mesh.faces.min() == 0 and mesh.faces.max() == len(mesh.vertices) - 1
+
+
+def test_an_arms_mesh_holds_all_its_capsules(arm):
+    mesh = arm_mesh(arm, torch.zeros(7, dtype=torch.float64))
+    assert len(mesh.vertices) >= 8 * len(arm.capsules.radius)
+    assert mesh.faces.max() == len(mesh.vertices) - 1
+    assert mesh.vertices[:, 2].max() > 1.0  # upright at home
+
+
+def test_a_film_leaves_out_the_ends(arm):
+    shown = film(arm, SEVEN, some(SEVEN, 1), 4)
+    np.testing.assert_allclose(shown.times, [2, 6, 10, 14])
+    assert len(shown.meshes) == 4
+
+
+def test_bounds_hold_all_points_and_the_foot_of_the_arm_on_the_desk():
+    points = np.array([[0.5, 0.2, 0.3], [0.6, 0.4, 1.0]])
+    low, high = bounds([points])
+    assert low[2] == 0.0 and (low[:2] < 0).all() and (high > [0.6, 0.4, 1.0]).all()
+    assert bounds([points - [0, 0, 2]])[0, 2] < -1.7  # below the desk is drawn, too
 
 
 @pytest.fixture
@@ -23,14 +72,9 @@ def traces(planar):
     return scene(planar, [Bundle(f"trajectory {k}", FAMILY, c[None]) for k, c in enumerate(some(FAMILY, 5))])
 
 
-@pytest.fixture
-def sets(planar):
+def test_bundles_have_a_panel_each_at_one_scale(planar, traces):
     long = Bundle("long\n12 s", LONG, some(LONG, 1), "#b2182b")
-    return scene(planar, [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")], desk=None)
-
-
-def test_bundles_have_a_panel_each_at_one_scale(traces, sets):
-    for shown in (traces, sets):
+    for shown in (traces, scene(planar, [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")])):
         figure = motion.paths(shown)
         assert [axis.get_title() for axis in figure.axes] == [bundle.title for bundle in shown.bundles]
         assert len({axis.get_xlim() + axis.get_zlim() for axis in figure.axes}) == 1
@@ -45,34 +89,3 @@ def test_snapshots_have_a_panel_per_instant_and_can_be_written(planar, tmp_path)
 def test_the_same_figure_gives_the_same_file(traces, tmp_path):
     first, second = (save(motion.paths(traces), tmp_path / name) for name in ("a", "b"))
     assert first.read_bytes() == second.read_bytes()
-
-
-def test_interactive_paths_are_those_of_the_static_figures(traces, sets):
-    figure = spatial.paths(traces)
-    assert [trace.type for trace in figure.data] == ["scatter3d"] * 5 + ["mesh3d"]
-    assert all(trace.visible is True for trace in figure.data[:5])
-    figure = spatial.paths(sets)
-    assert [trace.name for trace in figure.data] == ["long, 12 s", "eigen"]
-    assert len(figure.data[1].x) == 3 * 101
-
-
-@pytest.mark.parametrize("desk", [0.0, None])
-def test_the_slider_shows_one_arm_at_a_time(planar, desk):
-    figure = spatial.snapshots(film(planar, FAMILY, some(FAMILY, 1), count=3, desk=desk))
-    (slider,) = figure.layout.sliders
-    for k, step in enumerate(slider.steps):
-        shown = step.args[1]
-        assert len(shown) == len(figure.data)
-        assert list(shown[1:4]) == [i == k for i in range(3)]
-        assert shown[0] and all(shown[4:])
-
-
-def test_what_cannot_be_drawn_is_refused(planar):
-    with pytest.raises(ShapeError, match="no sets"):
-        scene(planar, [])
-    with pytest.raises(ShapeError, match="no trajectory"):
-        scene(planar, [Bundle("seeds", FAMILY, some(FAMILY, 0))])
-    with pytest.raises(ShapeError, match="one trajectory"):
-        film(planar, FAMILY, some(FAMILY, 2))
-    with pytest.raises(ShapeError, match="coefficients are"):
-        scene(planar, [Bundle("seeds", LONG, some(FAMILY, 1))])

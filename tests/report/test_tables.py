@@ -1,7 +1,13 @@
+"""Tables of results for people, and the words and colours that they share with figures."""
+
 import pandas as pd
 import pytest
 
 from sidegan.report import tables
+from sidegan.report.style import colours, seconds
+
+SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
+KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
 
 
 @pytest.fixture
@@ -29,9 +35,8 @@ def test_sets_are_in_the_papers_order_and_unknown_ones_last():
 
 
 def test_sets_have_titles_for_people():
-    assert tables.title("long-210") == "single long, 210 harmonics"
-    assert tables.title("seeds") == "seeds"
-    assert tables.title("eigen") == "seeds + eigen"
+    names = ["long-6", "seeds", "vanilla", "random"]
+    assert [tables.title(name) for name in names] == [*SETS, "random valid"]
 
 
 @pytest.mark.parametrize(
@@ -53,54 +58,47 @@ def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
     assert tables.spread(pd.Series(values)) == expected
 
 
-def test_what_does_not_vary_has_no_deviation():
-    assert tables.spread_if_any(pd.Series([348.0, 348.0])) == "348"
-    assert tables.spread_if_any(pd.Series([1.0, 3.0, float("inf"), float("nan")])) == "2 ± 1.4"
-    assert tables.spread_if_any(pd.Series([float("nan")])) == tables.spread_if_any(None) == "—"
-
-
 def test_joints_keep_their_order_and_take_the_unweighted_mean(raw):
     table = tables.joints(raw)
-    assert list(table.index) == ["b", "a"]
-    assert list(table.columns) == ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
+    assert list(table.index) == ["b", "a"] and list(table.columns) == SETS
     assert table.loc["a"].tolist() == ["1.2", "0.6", "0.3"]
 
 
 def test_facts_of_the_sets_are_means(raw):
     table = tables.excitation_sets(raw)
-    assert list(table.index) == ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
+    assert list(table.index) == SETS
     assert table.loc["seeds"].tolist() == ["16", "321", "1234", "1.5"]
 
 
 def test_generators_show_what_is_known():
-    known = {
-        "eigen": {
-            "valid_share": 0.9,
-            "success": 0.5,
-            "condition": 100.0,
-            "condition_valid": 90.0,
-            "distance": 2.0,
-            "nearest": 1.0,
-            "rank": 12.3456,
-            "distance_diagonal": None,
-        },
-        "seeds": {
-            "valid": 1.0,
-            "condition": 80.0,
-            "distance": 3.0,
-            "nearest": 1.5,
-            "rank": 20.0,
-            "distance_diagonal": 5.0,
-        },
-    }
-    again = known["eigen"] | {"condition": 300.0}
-    rows = [("seeds", known["seeds"]), ("eigen", known["eigen"]), ("eigen", again)]
-    table = tables.generators(pd.DataFrame([{"name": name, **row} for name, row in rows]))
+    eigen = KNOWN | {"name": "eigen", "valid_share": 0.9, "rank": 12.3456, "distance_diagonal": None}
+    seeds = {"name": "seeds", "valid": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank": 20.0}
+    rows = [seeds | {"distance_diagonal": 5.0}, eigen, eigen | {"condition": 300.0}]
+    table = tables.generators(pd.DataFrame(rows))
     assert list(table.index) == ["seeds", "eigen"]
     assert table.loc["eigen"].tolist()[:3] == ["0.9 ± 0", "200 ± 140", "90 ± 0"]
     assert table.loc["eigen"].tolist()[-1] == "—"
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
 
 
-def test_arrow_keeps_the_columns(raw):
-    assert tables.arrow(raw).column_names == list(raw.columns)
+DURATIONS = {
+    4e-5: "40 µs",
+    1.4e-3: "1.4 ms",
+    2: "2 s",
+    360: "6 min",
+    14 * 3600: "14 h",
+    float("nan"): "not measured",
+}
+
+
+@pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())
+def test_durations_are_said_as_people_do(duration, expected):
+    assert seconds(duration) == expected
+
+
+def test_sets_have_their_own_colour_and_other_groups_one_each():
+    sets = colours(["eigen", "long-210", "seeds"])
+    assert list(sets) == ["long-210", "seeds", "eigen"]
+    assert sets["eigen"] == colours(["eigen"])["eigen"]
+    others = colours(["gradient", "gaco", "eigen", "gaco"])
+    assert list(others) == ["gradient", "gaco", "eigen"] and len(set(others.values())) == 3

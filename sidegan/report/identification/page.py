@@ -1,10 +1,8 @@
 """The report of an identification as one HTML file that needs nothing else, not even a network."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -12,9 +10,7 @@ from markupsafe import Markup
 
 from sidegan.base.storage import write_bytes
 from sidegan.report.identification.content import Numbers, Report, correlation_of
-from sidegan.report.web import figure_html, page
-
-Plots = Mapping[str, Callable[[Report], Any]]  # by name
+from sidegan.report.web import page
 
 _BAR = 70  # [px] of a relative deviation of 100 %
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -50,7 +46,8 @@ def write_report(report: Report, path: Path) -> None:
 
 def report_html(report: Report) -> str:
     """The report as an HTML document."""
-    from sidegan.report.identification import plots  # plotly takes a while to import
+    from sidegan.report.canvas import svg  # matplotlib takes a while to import
+    from sidegan.report.identification import plots
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
@@ -68,10 +65,11 @@ def report_html(report: Report) -> str:
         title=title,
         sections=_sections(report),
         errors={column: head for column, head in _ERRORS.items() if column in report.errors},
-        not_shown=len(report.signals) - len(plots.shown_recordings(report.signals)),
+        recordings=plots.shown_recordings(report.signals),
         weak=int(report.parameters.weak.sum()),
         pairs=hard_to_tell_apart(correlation_of(report.covariance), names),
-        plot=partial(_plot, plots.PLOTS, report),
+        plots=plots,
+        svg=lambda *drawn: Markup(svg(*drawn)),
     )
     return page(title, body)
 
@@ -87,11 +85,6 @@ def _sections(report: Report) -> dict[str, str]:
         "forward": report.forward,
     }
     return {name: heading for name, heading in _HEADINGS.items() if optional.get(name, True)}
-
-
-def _plot(plots: Plots, report: Report, name: str, caption: str = "") -> Markup:
-    """One of the plots as HTML."""
-    return Markup(figure_html(plots[name](report), f"plot-{name}", caption))
 
 
 def _bar(share: float) -> int:

@@ -1,53 +1,31 @@
-"""Interactive plots of an identification."""
+"""Plots of an identification, for its report."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-from sidegan.report.identification.content import Friction, Numbers, Report, Signals, correlation_of
+from sidegan.report import canvas
+from sidegan.report.identification.content import Numbers, Report, Signals, correlation_of
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
 ROLES = {"training": "#8795a1", "validation": "#0b66c3"}
 _JOINTS = ("#0b66c3", "#d9480f", "#1a7f4b", "#8e44ad", "#b26a00", "#0f8b8d", "#c2185b", "#5b6b7b")
+_INK, _LINE, _GRID = "#1c2733", "#b8c2cb", "#e6ebef"
+_WORDS = {"fontsize": 9.5, "color": _INK}
+_STEPS = [1, 2, 5, 10]  # of ticks
+_PIXEL = 1 / 96  # [inch]
+_WIDE, _HALF = 1080, 560  # [px] of a section and of half of it
 _POINTS = 1200  # of a line: as many as a screen can show
-_CLOUD = 500  # samples of a friction curve
-_RECORDINGS = 12  # that can be chosen among
+_CLOUD = 300  # samples of a friction curve
+_RECORDINGS = 12  # that are shown
 _LAGS = 60  # samples over which residuals are correlated
 _NAMED = 60  # parameters up to which a correlation has its names beside it
-_GRID = "#e6ebef"
-
-
-def torques(report: Report) -> go.Figure:
-    """Measured and predicted torque and their difference, a row per joint, a recording at a time."""
-    names = list(report.joint_names)
-    figure = make_subplots(rows=len(names), cols=1, shared_xaxes=True, vertical_spacing=0.24 / len(names))
-    shown = shown_recordings(report.signals)
-    for k, signals in enumerate(shown):
-        for j in range(len(names)):
-            for trace in _lines(signals, j, visible=k == 0, legend=j == 0):
-                figure.add_trace(trace, row=j + 1, col=1)
-    per = 3 * len(names)
-    buttons = [
-        {
-            "label": f"{signals.name} ({signals.role})",
-            "method": "update",
-            "args": [{"visible": [i // per == k for i in range(per * len(shown))]}],
-        }
-        for k, signals in enumerate(shown)
-    ]
-    corner = {"x": 0, "xref": "x domain", "xanchor": "left", "y": 1, "yref": "y domain", "yanchor": "bottom"}
-    for j, name in enumerate(names):
-        figure.add_annotation(
-            text=f"{name} [{report.torque_units[j]}]", showarrow=False, **corner, row=j + 1, col=1
-        )
-    figure.update_xaxes(title_text="time [s]", row=len(names), col=1)
-    menus = [{"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom", "pad": {"b": 22}}]
-    _style(figure, 104 * len(names) + 160, top=90)
-    return figure.update_layout(updatemenus=menus, hovermode="x unified")
+_LONG = 60  # letters of names that have no room beside each other
 
 
 def shown_recordings(signals: Sequence[Signals]) -> list[Signals]:
@@ -55,127 +33,118 @@ def shown_recordings(signals: Sequence[Signals]) -> list[Signals]:
     return sorted(signals, key=lambda one: one.role != "validation")[:_RECORDINGS]
 
 
-def errors(report: Report) -> go.Figure:
+def torques(report: Report, signals: Signals) -> Figure:
+    """Measured and predicted torque of a recording and their difference, a row per joint."""
+    names = report.joint_names
+    figure = _blank(_WIDE, 104 * len(names) + 80)
+    rows = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
+    for j, (axis, name) in enumerate(zip(rows, names)):
+        kept = thinned(signals.measured[:, j], _POINTS)
+        for label, values, colour, width in (
+            ("measured", signals.measured, MEASURED, 1.8),
+            ("predicted", signals.predicted, PREDICTED, 1.0),
+            ("difference", signals.residual, RESIDUAL, 0.8),
+        ):
+            axis.plot(signals.time[kept], values[kept, j], color=colour, linewidth=width, label=label)
+        axis.set_title(f"{name} [{report.torque_units[j]}]", loc="left", fontsize=9, color=_INK)
+        _style(axis)
+        axis.locator_params("y", nbins=5)
+    rows[-1].set_xlabel("time [s]", **_WORDS)
+    return _with_legend(figure, rows[0])
+
+
+def errors(report: Report) -> Figure:
     """Normalised error of each joint, on what was trained on and on what was held out."""
-    figure = go.Figure()
-    columns = {role: column for role in ROLES if (column := f"nmse_{role}") in report.errors}
-    for role, column in columns.items():
-        values = report.errors[column]
-        figure.add_bar(x=list(report.joint_names), y=values, name=role, marker_color=ROLES[role])
-    powers = np.log10(report.errors[[*columns.values()]].clip(lower=1e-12).to_numpy())
-    known = powers[np.isfinite(powers)]
-    whole = [np.floor(known.min()), np.ceil(known.max())] if len(known) else None  # like bars look alike
-    figure.update_yaxes(type="log", title_text="nMSE", exponentformat="power", range=whole)
-    figure.update_layout(showlegend=True)
-    return _style(figure, 330)
+    figure, names = _blank(_HALF, 330), report.joint_names
+    axis = figure.subplots()
+    roles = [role for role in ROLES if f"nmse_{role}" in report.errors]
+    values = report.errors[[f"nmse_{role}" for role in roles]].clip(lower=1e-12).to_numpy()
+    known = np.log10(values[np.isfinite(values)])
+    # Ends at whole powers of ten: like bars look alike.
+    low, high = (10.0 ** np.floor(known.min()), 10.0 ** np.ceil(known.max())) if len(known) else (0.1, 1.0)
+    width = 0.7 / len(roles)
+    for k, role in enumerate(roles):
+        places = np.arange(len(names)) + (k + 0.5) * width - 0.35
+        axis.bar(places, values[:, k] - low, width, bottom=low, color=ROLES[role], label=role)
+    axis.set(xlim=(-0.5, len(names) - 0.5), ylim=(low, max(high, 10 * low)))
+    canvas.logarithmic(axis)
+    slanted = {"rotation": -25, "ha": "left", "rotation_mode": "anchor"}
+    axis.set_xticks(range(len(names)), names, **(slanted if len("".join(names)) > _LONG else {}))
+    axis.set_ylabel("nMSE")
+    _style(axis)
+    return _with_legend(figure, axis)
 
 
-def residual_correlation(report: Report) -> go.Figure:
+def residual_correlation(report: Report) -> Figure:
     """How residuals are correlated over time, a line per joint, of the longest recording shown."""
     longest = max(shown_recordings(report.signals), key=lambda one: len(one.time))
     step = float(np.nanmedian(np.diff(longest.time)))
-    figure = go.Figure()
+    figure = _blank(_WIDE, 360)
+    axis = figure.subplots()
     for j, name in enumerate(report.joint_names):
         correlation = autocorrelation(longest.residual[:, j])
-        line = {"color": _JOINTS[j % len(_JOINTS)], "width": 1.4}
-        lags = np.arange(len(correlation)) * step
-        figure.add_scatter(x=lags, y=correlation, name=name, mode="lines", line=line)
-    figure.update_yaxes(title_text="autocorrelation", range=[-1, 1.05])
-    figure.update_xaxes(title_text=f"lag [s], {longest.name}")
-    _style(figure, 400)
-    return figure.update_layout(legend={"y": 0, "yanchor": "bottom"}, margin={"b": 110})
+        axis.plot(
+            np.arange(len(correlation)) * step, correlation, color=_colour(j), linewidth=1.2, label=name
+        )
+    axis.set(ylim=(-1, 1.05), ylabel="autocorrelation", xlabel=f"lag [s], {longest.name}")
+    _style(axis)
+    return _with_legend(figure, axis)
 
 
-def friction(report: Report) -> go.Figure:
+def friction(report: Report) -> Figure:
     """Friction over velocity, the identified law over samples of torque less the rigid body's."""
-    names = report.joint_names
+    names, law = report.joint_names, report.friction
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
-    spacing = {"vertical_spacing": 0.35 / rows, "horizontal_spacing": 0.06}
-    titles = [f"{name} [{unit}]" for name, unit in zip(names, report.torque_units)]
-    figure = make_subplots(rows=rows, cols=columns, subplot_titles=titles, **spacing)
-    for j in range(len(names)):
-        place = {"row": j // columns + 1, "col": j % columns + 1}
-        for trace in _friction_traces(report.friction, j) if report.friction else ():
-            figure.add_scatter(**trace, showlegend=j == 0, **place)
-        figure.update_xaxes(title_text="velocity [rad/s]" if j + columns >= len(names) else "", **place)
-    figure.update_annotations(font_size=13)
-    return _style(figure, 230 * rows + 70, top=64)
+    figure = _blank(_WIDE, 230 * rows + 40)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(names) :]:
+        axis.remove()
+    for j, (axis, name) in enumerate(zip(axes, names)):
+        if law is not None:
+            some = np.linspace(0, len(law.measured) - 1, _CLOUD).astype(int)
+            dots = {"color": MEASURED, "markersize": 2.4, "markeredgewidth": 0, "alpha": 0.5}
+            axis.plot(law.measured_velocity[some, j], law.measured[some, j], "o", **dots, label="samples")
+            axis.plot(law.velocity[j], law.torque[j], color=RESIDUAL, linewidth=1.6, label="identified")
+        axis.set_title(f"{name} [{report.torque_units[j]}]", fontsize=9, color=_INK)
+        axis.set_xlabel("velocity [rad/s]" if j + columns >= len(names) else "")
+        _style(axis)
+    return _with_legend(figure, axes[0])
 
 
-def _friction_traces(law: Friction, joint: int) -> list[dict[str, Any]]:
-    """Samples and identified law of one joint."""
-    some = slice(None, None, max(1, len(law.measured) // _CLOUD))
-    samples = {
-        "x": _small(law.measured_velocity[some, joint]),
-        "y": _small(law.measured[some, joint]),
-        "mode": "markers",
-        "marker": {"color": MEASURED, "size": 3, "opacity": 0.5},
-        "name": "samples",
-    }
-    curve = {
-        "x": _small(law.velocity[joint]),
-        "y": _small(law.torque[joint]),
-        "mode": "lines",
-        "line": {"color": RESIDUAL, "width": 2},
-        "name": "identified",
-    }
-    return [samples, curve]
-
-
-def forward(report: Report) -> go.Figure:
+def forward(report: Report) -> Figure:
     """Error of simulated joints over the time since they were let go, and with servos (dashed)."""
-    figure, one = go.Figure(), report.forward["consistent"]
-    x = one.horizon.numpy()
+    figure, one = _blank(_WIDE, 420), report.forward["consistent"]
+    axis, x = figure.subplots(), one.horizon.numpy()
     for j, name in enumerate(report.joint_names):
-        colour = _JOINTS[j % len(_JOINTS)]
-        free, tail, held = (_small(y[:, j].numpy()) for y in (one.free, one.tail, one.held))
-        group = {"legendgroup": name, "mode": "lines"}
-        figure.add_scatter(x=x, y=free, name=name, line={"color": colour, "width": 1.8}, **group)
-        band = {"fill": "tonexty", "line": {"width": 0}, "fillcolor": f"rgba{_rgb(colour)}"}
-        figure.add_scatter(x=x, y=tail, showlegend=False, hoverinfo="skip", **band, **group)
-        dashed = {"color": colour, "width": 1.2, "dash": "dash"}
-        figure.add_scatter(x=x, y=held, showlegend=False, name=f"{name}, with servos", line=dashed, **group)
-    figure.update_yaxes(type="log", title_text="error [rad]", exponentformat="power")
-    figure.update_xaxes(title_text="time since it was let go [s]")
-    return _style(figure, 420)
+        free, tail, held = (y[:, j].numpy() for y in (one.free, one.tail, one.held))
+        axis.plot(x, free, color=_colour(j), linewidth=1.5, label=name)
+        axis.fill_between(x, free, tail, color=_colour(j), alpha=0.08, linewidth=0)
+        axis.plot(x, held, color=_colour(j), linewidth=1.0, dashes=(7, 5))
+    canvas.logarithmic(axis)
+    axis.set(ylabel="error [rad]", xlabel="time since it was let go [s]")
+    _style(axis)
+    return _with_legend(figure, axis)
 
 
-def _rgb(colour: str) -> tuple[float, ...]:
-    """A colour of the style as numbers, nearly transparent."""
-    return (*(int(colour[k : k + 2], 16) for k in (1, 3, 5)), 0.08)
-
-
-def correlations(report: Report) -> go.Figure:
+def correlations(report: Report) -> Figure:
     """Correlation of the parameters' errors, (P, P)."""
-    labels = [str(name) for name in report.parameters.name]
-    heat = go.Heatmap(
-        z=_small(correlation_of(np.asarray(report.covariance))),
-        x=labels,
-        y=labels,
-        zmin=-1,
-        zmax=1,
-        colorscale="RdBu",
-        reversescale=True,
-        colorbar={"thickness": 12, "outlinewidth": 0},
-        hovertemplate="%{y} · %{x}: %{z:.2f}<extra></extra>",
+    figure, names = _blank(660, 560), [str(name) for name in report.parameters.name]
+    axis = figure.subplots()
+    shown = axis.imshow(
+        correlation_of(np.asarray(report.covariance)), "RdBu_r", vmin=-1, vmax=1, interpolation="none"
     )
-    figure = go.Figure(heat)
-    look = {"showticklabels": len(labels) <= _NAMED, "tickfont_size": 8, "dtick": 1, "ticks": ""}
-    look |= {"type": "category", "constrain": "domain"}
-    figure.update_xaxes(tickangle=-90, **look)
-    figure.update_yaxes(autorange="reversed", scaleanchor="x", **look)
-    return _style(figure, 560)
-
-
-PLOTS: dict[str, Callable[[Report], go.Figure]] = {
-    "torques": torques,
-    "errors": errors,
-    "whiteness": residual_correlation,
-    "friction": friction,
-    "forward": forward,
-    "correlation": correlations,
-}
+    bar = figure.colorbar(shown, ax=axis, aspect=40, pad=0.02)
+    bar.solids.set_rasterized(True)
+    bar.outline.set_visible(False)
+    bar.locator = MaxNLocator(4)
+    bar.ax.tick_params(labelsize=9, labelcolor=_INK, color=_LINE)
+    places = range(len(names) if len(names) <= _NAMED else 0)
+    axis.set_xticks(places, names[: len(places)], rotation=90)
+    axis.set_yticks(places, names[: len(places)])
+    axis.tick_params(length=0, labelsize=6, labelcolor=_INK)
+    axis.spines[:].set_visible(False)
+    return figure
 
 
 def autocorrelation(x: Numbers, lags: int = _LAGS) -> Numbers:
@@ -190,48 +159,40 @@ def thinned(x: Numbers, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Indices of at most ``most`` samples of a signal (S,), the extremes of each stretch among them."""
     if len(x) <= most:
         return np.arange(len(x))
-    filled = np.nan_to_num(x)
+    filled = np.where(np.isnan(x), np.inf, x)  # where a line breaks it goes on breaking
     edges = np.linspace(0, len(x), most // 2 + 1).astype(int)
     extremes = [a + place(filled[a:b]) for a, b in pairwise(edges) for place in (np.argmin, np.argmax)]
     return np.unique(extremes)
 
 
-def _lines(signals: Signals, joint: int, visible: bool, legend: bool) -> Iterator[go.Scatter]:
-    """Measured, predicted and difference of one joint, thinned so that peaks stay."""
-    kept = thinned(signals.measured[:, joint], _POINTS)
-    lines = {
-        "measured": (signals.measured, MEASURED, 2.2),
-        "predicted": (signals.predicted, PREDICTED, 1.2),
-        "difference": (signals.residual, RESIDUAL, 1.0),
-    }
-    for name, (values, colour, width) in lines.items():
-        yield go.Scatter(
-            x=_small(signals.time[kept]),
-            y=_small(values[kept, joint]),
-            name=name,
-            legendgroup=name,
-            showlegend=legend,
-            visible=visible,
-            mode="lines",
-            line={"color": colour, "width": width},
-            hovertemplate="%{y:.3g}",
-        )
+def _blank(width: float, height: float) -> Figure:
+    """An empty figure of this size [px]."""
+    return canvas.blank(width * _PIXEL, height * _PIXEL)
 
 
-def _small(x: Numbers) -> Numbers:
-    """Half the bytes; a screen shows less."""
-    return np.asarray(x, dtype=np.float32)
+def _colour(joint: int) -> str:
+    return _JOINTS[joint % len(_JOINTS)]
 
 
-def _style(figure: go.Figure, height: int, top: int = 36) -> go.Figure:
-    figure.update_layout(
-        template="none",
-        height=height,
-        margin={"l": 64, "r": 16, "t": top, "b": 48},
-        font={"family": "system-ui, sans-serif", "size": 12, "color": "#1c2733"},
-        legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top"},
-        bargap=0.3,
-    )
-    figure.update_xaxes(gridcolor=_GRID, zerolinecolor=_GRID, linecolor="#b8c2cb", automargin=True)
-    figure.update_yaxes(gridcolor=_GRID, zerolinecolor="#b8c2cb", automargin=True)
+def _style(axis: Axes) -> None:
+    """The look of a plot of lines or bars: a grid and the line of zero, no frame."""
+    axis.grid(color=_GRID, linewidth=0.8)
+    axis.set_axisbelow(True)
+    axis.tick_params(which="both", length=0, labelsize=9, labelcolor=_INK)
+    axis.spines[["left", "right", "top"]].set_visible(False)
+    axis.spines["bottom"].set_color(_LINE)
+    low, high = axis.get_ylim()
+    if low < 0 < high:
+        axis.axhline(0, color=_LINE, linewidth=0.8, zorder=0.9)
+    axis.margins(x=0)
+    for part in (axis.xaxis, axis.yaxis):
+        part.label.set(**_WORDS)
+        if isinstance(locator := part.get_major_locator(), MaxNLocator):
+            locator.set_params(steps=_STEPS)
+
+
+def _with_legend(figure: Figure, axis: Axes) -> Figure:
+    """The figure with the names of what is drawn on one of its axes above all."""
+    handles, labels = axis.get_legend_handles_labels()
+    canvas.legend(figure, dict(zip(labels, handles)), "upper left")
     return figure

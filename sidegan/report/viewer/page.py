@@ -56,7 +56,7 @@ def view_html(view: View, table: pd.DataFrame | None = None, steps: Steps = ()) 
         library=Markup(three_js()),
         script=Markup(scripts),
     )
-    return page(f"Trajectories of {view.head['name']}", body, plots=False)
+    return page(f"Trajectories of {view.head['name']}", body, scripts=True)
 
 
 def script_json(value: object) -> str:
