@@ -4,7 +4,7 @@ from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.oracle import StateRegressor, capsule_geometry, chain_model, collides, pinocchio_model
+from sidegan.robot.oracle import capsule_geometry, chain_model, pinocchio_model
 from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
@@ -17,12 +17,10 @@ __all__ = [
     "Drives",
     "Limits",
     "Setup",
-    "StateRegressor",
     "about_the_centre",
     "built_in_robots",
     "capsule_geometry",
     "chain_model",
-    "collides",
     "inconsistent_links",
     "is_built_in",
     "load_robot",

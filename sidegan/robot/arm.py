@@ -1,8 +1,8 @@
 """An arm as plain tensors."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -80,8 +80,6 @@ class Arm:
     link_names: tuple[str, ...] = ()
     setup: Setup = PLAIN  # which part of the description this is
     home: tuple[float, ...] | None = None  # the named pose that the setup asks for [rad or m], (J,)
-    poses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # named ones [rad or m], (J,) each
-    disabled_pairs: tuple[tuple[str, str, str], ...] = ()  # links that an SRDF lets touch, and its reason
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
     jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)
     told: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people

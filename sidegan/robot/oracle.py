@@ -1,11 +1,8 @@
-"""An arm as Pinocchio has it: to check our own dynamics and distances against, and for single states."""
+"""An arm as Pinocchio has it, to check our own dynamics and distances against."""
 
-from collections.abc import Iterable
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sidegan.robot.arm import Arm
 from sidegan.robot.description import read_description
@@ -40,25 +37,6 @@ def chain_model(arm: Arm) -> "pin.Model":
     return model
 
 
-class StateRegressor:
-    """The full regressor, (J, 10 J), of one state at a time in some ten microseconds, by Pinocchio.
-
-    Args:
-        arm: whose parameters the columns are of, link by link in Pinocchio's order.
-    """
-
-    def __init__(self, arm: Arm) -> None:
-        import pinocchio as pin
-
-        self._model = chain_model(arm)
-        self._data = self._model.createData()
-        self._regressor = pin.computeJointTorqueRegressor
-
-    def __call__(self, *state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Regressor of a state: position, velocity and acceleration, (J,) each."""
-        return self._regressor(self._model, self._data, *state)
-
-
 def capsule_geometry(arm: Arm) -> "pin.GeometryModel":
     """An arm's C capsules as Pinocchio's collision geometry, in order and without collision pairs."""
     import coal
@@ -75,33 +53,3 @@ def capsule_geometry(arm: Arm) -> "pin.GeometryModel":
         capsule = coal.Capsule(float(shapes.radius[i]), length)
         geometry.addGeometryObject(pin.GeometryObject(name, int(shapes.link[i]) + 1, placement, capsule))
     return geometry
-
-
-def collides(arm: Arm, q: NDArray[np.float64], exempt: Iterable[tuple[str, str]]) -> NDArray[np.bool_]:
-    """Whether links of an arm collide, (N,), at positions (N, J), by coal on the description's own shapes.
-
-    Args:
-        arm: whose description and meshes are still there.
-        q: positions [rad or m].
-        exempt: pairs of links that may touch; those that no joint moves against each other may, too.
-
-    Raises:
-        RobotError: when the file is gone, or is no longer a description of an arm.
-    """
-    import pinocchio as pin
-
-    from sidegan.robot.model import build
-
-    description = read_description(arm.urdf, arm.setup)
-    model = build(description)
-    geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
-    shapes = list(geometry.geometryObjects)
-    owners = [model.frames[shape.parentFrame].name for shape in shapes]
-    spared = {frozenset(pair) for pair in exempt}
-    for i, k in combinations(range(len(shapes)), 2):
-        if shapes[i].parentJoint != shapes[k].parentJoint and {owners[i], owners[k]} not in spared:
-            geometry.addCollisionPair(pin.CollisionPair(i, k))
-    data, found = model.createData(), geometry.createData()
-    for request in found.collisionRequests:
-        request.enable_contact = True  # without it coal 3.0 misses some collisions of two cylinders
-    return np.array([pin.computeCollisions(model, data, geometry, found, x, True) for x in q], dtype=bool)

@@ -20,14 +20,6 @@ class Semantics:
     poses: dict[str, dict[str, float]] = field(default_factory=dict)  # joint positions [rad or m] by name
     disabled: tuple[tuple[str, str, str], ...] = ()  # two links, and the reason
 
-    def complete(self, joints: Sequence[str]) -> dict[str, tuple[float, ...]]:
-        """The poses that state all of these joints [rad or m], (J,) each."""
-        return {
-            name: tuple(pose[joint] for joint in joints)
-            for name, pose in self.poses.items()
-            if all(joint in pose for joint in joints)
-        }
-
     def pose(self, name: str, joints: Sequence[str]) -> dict[str, float]:
         """Positions of these joints in a named pose [rad or m].
 
@@ -39,7 +31,7 @@ class Semantics:
                 f"robot.home is {name!r}, a pose that an SRDF would name: add robot.srdf=arm.srdf, or "
                 "give numbers, 'trajectory.home=[…]'"
             )
-        known = sorted(self.complete(joints))
+        known = sorted(name for name, pose in self.poses.items() if pose.keys() >= {*joints})
         if name in known:
             return {joint: self.poses[name][joint] for joint in joints}
         expected = (

@@ -3,63 +3,48 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.looks import visual_parts
 
-from .test_catalogue import ROBOTS
+from .arms import ROBOTS
+from .urdf import INERTIA, ball, joint, link, robot
 
-STL = """solid t
-facet normal 0 0 1
-outer loop
-vertex 0 0 0
-vertex 1 0 0
-vertex 0 2 0
-endloop
-endfacet
-endsolid t
-"""
-URDF = """<robot name="two">
-  <material name="red"><color rgba="0.9 0.1 0.05 1"/></material>
-  <link name="base">
-    <visual><geometry><box size="0.2 0.3 0.4"/></geometry><material name="red"/></visual>
-    <visual><geometry><mesh filename="package://nowhere/lost.stl"/></geometry></visual>
-  </link>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
-    <origin xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"/><axis xyz="0 0 1"/>
-    <limit lower="-2" upper="2" velocity="1" effort="9"/></joint>
-  <link name="arm">
-    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <visual><origin xyz="0 0.1 0.2" rpy="1 0.5 0.2"/>
-      <geometry><cylinder radius="0.05" length="0.4"/></geometry>
-      <material name=""><color rgba="0 0.5 1 1"/></material></visual>
-  </link>
-  <joint name="wrist" type="revolute"><parent link="arm"/><child link="hand"/>
-    <origin xyz="0 0 0.4" rpy="0.1 0 0"/><axis xyz="0 1 0"/>
-    <limit lower="-2" upper="2" velocity="1" effort="9"/></joint>
-  <link name="hand">
-    <visual><origin xyz="0.3 0 0"/>
-      <geometry><mesh filename="plate.stl" scale="0.1 0.1 0.1"/></geometry></visual>
-  </link>
-  <joint name="weld" type="fixed"><parent link="hand"/><child link="tool"/>
-    <origin xyz="0 0 0.2" rpy="0 0 1"/></joint>
-  <link name="tool">
-    <collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.03"/></geometry></collision></link>
-</robot>"""
+
+def visual(shape: str, origin: str = 'xyz="0 0 0"', material: str = "") -> str:
+    return f"<visual><origin {origin}/><geometry>{shape}</geometry>{material}</visual>"
+
+
+RED = '<material name="red"><color rgba="0.9 0.1 0.05 1"/></material>'
+BLUE = '<material name=""><color rgba="0 0.5 1 1"/></material>'
+BOX = visual('<box size="0.2 0.3 0.4"/>', material='<material name="red"/>')
+ROD = visual('<cylinder radius="0.05" length="0.4"/>', 'xyz="0 0.1 0.2" rpy="1 0.5 0.2"', BLUE)
+PLATE = visual('<mesh filename="plate.stl" scale="0.1 0.1 0.1"/>', 'xyz="0.3 0 0"')
+URDF = robot(
+    RED,
+    link("base", BOX + visual('<mesh filename="package://nowhere/lost.stl"/>')),
+    joint("turn", "base", "arm", origin='xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"'),
+    link("arm", INERTIA + ROD),
+    joint("wrist", "arm", "hand", origin='xyz="0 0 0.4" rpy="0.1 0 0"', axis='<axis xyz="0 1 0"/>'),
+    link("hand", PLATE),
+    joint("weld", "hand", "tool", "fixed", 'xyz="0 0 0.2" rpy="0 0 1"', limit=""),
+    link("tool", ball(0.03, "0.1 0 0")),
+)
 
 
 @pytest.fixture
 def file(tmp_path):
-    (tmp_path / "plate.stl").write_text(STL)
+    """An arm with primitive shapes, a mesh that is lost, and one that is a triangle."""
+    trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]]).export(tmp_path / "plate.stl")
     (tmp_path / "two.urdf").write_text(URDF)
     return tmp_path / "two.urdf"
 
 
 def test_shapes_are_where_the_description_has_them(file):
-    arm = load_robot(file)
-    parts = visual_parts(arm)
+    parts = visual_parts(load_robot(file))
     assert [part.link for part in parts] == [-1, 0, 1, 1]
-    box, rod, plate, ball = parts
+    box, rod, plate, sphere = parts
     assert box.colour == (0.9, 0.1, 0.05) and rod.colour == (0.0, 0.5, 1.0) and plate.colour is None
     np.testing.assert_allclose(np.ptp(box.vertices, axis=0), [0.2, 0.3, 0.4], atol=1e-12)
     turn = pin.rpy.rpyToMatrix(1.0, 0.5, 0.2)
@@ -69,15 +54,14 @@ def test_shapes_are_where_the_description_has_them(file):
     np.testing.assert_allclose(np.hypot(*local[:, :2].T).max(), 0.05, atol=1e-12)
     np.testing.assert_allclose(plate.vertices.max(0), [0.4, 0.2, 0], atol=1e-7)
     centre = np.array([0.1 * np.cos(1), 0.1 * np.sin(1), 0.2])
-    np.testing.assert_allclose(np.linalg.norm(ball.vertices - centre, axis=1), 0.03, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(sphere.vertices - centre, axis=1), 0.03, atol=1e-9)
 
 
 def test_what_is_locked_stands_where_it_is_locked(file):
-    arm = load_robot(file, Setup(locked={"wrist": 0.7}))
-    assert {part.link for part in visual_parts(arm)} == {-1, 0}
-    plate = visual_parts(arm)[2]
+    parts = visual_parts(load_robot(file, Setup(locked={"wrist": 0.7})))
+    assert {part.link for part in parts} == {-1, 0}
     turn = pin.rpy.rpyToMatrix(0.1, 0.0, 0.0) @ pin.rpy.rpyToMatrix(0.0, 0.7, 0.0)
-    np.testing.assert_allclose(plate.vertices[0], turn @ [0.3, 0, 0] + [0, 0, 0.4], atol=1e-9)
+    np.testing.assert_allclose(parts[2].vertices[0], turn @ [0.3, 0, 0] + [0, 0, 0.4], atol=1e-9)
 
 
 def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
@@ -87,17 +71,17 @@ def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
 
 
 @pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
-@pytest.mark.parametrize("name", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur10_robot.urdf"])
-def test_meshes_of_stock_arms_are_where_pinocchio_has_them(name):
-    arm = load_robot(ROBOTS / name)
+@pytest.mark.parametrize("file", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur10_robot.urdf"])
+def test_meshes_of_stock_arms_are_where_pinocchio_has_them(file):
+    arm = load_robot(ROBOTS / file)
     whole = pin.buildModelFromUrdf(str(arm.urdf))
     folders = [str(folder) for folder in arm.urdf.parents]
     shapes = pin.buildGeomFromUrdf(whole, str(arm.urdf), pin.GeometryType.VISUAL, None, folders)
-    for k, joint in enumerate(arm.joint_names[:-1]):  # fingers of a hand are locked elsewhere
+    for k, name in enumerate(arm.joint_names[:-1]):  # fingers of a hand are locked elsewhere
         theirs = [
             np.array([shape.placement.act(x) for x in shape.geometry.vertices()])
             for shape in shapes.geometryObjects
-            if shape.parentJoint == whole.getJointId(joint)
+            if shape.parentJoint == whole.getJointId(name)
         ]
         ours = np.vstack([part.vertices for part in visual_parts(arm) if part.link == k])
         for end in (np.min, np.max):

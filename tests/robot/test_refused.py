@@ -1,190 +1,283 @@
 """Each thing that cannot be used is refused with a message that names it and says what was expected."""
 
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import torch
+import trimesh
 
-from sidegan.errors import RobotError
-from sidegan.robot import Setup, load_robot
+from sidegan import robot as room
+from sidegan.errors import ConfigError, RobotError, ShapeError, SideganError, StorageError
+from sidegan.robot import Arm, Drives, Limits, Setup, load_robot, write_mjcf, write_urdf
+from sidegan.robot.meshes import read_mesh
+from tests.chains import random_chain, real_links
 
-from .urdf import INERTIA, LIMIT, joint, link, one_joint, robot, two_joints
+from .test_part import PERSON, SRDF
+from .urdf import INERTIA, collision, joint, link, mesh, more, one_joint, robot, two_joints
+
+
+@dataclass(frozen=True)
+class At:
+    """Where a case happens."""
+
+    load: Callable[..., Arm]
+    folder: Path
+    planar: Arm
+
+    def write(self, name: str, content: str | bytes) -> str:
+        """The path of a new file."""
+        (self.folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        return str(self.folder / name)
 
 
 def limits(**values: str) -> str:
+    """A joint with other limits; an empty one is left out."""
     stated = {"lower": "-1", "upper": "1", "velocity": "2", "effort": "3"} | values
-    return "<limit " + " ".join(f'{key}="{value}"' for key, value in stated.items() if value) + "/>"
+    words = (f'{key}="{value}"' for key, value in stated.items() if value)
+    return one_joint(limit=f"<limit {' '.join(words)}/>")
+
+
+def axis(words: str) -> str:
+    return one_joint(axis=f'<axis xyz="{words}"/>')
+
+
+def inertia(old: str, new: str) -> str:
+    return one_joint(INERTIA.replace(old, new))
 
 
 def shape(words: str) -> str:
-    return one_joint(collision=f"<collision><geometry>{words}</geometry></collision>")
+    return one_joint(collision=collision(words))
 
 
-TWO_HANDS = robot(
-    link("base", ""),
-    joint("first", "base", "lower"),
-    link("lower"),
-    joint("left", "lower", "thumb"),
-    link("thumb"),
-    joint("right", "lower", "finger"),
-    link("finger"),
-)
-LOOP = two_joints().replace("</robot>", joint("third", "base", "upper") + "</robot>")
+def part(**setup):
+    return lambda at: at.load(PERSON, Setup(**setup))
+
+
+def stated(**given):
+    return lambda at: at.load(two_joints(), Setup(limits=Limits(**given)))
+
+
+def in_file(content: str):
+    """Limits by joint in a file, or all of the file."""
+    content = f"joint_limits: {{{content}}}" if ":" in content else content
+    return lambda at: at.load(one_joint(), Setup(limits_file=at.write("limits.yaml", content)))
+
+
+def pose(home: str, srdf: str = "small.srdf"):
+    return lambda at: at.load(
+        two_joints(), Setup(srdf=str(Path(at.write("small.srdf", SRDF)).with_name(srdf)), home=home)
+    )
+
+
+def body(*parameters: float):
+    """An arm whose second link has these inertial parameters."""
+    links = torch.tensor([ROD, parameters], dtype=torch.float64)
+    return lambda at: room.require_consistent(random_chain(2, 0)[0], links)
+
+
+def written(write, name: str, scale: float = 1.0):
+    """Writing the planar arm with scaled inertias."""
+    return lambda at: write(
+        at.planar, scale * at.planar.inertial_parameters, at.folder / name, Drives.none(2)
+    )
+
+
+def rewritten(text: str, encoding: str = "utf-8"):
+    """Writing an arm whose description has become another one."""
+
+    def run(at: At) -> None:
+        arm = at.load(one_joint())
+        arm.urdf.write_text(text, encoding)
+        write_urdf(arm, real_links(1, 0), at.folder / "out.urdf")
+
+    return run
+
+
+def gone(at: At) -> None:
+    arm = at.load(one_joint())
+    arm.urdf.unlink()
+    write_urdf(arm, real_links(1, 0), at.folder / "out.urdf")
+
+
+def open_mesh(at: At) -> None:
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    file = at.folder / "three.stl"
+    trimesh.Trimesh(points, [[0, 2, 1], [0, 1, 3], [0, 3, 2]], process=False).export(file)
+    read_mesh(file)
+
+
+def no_mesh(at: At) -> Arm:
+    return at.load(one_joint(collision=mesh(at.write("box.stl", "no mesh"))))
+
+
+def misshapen(shape: tuple[int, ...]):
+    return lambda at: room.inconsistent_links(at.planar, torch.ones(shape, dtype=torch.float64))
+
+
+ROD = (2.0, 0.0, 0.0, 0.4, 0.1, 0.0, 0.1, 0.0, 0.0, 0.002)
+HANDS = joint("left", "lower", "thumb") + link("thumb") + joint("right", "lower", "finger") + link("finger")
+TWO_HANDS = robot(link("base", ""), joint("first", "base", "lower"), link("lower"), HANDS)
+TWO_ARMS = robot(HANDS.replace("lower", "base") + link("base", ""))
+LOOP = more(two_joints(), joint("third", "base", "upper"))
 RING = robot(joint("a", "x", "y"), joint("b", "y", "x"), link("x"), link("y"))
-TWO_BASES = one_joint().replace("</robot>", link("lost") + "</robot>")
+TWO_BASES = more(one_joint(), link("lost"))
 BOMB = '<!DOCTYPE bomb [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + one_joint()
 THIEF = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;"/>'
+SNAKE = robot(link("0"), *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for k in range(1, 34)))
+FIXED = (joint(f"j{k}", str(k - 1), str(k), "fixed", limit="") + link(str(k), "") for k in range(1, 6001))
+LONG = robot(link("0", ""), *FIXED)
+ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
+UTF_16 = '<?xml version="1.0" encoding="utf-16"?>' + one_joint()
+DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
+RADIANS = "'first': … are these degrees? … position={first: [-1.39626, 1.39626], second: [-1, 1]}'"
+NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+TWO, THREE = torch.zeros(2), torch.zeros(3)
 
-LONG = robot(
-    link("0", ""),
-    *(joint(f"j{k}", str(k - 1), str(k), kind="fixed", limit="") + link(str(k), "") for k in range(1, 6001)),
-)
-
-SNAKE = robot(
-    link("0", ""),
-    *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for k in range(1, 34)),
-)
-
+# Descriptions, or what is done at a place, and words of the refusal; "…" for whatever stands between them.
 REFUSED = {
-    "not XML": ("<robot name='cut", "is not well-formed XML: unclosed token"),
-    "empty": ("", "is not well-formed XML"),
-    "an unknown encoding": ("<?xml version='1.0' encoding='klingon'?><robot/>", "is not well-formed XML"),
-    "not a URDF": ("<sdf/>", "root element is <sdf>, expected <robot> or <mujoco>"),
-    "a document type": (BOMB, "declares a document type (bomb), expected plain XML"),
-    "an external entity": (THIEF, "declares a document type (r)"),
-    "no links": (robot(), "has 0 links without a parent [], expected one"),
-    "no joints": (robot(link("base")), "has no joints that move"),
-    "only fixed joints": (one_joint(kind="fixed"), "has no joints that move"),
-    "floating": (one_joint(kind="floating"), "joint 'turn' is floating: the arm's base must be fixed"),
-    "planar": (one_joint(kind="planar"), "joint 'turn' is planar"),
-    "an unknown joint": (one_joint(kind="hinge"), "of type 'hinge', expected revolute, prismatic, cont"),
-    "mimic": (two_joints(extra='<mimic joint="first"/>'), "joint 'second' mimics another"),
-    "no limits": (two_joints(limit=""), "joint 'second' has no position limits"),
-    "no position limits": (one_joint(limit=limits(lower="", upper="")), "has no position limits"),
-    "equal limits": (one_joint(limit=limits(lower="1")), "position limits 1 to 1, expected lower < upper"),
-    "swapped limits": (one_joint(limit=limits(lower="2")), "position limits 2 to 1, expected lower < upper"),
-    "no velocity limit": (one_joint(limit=limits(velocity="")), "velocity limit None, expected one above 0"),
-    "zero velocity": (one_joint(limit=limits(velocity="0.0")), "velocity limit 0.0, expected one above 0"),
-    "negative velocity": (one_joint(limit=limits(velocity="-1")), "velocity limit -1, expected one above 0"),
-    "negative effort": (one_joint(limit=limits(effort="-7")), "effort limit -7, expected one above 0"),
-    "infinite limit": (one_joint(limit=limits(upper="inf")), "<limit upper='inf'>, expected a finite number"),
-    "NaN effort": (one_joint(limit=limits(effort="nan")), "<limit effort='nan'>, expected a finite number"),
-    "a word for a limit": (
-        one_joint(limit=limits(upper="${pi}")),
-        "<limit upper='${pi}'>, expected a finite",
-    ),
-    "NaN origin": (one_joint(origin='xyz="0 nan 0"'), "<origin xyz='0 nan 0'>, expected 3 finite numbers"),
-    "short origin": (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
-    "infinite turn": (one_joint(kind="fixed", origin='rpy="inf 0 0"'), "<origin rpy='inf 0 0'>"),
-    "no axis": (one_joint(axis='<axis xyz="0 0 0"/>'), "has the axis 0 0 0, expected a direction"),
-    "a vanishing axis": (
-        one_joint(axis='<axis xyz="0 0 1e-200"/>'),
-        "has the axis 0 0 1e-200, expected a dir",
-    ),
-    "an endless axis": (
-        one_joint(axis='<axis xyz="0 0 1e17"/>'),
-        "has the axis 0 0 1e+17, expected a direction",
-    ),
-    "an overflow": (one_joint(axis='<axis xyz="0 0 1e200"/>'), "expected 3 finite numbers of at most 1e+18"),
-    "a deep nest": (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
-    "an endless chain": (LONG, "has 6001 links, expected at most 500"),
-    "a snake": (SNAKE, "has 33 joints that move, expected at most 32"),
-    "negative mass": (
-        one_joint(INERTIA.replace("1.5", "-1.5")),
-        "link 'arm' has the mass -1.5 kg, expected 0",
-    ),
-    "NaN mass": (one_joint(INERTIA.replace("1.5", "nan")), "link 'arm': <mass value='nan'>"),
-    "NaN inertia": (one_joint(INERTIA.replace('iyy="0.03"', 'iyy="nan"')), "<inertia iyy='nan'>"),
-    "no inertia value": (one_joint(INERTIA.replace('iyy="0.03"', "")), "<inertia> has no 'iyy'"),
-    "no mass": (one_joint("<inertial/>"), "link 'arm': <inertial> has no <mass>"),
-    "branches": (TWO_HANDS, "joints 'left' and 'right' both hang on joint 'first', expected one chain"),
-    "a ring aside": (
-        RING.replace("</robot>", link("base") + "</robot>"),
-        "no joints lead from 'base' to x, y, expected one tree",
-    ),
-    "loop": (LOOP, "joint 'third' leads to link 'upper', as another joint does"),
-    "ring": (RING, "has 0 links without a parent [], expected one, the base"),
-    "two bases": (TWO_BASES, "has 2 links without a parent ['base', 'lost'], expected one, the base"),
-    "twins": (two_joints().replace('"second"', '"first"'), "has 2 joints named 'first', expected different"),
-    "unknown link": (one_joint().replace('child link="arm"', 'child link="leg"'), "joins the link 'leg'"),
-    "no child": (one_joint().replace('<child link="arm"/>', ""), "joint 'turn': <joint> has no <child>"),
-    "no name": (one_joint().replace('<link name="arm"', "<link"), "<link> has no 'name'"),
-    "unknown shape": (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
-    "empty geometry": (shape(""), "collision geometry of none, expected one of sphere"),
-    "no radius": (shape("<sphere/>"), "link 'arm': <sphere> has no 'radius'"),
-    "zero radius": (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
-    "negative box": (shape('<box size="1 -1 1"/>'), "<box size='1 -1 1'>, expected more than 0"),
-    "NaN cylinder": (
-        shape('<cylinder radius="1" length="nan"/>'),
-        "<cylinder length='nan'>, expected a finite",
-    ),
-    "a mesh without a file": (shape("<mesh/>"), "link 'arm': <mesh> has no 'filename'"),
+    RobotError: [
+        ("<robot name='cut", "is not well-formed XML: unclosed token"),
+        ("", "is not well-formed XML"),
+        ("<?xml version='1.0' encoding='klingon'?><robot/>", "is not well-formed XML"),
+        (lambda at: load_robot(at.write("a.urdf", b"\x89PNG\r\n\xff\xfe\x00")), "is not well-formed XML"),
+        ("<sdf/>", "root element is <sdf>, expected <robot> or <mujoco>"),
+        (BOMB, "declares a document type (bomb), expected plain XML"),
+        (THIEF, "declares a document type (r)"),
+        (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
+        (one_joint().replace("<robot", '<robot version="9"'), "robot.urdf: Pinocchio refuses it: … version"),
+        (lambda at: load_robot("iiwa"), "no robot named 'iiwa', expected kuka_lwr4, planar2 or a URDF"),
+        (lambda at: load_robot(at.folder / "gone.urdf"), "no URDF file … gone.urdf"),
+        (lambda at: load_robot(at.folder), "is a folder, expected a URDF file"),
+        (lambda at: load_robot("a" * 5000 + ".urdf"), "cannot look for"),
+        # The tree of links and joints.
+        (robot(), "has 0 links without a parent [], expected one"),
+        (robot(link("base")), "has no joints that move"),
+        (one_joint(kind="fixed"), "has no joints that move"),
+        (one_joint(kind="floating"), "joint 'turn' is floating: the arm's base must be fixed"),
+        (one_joint(kind="planar"), "joint 'turn' is planar"),
+        (one_joint(kind="hinge"), "of type 'hinge', expected revolute, prismatic, cont"),
+        (two_joints(extra='<mimic joint="first"/>'), "joint 'second' mimics another"),
+        (TWO_HANDS, "joints 'left' and 'right' both hang on joint 'first', expected one chain"),
+        (TWO_ARMS, "joints 'left' and 'right' both hang on the base, expected one chain"),
+        (more(RING, link("base")), "no joints lead from 'base' to x, y, expected one tree"),
+        (LOOP, "joint 'third' leads to link 'upper', as another joint does"),
+        (RING, "has 0 links without a parent [], expected one, the base"),
+        (TWO_BASES, "has 2 links without a parent ['base', 'lost'], expected one, the base"),
+        (two_joints().replace('"second"', '"first"'), "has 2 joints named 'first', expected different"),
+        (one_joint().replace('child link="arm"', 'child link="leg"'), "joins the link 'leg'"),
+        (one_joint().replace('<child link="arm"/>', ""), "joint 'turn': <joint> has no <child>"),
+        (one_joint().replace('<link name="arm"', "<link"), "<link> has no 'name'"),
+        (LONG, "has 6001 links, expected at most 500"),
+        (SNAKE, "has 33 joints that move, expected at most 32"),
+        # Numbers.
+        (two_joints(limit=""), "joint 'second' has no position limits"),
+        (limits(lower="", upper=""), "has no position limits"),
+        (limits(lower="1"), "position limits 1 to 1, expected lower < upper"),
+        (limits(lower="2"), "position limits 2 to 1, expected lower < upper"),
+        (limits(velocity=""), "velocity limit None, expected one above 0"),
+        (limits(velocity="0.0"), "velocity limit 0.0, expected one above 0"),
+        (limits(velocity="-1"), "velocity limit -1, expected one above 0"),
+        (limits(effort="-7"), "effort limit -7, expected one above 0"),
+        (limits(upper="inf"), "<limit upper='inf'>, expected a finite number"),
+        (limits(effort="nan"), "<limit effort='nan'>, expected a finite number"),
+        (limits(upper="${pi}"), "<limit upper='${pi}'>, expected a finite"),
+        (one_joint(origin='xyz="0 nan 0"'), "<origin xyz='0 nan 0'>, expected 3 finite numbers"),
+        (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
+        (one_joint(kind="fixed", origin='rpy="inf 0 0"'), "<origin rpy='inf 0 0'>"),
+        (axis("0 0 0"), "has the axis 0 0 0, expected a direction"),
+        (axis("0 0 1e-200"), "has the axis 0 0 1e-200, expected a dir"),
+        (axis("0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
+        (axis("0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
+        (inertia("1.5", "-1.5"), "link 'arm' has the mass -1.5 kg, expected 0"),
+        (inertia("1.5", "nan"), "link 'arm': <mass value='nan'>"),
+        (inertia('iyy="0.03"', 'iyy="nan"'), "<inertia iyy='nan'>"),
+        (inertia('iyy="0.03"', ""), "<inertia> has no 'iyy'"),
+        (one_joint("<inertial/>"), "link 'arm': <inertial> has no <mass>"),
+        # Shapes.
+        (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
+        (shape(""), "collision geometry of none, expected one of sphere"),
+        (shape("<sphere/>"), "link 'arm': <sphere> has no 'radius'"),
+        (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
+        (shape('<box size="1 -1 1"/>'), "<box size='1 -1 1'>, expected more than 0"),
+        (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),
+        (shape("<mesh/>"), "link 'arm': <mesh> has no 'filename'"),
+        (no_mesh, "box.stl"),
+        # Which part is the arm, and what is said beside the description.
+        (part(tip="hand"), "has no link 'hand', expected for example robot.tip="),
+        (part(base="hand"), "has no link 'hand', expected for example robot.base="),
+        (part(base="right_upper", tip="left_lower"), "'left_lower' does not hang on link 'right_upper'"),
+        (part(base="nail", tip="nail"), "no joints that move behind 'nail' before 'nail'"),
+        (part(base="tip"), "no joints that move behind 'tip'"),
+        (part(locked={"right_elbo": 0.0}), "no joint 'right_elbo' … for example right_elbow"),
+        (part(locked={"waist": 7.0}), "at 7, outside its range -1.5 to 2; … 'robot.locked={waist: 2}'"),
+        (stated(position=DEGREES), RADIANS),
+        (stated(velocity={"elbow": 1.0}), "no joint 'elbow' of robot.limits.velocity"),
+        (stated(position={"first": (1.0, 0.0)}), "limits.position is 1 to 0, expected lower < upper"),
+        (lambda at: at.load(one_joint(), Setup(limits_file="gone")), "there is no file robot.limits_file="),
+        (in_file("[1"), "is no YAML"),
+        (in_file("{}"), "has no joint_limits"),
+        (in_file("elbow: {max_velocity: 1}"), "limits elbow, of which … has none"),
+        (in_file("turn: {max_velocity: 0}"), "joint 'turn': max_velocity is 0, expected one above 0"),
+        (in_file("turn: {max_velocity: fast}"), "max_velocity is 'fast', expected a number"),
+        (in_file("turn: {min_position: 1, max_position: -1}"), "expected lower < upper"),
+        (pose("stow"), "has no pose 'stow'; expected robot.home=ready"),
+        (pose("half"), "pose 'half' leaves out second; expected robot.home=ready"),
+        (pose("ready", "gone.srdf"), "there is no file robot.srdf="),
+        (lambda at: at.load(one_joint(), Setup(home="ready")), "add robot.srdf="),
+        (lambda at: room.with_effort(at.planar, 0.0), "expected a share above 0 and up to 1"),
+        (lambda at: room.with_effort(at.planar, 1.1), "expected a share above 0 and up to 1"),
+        (lambda at: room.with_effort(at.planar, float("nan")), "expected a share above 0 and up to 1"),
+        # Links that cannot exist.
+        (body(0.0, *ROD[1:]), "link 'joint2': its mass is 0 kg"),
+        (body(-1.0, *ROD[1:]), "link 'joint2': its mass is -1 kg"),
+        (body(2.0, 0.0, 0.0, 1.0, *ROD[4:]), "joint2 … centre of mass (0, 0, 0.5) m is too far out"),
+        (body(*ROD[:4], -0.1, *ROD[5:]), "about the centre of mass, expected more than 0"),
+        (body(1, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.3), "the largest exceeds the sum of the others"),
+        (body(float("nan"), *ROD[1:]), "not finite"),
+        (lambda at: room.require_consistent(at.load(one_joint(NO_MASS))), "link 'arm': its mass is 0 kg"),
+        (written(write_urdf, "out.urdf", -1.0), "link 'upper_arm': its mass is -3 kg"),
+        (written(write_mjcf, "out.xml", -1.0), "not physically consistent"),
+        (written(write_mjcf, "out.xml", 1e-20), "MuJoCo refuses planar2"),
+        # Descriptions that changed since they were read.
+        (rewritten(two_joints()), "no longer the description of small"),
+        (rewritten(ELSEWHERE), "does not read as small: another translation"),
+        (rewritten(UTF_16, "utf-16"), "save it as UTF-8"),
+        (gone, "has no URDF to start from"),
+    ],
+    ShapeError: [
+        (misshapen((10,)), "expected (2, 10)"),
+        (misshapen((2, 9)), "expected (2, 10)"),
+        (misshapen((1, 2, 10)), "expected (2, 10)"),
+        (lambda at: write_urdf(at.planar, torch.ones(3, 10), at.folder / "out"), "(3, 10), expected (2, 10)"),
+        (lambda at: Drives(TWO, THREE, TWO), "one number per joint"),
+    ],
+    StorageError: [
+        (written(write_urdf, "file/out.urdf"), "cannot write"),
+        (written(write_mjcf, "file/arm.xml"), "cannot write"),
+    ],
+    ConfigError: [(open_mesh, "three.stl cannot be read: it has no closed surface")],
 }
+CASES = [(error, case, words) for error, cases in REFUSED.items() for case, words in cases]
 
 
-@pytest.mark.parametrize(("text", "message"), REFUSED.values(), ids=REFUSED.keys())
-def test_is_refused(load, capfd, text, message):
-    with pytest.raises(RobotError, match=re.escape(message)) as caught:
-        load(text)
-    assert "robot.urdf" in str(caught.value)
+@pytest.mark.parametrize(("error", "case", "words"), CASES, ids=[words for *_, words in CASES])
+def test_is_refused(
+    error: type[SideganError], case: str | Callable[[At], object], words: str, load, planar, tmp_path, capfd
+) -> None:
+    (tmp_path / "file").touch()
+    pattern = ".*".join(map(re.escape, words.split(" … ")))
+    with pytest.raises(error, match=f"(?s){pattern}") as caught:
+        load(case) if isinstance(case, str) else case(At(load, tmp_path, planar))
+    assert not isinstance(case, str) or "robot.urdf" in str(caught.value)
     assert capfd.readouterr() == ("", "")
+    assert not [*tmp_path.glob("out*")]  # nothing is left behind
 
 
-def test_what_only_pinocchio_refuses_comes_with_its_reason(load, capfd):
-    text = one_joint().replace("<robot ", '<robot version="9.9" ')
-    with pytest.raises(RobotError, match=r"robot\.urdf: Pinocchio refuses it: .*version"):
-        load(text)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_snake_that_ends_where_its_refusal_says_is_an_arm_of_as_many_joints_as_may_be(load, tmp_path):
+def test_a_snake_that_ends_where_its_refusal_says_is_an_arm_of_as_many_joints_as_may_be(load):
     with pytest.raises(RobotError, match=r"at most 32: .* ends the arm there") as caught:
         load(SNAKE)
     tip = re.search(r'robot\.tip="(\w+)"', str(caught.value))[1]
-    assert load_robot(tmp_path / "robot.urdf", Setup(tip=tip)).joints == 32
-
-
-def test_two_arms_on_one_base_are_refused(load):
-    parts = [link("base", ""), joint("left", "base", "a"), link("a"), joint("right", "base", "b"), link("b")]
-    with pytest.raises(
-        RobotError, match="joints 'left' and 'right' both hang on the base, expected one chain"
-    ):
-        load(robot(*parts))
-
-
-def test_an_unknown_name_is_answered_with_the_known_ones():
-    with pytest.raises(RobotError, match="no robot named 'kuka_iiwa', expected kuka_lwr4, planar2 or a URDF"):
-        load_robot("kuka_iiwa")
-
-
-@pytest.mark.parametrize("kind", [str, Path])
-def test_a_missing_file_is_named(tmp_path, kind):
-    with pytest.raises(RobotError, match=r"no URDF file .*gone\.urdf"):
-        load_robot(kind(tmp_path / "gone.urdf"))
-
-
-def test_a_folder_is_refused(tmp_path):
-    with pytest.raises(RobotError, match="is a folder, expected a URDF file"):
-        load_robot(tmp_path)
-
-
-def test_a_name_that_no_file_can_have_is_refused():
-    with pytest.raises(RobotError, match="cannot look for"):
-        load_robot("x" * 5000 + ".urdf")
-
-
-def test_a_file_that_cannot_be_read_is_refused(tmp_path, monkeypatch):
-    file = tmp_path / "robot.urdf"
-    file.write_text(one_joint(limit=LIMIT))
-    monkeypatch.setattr(
-        Path, "read_bytes", lambda _: (_ for _ in ()).throw(PermissionError(13, "Permission denied"))
-    )
-    with pytest.raises(RobotError, match=r"cannot read .*robot\.urdf: Permission denied"):
-        load_robot(file)
-
-
-def test_bytes_that_are_not_text_are_refused(tmp_path):
-    file = tmp_path / "robot.urdf"
-    file.write_bytes(b"\x89PNG\r\n\x1a\n\xff\xfe\x00")
-    with pytest.raises(RobotError, match="is not well-formed XML"):
-        load_robot(file)
+    assert load(SNAKE, Setup(tip=tip)).joints == 32

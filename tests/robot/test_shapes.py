@@ -1,56 +1,46 @@
-"""A capsule never lets the shape it stands for stick out."""
+"""A capsule never lets the shape it stands for stick out; surfaces that are shown are closed."""
 
-import logging
+import math
+from collections import Counter
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+import trimesh
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sidegan.errors import RobotError
 from sidegan.robot.enclosing import around_cylinder, around_points
+from sidegan.robot.meshes import read_mesh
+from sidegan.robot.solids import box, capsule, cylinder
 
-from .urdf import joint, link, one_joint, robot
+from .urdf import ball, collision, corners, joint, link, mesh, one_joint, outside, robot
 
 sizes = st.floats(1e-3, 10.0)
+ROD = '<cylinder radius="0.1" length="0.6"/>'
+BOX = collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"')
 
 
-def beyond(points, ends, radius):
-    """How far the outermost of the points (N, 3) is outside the capsule [m]."""
-    along = ends[1] - ends[0]
-    share = np.clip((points - ends[0]) @ along / max(along @ along, 1e-300), 0.0, 1.0)
-    return (np.linalg.norm(points - ends[0] - np.outer(share, along), axis=1) - radius).max()
+def beyond(points, arm):
+    """How far points (N, 3) are outside of all capsules of an arm's only link [m]."""
+    shapes = zip(arm.capsules.a.numpy(), arm.capsules.b.numpy(), arm.capsules.radius.tolist())
+    return np.min([outside(points, *one) for one in shapes], axis=0).max()
 
 
-def collision(shape: str, origin: str = 'xyz="0 0 0"', name: str = "") -> str:
-    return f"<collision{name}><origin {origin}/><geometry>{shape}</geometry></collision>"
-
-
-def corners(x, y, z):
-    return np.array(np.meshgrid([-x / 2, x / 2], [-y / 2, y / 2], [-z / 2, z / 2])).reshape(3, 8).T
-
-
-def ends_of(arm, i=0):
-    return np.stack([arm.capsules.a[i], arm.capsules.b[i]])
-
-
-@settings(deadline=None)
 @given(sizes, sizes)
 def test_holds_a_cylinder(radius, half_length):
     ends, wide = around_cylinder(radius, half_length)
     angle = np.linspace(0, 2 * np.pi, 30)
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(30, half_length)], 1)
-    assert beyond(np.concatenate([rim, rim * [1, 1, -1]]), ends, wide) <= 1e-12 * wide
+    assert outside(np.concatenate([rim, rim * [1, 1, -1]]), *ends, wide).max() <= 1e-12 * wide
     assert wide <= np.hypot(radius, half_length) * (1 + 1e-12)  # never worse than a sphere
 
 
-@settings(deadline=None)
 @given(arrays(np.float64, st.tuples(st.integers(1, 30), st.just(3)), elements=st.floats(-5, 5)))
 def test_holds_any_points(points):
     ends, radius = around_points(points)
-    assert beyond(points, ends, radius) <= 1e-9
+    assert outside(points, *ends, radius).max() <= 1e-9
 
 
 def test_is_tight_around_a_rod_that_lies_askew():
@@ -62,158 +52,114 @@ def test_is_tight_around_a_rod_that_lies_askew():
     assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(2.0, abs=0.03)
 
 
-def test_a_sphere_is_a_capsule_without_length(load):
-    arm = load(one_joint(collision=collision('<sphere radius="0.2"/>', 'xyz="1 2 3"')))
-    assert arm.capsules.a.tolist() == arm.capsules.b.tolist() == [[1, 2, 3]]
-    assert arm.capsules.radius.tolist() == [0.2]
-    assert arm.capsules.names == ("arm",)
-
-
-MARKED = collision(
-    '<cylinder radius="0.1" length="0.6"/>', 'xyz="0 0 1" rpy="0 1.5707963267948966 0"', ' name="c"'
-)
+MARKED = collision(ROD, 'xyz="0 0 1" rpy="0 1.5707963267948966 0"', ' name="c"')
+CHECKED = '<collision_checking><{} name="c"/></collision_checking>'
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "ends", "radius"),
     [
-        MARKED + '<collision_checking><capsule name="c"/></collision_checking>',
-        MARKED.replace("cylinder", "capsule"),
+        (ball(0.2, "1 2 3"), [[1, 2, 3]] * 2, 0.2),
+        (MARKED + CHECKED.format("capsule"), [[-0.3, 0, 1], [0.3, 0, 1]], 0.1),
+        (MARKED.replace("cylinder", "capsule"), [[-0.3, 0, 1], [0.3, 0, 1]], 0.1),
     ],
 )
-def test_both_ways_to_write_a_capsule(load, words):
-    arm = load(one_joint(collision=words))
-    np.testing.assert_allclose(ends_of(arm), [[-0.3, 0, 1], [0.3, 0, 1]], atol=1e-15)
-    assert arm.capsules.radius.tolist() == [0.1]
+def test_spheres_and_both_ways_to_write_a_capsule_are_exact(load, words, ends, radius):
+    capsules = load(one_joint(collision=words)).capsules
+    np.testing.assert_allclose(torch.cat([capsules.a, capsules.b]), ends, atol=1e-15)
+    assert capsules.radius.tolist() == [radius] and capsules.names == ("arm",)
 
 
-def test_a_plain_cylinder_has_flat_ends_inside_the_capsule(load):
-    arm = load(one_joint(collision=collision('<cylinder radius="0.1" length="0.6"/>', 'xyz="0 0 1"')))
+def test_boxes_and_cylinders_are_inside_of_their_capsules(load):
     rim = np.array([[0.1, 0, 1.3], [0, 0.1, 1.3], [0.1, 0, 0.7], [-0.1, 0, 0.7]])
-    assert beyond(rim, ends_of(arm), arm.capsules.radius.item()) <= 1e-12
-
-
-def test_a_box_is_inside_its_capsule(load):
-    arm = load(one_joint(collision=collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"')))
-    box = corners(0.1, 0.2, 0.7) + np.array([1, 0, 0])
-    assert beyond(box, ends_of(arm), arm.capsules.radius.item()) <= 1e-12
+    assert beyond(rim, load(one_joint(collision=collision(ROD, 'xyz="0 0 1"')))) <= 1e-12
+    arm = load(one_joint(collision=BOX))
+    assert beyond(corners(0.1, 0.2, 0.7) + np.array([1, 0, 0]), arm) <= 1e-12
     assert arm.capsules.radius.item() < np.linalg.norm([0.1, 0.2, 0.7]) / 2
 
 
-def test_several_shapes_of_a_link_have_names_of_their_own(load):
-    arm = load(one_joint(collision=collision('<sphere radius="0.2"/>') * 2))
-    assert arm.capsules.names == ("arm_0", "arm_1")
-
-
-def test_shapes_behind_fixed_joints_move_with_the_link_that_carries_them(load):
-    ball = collision('<sphere radius="0.1"/>')
-    arm = load(
-        robot(
-            link("base", ball),
-            joint("mount", "base", "pillar", "fixed", 'xyz="0 0 2"'),
-            link("pillar", ball),
-            joint("turn", "pillar", "arm"),
-            link("arm"),
-            joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"'),
-            link("tool", ball),
-        )
-    )
-    where = dict(zip(arm.capsules.names, zip(arm.capsules.link.tolist(), arm.capsules.a.tolist())))
-    assert where == {"base": (-1, [0, 0, 0]), "pillar": (-1, [0, 0, 2]), "tool": (0, [0, 0, 0.5])}
-
-
 def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
-    both = collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"') + collision(
-        '<cylinder radius="0.1" length="0.6"/>'
-    )
-    pieces = load(one_joint(collision=both + collision('<sphere radius="0.2"/>'))).capsules.pieces
+    arm = load(one_joint(collision=BOX + collision(ROD) + ball(0.2)))
+    pieces = arm.capsules.pieces
     box, cylinder, sphere = pieces.corners.split(pieces.start.diff().tolist())
-    np.testing.assert_allclose(
-        np.unique(box, axis=0), np.unique(corners(0.1, 0.2, 0.7) + np.array([1, 0, 0]), axis=0)
-    )
+    expected = corners(0.1, 0.2, 0.7) + np.array([1, 0, 0])
+    np.testing.assert_allclose(np.unique(box, axis=0), np.unique(expected, axis=0))
     assert cylinder[:, 2].abs().tolist() == pytest.approx([0.3] * len(cylinder))
     assert 0.1 < cylinder[:, :2].norm(dim=1).max() < 0.1002  # a prism around it
     assert pieces.exact.tolist() == [False, False, True] and pieces.radius.tolist() == [0, 0, 0.2]
     assert sphere.tolist() == [[0, 0, 0]] * 2 and not pieces.fitted.any()
+    assert arm.capsules.names == ("arm_0", "arm_1", "arm_2")
+    assert load(one_joint()).capsules.a.shape == (0, 3)
 
 
-def test_an_arm_without_shapes_has_no_capsules(load):
-    arm = load(one_joint())
-    assert arm.capsules.a.shape == arm.capsules.b.shape == (0, 3)
-    assert arm.capsules.link.dtype == torch.long
-
-
-def stl(points) -> str:
-    """An STL of triangles that together touch every point."""
-    triangles = [
-        (points[i], points[(i + 1) % len(points)], points[(i + 2) % len(points)]) for i in range(len(points))
-    ]
-    facets = "".join(
-        "facet normal 0 0 1\nouter loop\n"
-        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in triangle)
-        + "endloop\nendfacet\n"
-        for triangle in triangles
+def test_shapes_behind_fixed_joints_move_with_the_link_that_carries_them(load):
+    ball_ = ball(0.1)
+    pillar = (
+        link("base", ball_),
+        joint("mount", "base", "pillar", "fixed", 'xyz="0 0 2"'),
+        link("pillar", ball_),
     )
-    return f"solid box\n{facets}endsolid box\n"
+    tool = joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"') + link("tool", ball_)
+    capsules = load(robot(*pillar, joint("turn", "pillar", "arm"), link("arm"), tool)).capsules
+    where = dict(zip(capsules.names, zip(capsules.link.tolist(), capsules.a.tolist())))
+    assert where == {"base": (-1, [0, 0, 0]), "pillar": (-1, [0, 0, 2]), "tool": (0, [0, 0, 0.5])}
 
 
 class TestMeshes:
     @pytest.fixture
-    def mesh(self, tmp_path):
+    def file(self, tmp_path):
         """A box of 100 x 200 x 700 mm, in millimetres, in a package beside the URDF."""
         file = tmp_path / "arm_description" / "meshes" / "box.stl"
         file.parent.mkdir(parents=True)
-        file.write_text(stl(corners(100, 200, 700)))
+        trimesh.creation.box((100, 200, 700)).export(file)
         return file
 
     @staticmethod
-    def text(filename) -> str:
-        return one_joint(collision=collision(f'<mesh filename="{filename}" scale="0.001 0.001 0.001"/>'))
+    def text(filename):
+        return one_joint(collision=mesh(filename, scale="0.001 0.001 0.001"))
 
-    @pytest.mark.parametrize(
-        "filename",
-        [
-            "arm_description/meshes/box.stl",
-            "package://arm_description/meshes/box.stl",
-            "file://{absolute}",
-            "{absolute}",
-        ],
-    )
-    def test_is_inside_its_capsule(self, load, mesh, filename):
-        arm = load(self.text(filename.format(absolute=mesh)))
-        outside = [
-            [
-                beyond(corner[None], ends_of(arm, k), radius)
-                for k, radius in enumerate(arm.capsules.radius.tolist())
-            ]
-            for corner in corners(0.1, 0.2, 0.7)
-        ]
-        assert np.min(outside, axis=1).max() <= 1e-7  # meshes are read in float32
+    @pytest.mark.parametrize("name", ["", "package://", "file://{}/", "{}/"])
+    def test_is_inside_its_capsule(self, load, file, tmp_path, name):
+        arm = load(self.text(name.format(tmp_path) + "arm_description/meshes/box.stl"))
+        assert beyond(corners(0.1, 0.2, 0.7), arm) <= 1e-7  # meshes are read in float32
         assert arm.capsules.radius.max() < 0.2
         assert set(arm.capsules.names) == set(arm.capsules.owners) == {"arm"}
 
-    def test_that_is_marked_as_convex_is_inside_its_capsule(self, load, mesh):
-        text = self.text(mesh).replace("<collision>", '<collision name="hull">')
-        marked = text.replace(
-            "</collision>", '</collision><collision_checking><convex name="hull"/></collision_checking>'
-        )
+    def test_that_is_marked_as_convex_is_inside_its_capsule(self, load, file):
+        text = self.text(file).replace("<collision>", '<collision name="c">')
+        marked = text.replace("</collision>", "</collision>" + CHECKED.format("convex"))
         assert load(marked).digest == load(text).digest
 
-    @pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
-    def test_is_found_on_the_ros_paths(self, load, mesh, tmp_path, monkeypatch, variable):
-        share = tmp_path / "elsewhere" / "share"
-        share.mkdir(parents=True)
-        mesh.parents[1].rename(share / "arm_description")
-        monkeypatch.setenv(variable, str(share if variable == "ROS_PACKAGE_PATH" else share.parent))
-        assert load(self.text("package://arm_description/meshes/box.stl")).capsules.names
+    def test_that_is_missing_leaves_a_warning_that_names_it_and_the_link(self, load, caplog):
+        assert load(self.text("package://gone/box.stl")).capsules.names == ()
+        assert "mesh files are missing" in caplog.text
+        assert "arm" in caplog.text and "package://gone/box.stl" in caplog.text
 
-    def test_that_is_missing_leaves_a_warning_that_names_the_link(self, load, caplog):
-        with caplog.at_level(logging.WARNING):
-            arm = load(self.text("package://gone/box.stl"))
-        assert arm.capsules.names == ()
-        assert "arm" in caplog.text and "mesh files are missing" in caplog.text
+    def test_of_an_obstacle_has_its_corners_and_volume(self, tmp_path):
+        trimesh.creation.box((0.2, 0.3, 0.5)).export(tmp_path / "box.stl")
+        points, volume = read_mesh(tmp_path / "box.stl")
+        np.testing.assert_allclose(np.abs(points).max(0), [0.1, 0.15, 0.25], atol=1e-7)
+        assert volume == pytest.approx(0.03, rel=1e-6)
+        faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]  # the fewest that close a surface
+        trimesh.Trimesh([[0, 0, 0], *np.eye(3)], faces, process=False).export(tmp_path / "four.stl")
+        assert read_mesh(tmp_path / "four.stl")[1] == pytest.approx(1 / 6, rel=1e-6)
 
-    def test_that_is_no_mesh_is_refused(self, load, mesh):
-        mesh.write_text("no mesh")
-        with pytest.raises(RobotError, match=r"box\.stl"):
-            load(self.text(mesh))
+
+SPHERE = 4 / 3 * math.pi * 0.1**3
+SOLIDS = {
+    "box": (box((0.2, 0.3, 0.4)), 0.024, 1e-12),
+    "cylinder": (cylinder(0.1, 0.5), math.pi * 0.1**2 * 0.5, 0.01),  # its circles have corners
+    "capsule": (capsule(0.1, 0.4), math.pi * 0.1**2 * 0.4 + SPHERE, 0.02),
+    "ball": (capsule(0.1, 0.0), SPHERE, 0.02),
+}
+
+
+@pytest.mark.parametrize(("surface", "volume", "tolerance"), SOLIDS.values(), ids=SOLIDS)
+def test_a_surface_that_is_shown_is_closed_and_holds_the_volume(surface, volume, tolerance):
+    """Each edge belongs to two triangles, which go along it in opposite directions."""
+    vertices, faces = surface
+    assert np.linalg.det(vertices[faces]).sum() / 6 == pytest.approx(volume, rel=tolerance)
+    _, place = np.unique(vertices.round(9), axis=0, return_inverse=True)  # poles are many vertices
+    triangles = [face for face in place[faces].tolist() if len(set(face)) == 3]
+    edges = Counter((face[k - 1], face[k]) for face in triangles for k in range(3))
+    assert set(edges.values()) == {1} and all((b, a) in edges for a, b in edges)

@@ -1,6 +1,5 @@
 """Descriptions that are no URDF: MJCF against MuJoCo, xacro files, arms by name; and where meshes are."""
 
-import re
 import sys
 import xml.etree.ElementTree as ET
 
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from scipy.spatial import ConvexHull
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
@@ -19,7 +17,7 @@ from sidegan.robot.meshes import find_mesh
 from sidegan.robot.mjcf_shapes import GeomWriter
 from sidegan.validity.capsules import capsule_axes, place_points
 
-from .urdf import one_joint
+from .urdf import one_joint, outside
 
 SPEEDS = Limits(velocity={"one": 1.0, "two": 1.0, "slide": 0.1})
 CORNERS = np.array(np.meshgrid([0, 1], [0, 2], [0, 3.0])).reshape(3, 8).T
@@ -52,39 +50,33 @@ MJCF = """<mujoco model="toy">
 </mujoco>"""
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """A cache of fitted shapes that tests share."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture
-def mjcf(tmp_path, monkeypatch):
-    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path / "cache"))
-    lines = ["v " + " ".join(map(str, corner)) for corner in CORNERS]
-    (tmp_path / "box.obj").write_text("\n".join([*lines, *faces()]) + "\n")
-    path = tmp_path / "toy.xml"
-    path.write_text(MJCF)
-    return path
-
-
-def faces():
-    """The faces of the box, outwards."""
-    hull, words = ConvexHull(CORNERS), []
-    for corners, plane in zip(hull.simplices, hull.equations):
-        a, b, c = CORNERS[corners]
-        order = corners if np.dot(np.cross(b - a, c - a), plane[:3]) > 0 else corners[::-1]
-        words.append("f " + " ".join(str(i + 1) for i in order))
-    return words
+def mjcf(tmp_path, cache, monkeypatch):
+    monkeypatch.setenv("SIDEGAN_CACHE", str(cache))
+    trimesh.convex.convex_hull(CORNERS).export(tmp_path / "box.obj")
+    (tmp_path / "toy.xml").write_text(MJCF)
+    return tmp_path / "toy.xml"
 
 
 def vertices(model, data, geom):
     """Vertices of a mesh in the world [m], (V, 3)."""
     first, count = (x[model.geom_dataid[geom]] for x in (model.mesh_vertadr, model.mesh_vertnum))
-    return (
-        model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-    )
+    local = model.mesh_vert[first : first + count]
+    return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
 
 
-def beyond(points, a, b):
-    """Distances [m] of points (N, 3) from a segment."""
-    along = b - a
-    share = np.clip((points - a) @ along / max(along @ along, 1e-12), 0, 1)
-    return np.linalg.norm(points - a - share[:, None] * along, axis=1)
+def assert_same_extent(arm, q, points, link, model, data, geom):
+    """Points of a link's frame reach as far in the world, at positions (J,), as MuJoCo's mesh does [m]."""
+    placed = place_points(arm, torch.from_numpy(q.copy())[:, None], points, [link] * len(points))
+    for end in (np.min, np.max):
+        theirs = end(vertices(model, data, geom), 0)
+        np.testing.assert_allclose(end(placed[:, :, 0].T.numpy(), 0), theirs, atol=1e-6)
 
 
 class TestMjcf:
@@ -110,23 +102,17 @@ class TestMjcf:
         data, q = mujoco.MjData(model), np.array([0.3, -0.4, 0.2])
         data.qpos[:3] = q
         mujoco.mj_kinematics(model, data)
-        positions = torch.from_numpy(q)[:, None]
-        a, b = (x[:, :, 0].T.numpy() for x in capsule_axes(arm, positions))
-        pieces = arm.capsules.pieces
+        a, b = (x[:, :, 0].T.numpy() for x in capsule_axes(arm, torch.from_numpy(q)[:, None]))
+        pieces, radius = arm.capsules.pieces, arm.capsules.radius.tolist()
         fitted = pieces.fitted.numpy()
         assert (~fitted).sum() == 1
         box, bare = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0]
         for geom, owner in ((box, "a"), (bare, "b")):  # of bare there is no file: its hull is made one
             rows = [k for k in np.flatnonzero(fitted) if arm.capsules.owners[k] == owner]
-            outside = [
-                beyond(vertices(model, data, geom), a[k], b[k]) - arm.capsules.radius[k].item() for k in rows
-            ]
-            assert np.min(outside, axis=0).max() <= 1e-6  # the vertices are single precision
+            seen = [outside(vertices(model, data, geom), a[k], b[k], radius[k]) for k in rows]
+            assert np.min(seen, axis=0).max() <= 1e-6  # the vertices are single precision
             corners = torch.cat([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
-            links = [int(arm.capsules.link[rows[0]])] * len(corners)
-            placed = place_points(arm, positions, corners, links)[:, :, 0].T.numpy()
-            for end in (np.min, np.max):
-                np.testing.assert_allclose(end(placed, 0), end(vertices(model, data, geom), 0), atol=1e-6)
+            assert_same_extent(arm, q, corners, int(arm.capsules.link[rows[0]]), model, data, geom)
 
     def test_pictures_show_what_mujoco_shows(self, mjcf):
         text = MJCF.replace('type="sphere" size="0.9"', 'type="sphere" size="0.04" rgba="1 0.5 0 1"')
@@ -137,19 +123,14 @@ class TestMjcf:
         data = mujoco.MjData(model)
         shown = [part for part in visual_parts(arm) if part.link >= 1]
         assert len(shown) == 2
-        ball = next(part for part in shown if part.colour)
-        assert ball.colour == (1.0, 0.5, 0.0)
-        np.testing.assert_allclose(
-            np.linalg.norm(ball.vertices - ball.vertices.mean(0), axis=1), 0.04, rtol=1e-2
-        )
-        bare = next(part for part in shown if not part.colour)
+        ball, bare = sorted(shown, key=lambda part: not part.colour)
+        assert ball.colour == (1.0, 0.5, 0.0) and not bare.colour
+        radii = np.linalg.norm(ball.vertices - ball.vertices.mean(0), axis=1)
+        np.testing.assert_allclose(radii, 0.04, rtol=1e-2)
         mujoco.mj_kinematics(model, data)
         geom = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0][1]
-        home = torch.from_numpy(data.qpos[:3].copy())[:, None]
         points = torch.from_numpy(bare.vertices.copy())
-        placed = place_points(arm, home, points, [bare.link] * len(points))[:, :, 0].T.numpy()
-        for end in (np.min, np.max):
-            np.testing.assert_allclose(end(placed, 0), end(vertices(model, data, geom), 0), atol=1e-6)
+        assert_same_extent(arm, data.qpos[:3], points, bare.link, model, data, geom)
         assert max(abs(part.vertices).max() for part in visual_parts(arm)) < 2  # no floor, nothing hidden
 
     def test_a_dent_of_a_mesh_without_a_file_is_shown_and_collides_as_its_hull(self, mjcf):
@@ -186,11 +167,6 @@ class TestMjcf:
         assert "floor of world" in told
         assert "rotor inertias (armature) are not part" in told
 
-    def test_a_joint_may_limit_its_torque_itself(self, mjcf):
-        mjcf.write_text(MJCF.replace('<joint name="two"', '<joint name="two" actuatorfrcrange="-40 30"'))
-        arm = load_robot(mjcf, Setup(limits=SPEEDS))
-        assert arm.torque_limit.tolist() == [87, 30, np.inf]  # the smaller one of both directions
-
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
     @pytest.mark.parametrize("more", ["", '<motor joint="two" forcerange="-7 5"/>', '<motor joint="two"/>'])
     def test_limits_of_torque_are_what_mujocos_actuators_give(self, mjcf, own, more):
@@ -213,14 +189,8 @@ class TestMjcf:
         path = mjcf.parent / "identified.urdf"
         write_urdf(arm, 1.5 * arm.inertial_parameters, path)
         again = load_robot(path, arm.setup)
-        np.testing.assert_allclose(
-            again.inertial_parameters, 1.5 * arm.inertial_parameters, rtol=0, atol=1e-11
-        )
-
-    def test_what_mujoco_refuses_comes_with_its_reason(self, mjcf):
-        mjcf.write_text(MJCF.replace("box.obj", "gone.obj"))
-        with pytest.raises(RobotError, match=r"toy\.xml: MuJoCo refuses it: .*gone\.obj"):
-            load_robot(mjcf)
+        heavier = 1.5 * arm.inertial_parameters
+        np.testing.assert_allclose(again.inertial_parameters, heavier, rtol=0, atol=1e-11)
 
 
 XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -230,107 +200,95 @@ XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <limit lower="-1" upper="1" velocity="1" effort="1"/></joint><link name="arm"/></robot>"""
 
 
-class TestXacro:
-    def test_is_expanded_with_its_arguments(self, tmp_path):
-        pytest.importorskip("xacrodoc")
-        path = tmp_path / "arm.urdf.xacro"
-        path.write_text(XACRO.format(argument='<xacro:arg name="reach" default="0.5"/>'))
-        assert load_robot(path).translation[0, 2].item() == 1.0
-        assert load_robot(path, Setup(args={"reach": "0.25"})).translation[0, 2].item() == 0.5
+def xacro(argument: str = "", text: str = XACRO):
+    """Loading a xacro file."""
 
-    def test_an_argument_that_is_missing_is_asked_for(self, tmp_path):
-        pytest.importorskip("xacrodoc")
-        path = tmp_path / "arm.urdf.xacro"
-        path.write_text(XACRO.format(argument=""))
-        with pytest.raises(RobotError, match=r"xacro refuses it: .*'robot\.args=\{reach: …\}'"):
-            load_robot(path)
+    def run(folder, **args):
+        (folder / "arm.urdf.xacro").write_text(text.format(argument=argument))
+        return load_robot(folder / "arm.urdf.xacro", Setup(args=args or None))
 
-    def test_a_package_that_is_missing_is_named(self, tmp_path):
-        pytest.importorskip("xacrodoc")
-        path = tmp_path / "arm.urdf.xacro"
-        path.write_text(
-            '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-            '<xacro:include filename="$(find no_such_package)/a.xacro"/></robot>'
-        )
-        with pytest.raises(RobotError, match=r"no package no_such_package; put .* on ROS_PACKAGE_PATH"):
-            load_robot(path)
+    return run
 
-    def test_without_xacrodoc_the_remedy_is_told(self, tmp_path, monkeypatch):
+
+def test_a_xacro_file_is_expanded_with_its_arguments(tmp_path):
+    pytest.importorskip("xacrodoc")
+    run = xacro('<xacro:arg name="reach" default="0.5"/>')
+    assert run(tmp_path).translation[0, 2].item() == 1.0
+    assert run(tmp_path, reach="0.25").translation[0, 2].item() == 0.5
+
+
+@pytest.fixture
+def known(tmp_path, monkeypatch):
+    """A package robot_descriptions with one arm that is there, and one that cannot be fetched."""
+    package = tmp_path / "robot_descriptions"
+    package.mkdir()
+    (tmp_path / "toy.urdf").write_text(one_joint())
+    (package / "__init__.py").touch()
+    (package / "toy_description.py").write_text(f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\n")
+    (package / "far_description.py").write_text("raise ConnectionError('no route to host')\n")
+    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    yield tmp_path
+    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+        del sys.modules[name]
+
+
+def test_a_name_is_looked_up(known):
+    assert load_robot("toy").urdf == load_robot("toy_description").urdf == known / "toy.urdf"
+
+
+def lost_obj(folder):
+    (folder / "toy.xml").write_text(MJCF.replace("box.obj", "gone.obj"))
+    return load_robot(folder / "toy.xml")
+
+
+LOST = XACRO.replace("{argument}", '<xacro:include filename="$(find no_such_package)/a.xacro"/>')
+REFUSED = {
+    "a mesh that is lost": (lost_obj, r"toy\.xml: MuJoCo refuses it: .*gone\.obj"),
+    "no argument": (xacro(), r"xacro refuses it: .*'robot\.args=\{reach: …\}'"),
+    "no package": (xacro(text=LOST), r"no package no_such_package; put .* on ROS_PACKAGE_PATH"),
+    "no xacrodoc": (xacro(), r"pip install 'sidegan\[xacro\]'"),
+    "an unknown name": (lambda _: load_robot("toi"), "named 'toi', expected toy, kuka_lwr4, planar2 or"),
+    "a far name": (lambda _: load_robot("far"), "cannot fetch far_description: no route to host"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_a_source_that_cannot_be_used_is_refused(known, monkeypatch, what):
+    case, words = REFUSED[what]
+    if what == "no xacrodoc":
         monkeypatch.setitem(sys.modules, "xacrodoc", None)
-        path = tmp_path / "arm.xacro"
-        path.write_text(XACRO.format(argument=""))
-        with pytest.raises(RobotError, match=re.escape("pip install 'sidegan[xacro]'")):
-            load_robot(path)
+    elif what in ("no argument", "no package"):
+        pytest.importorskip("xacrodoc")
+    with pytest.raises(RobotError, match=words):
+        case(known)
 
 
-class TestByName:
-    @pytest.fixture
-    def known(self, tmp_path, monkeypatch):
-        """A package robot_descriptions with one arm that is there, and one that cannot be fetched."""
-        package = tmp_path / "robot_descriptions"
-        package.mkdir()
-        (tmp_path / "toy.urdf").write_text(one_joint())
-        (package / "__init__.py").touch()
-        (package / "toy_description.py").write_text(f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\n")
-        (package / "far_description.py").write_text("raise ConnectionError('no route to host')\n")
-        for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
-            monkeypatch.delitem(sys.modules, name)
-        monkeypatch.syspath_prepend(tmp_path)
-        yield tmp_path
-        for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
-            del sys.modules[name]
-
-    def test_a_name_is_looked_up(self, known):
-        assert load_robot("toy").urdf == load_robot("toy_description").urdf == known / "toy.urdf"
-
-    def test_a_name_that_is_not_there_is_refused_with_those_that_are(self, known):
-        with pytest.raises(RobotError, match="no robot named 'toi', expected toy, kuka_lwr4, planar2 or"):
-            load_robot("toi")
-
-    def test_what_cannot_be_fetched_is_told(self, known):
-        with pytest.raises(RobotError, match="cannot fetch far_description: no route to host"):
-            load_robot("far")
+OWN, DEEP = "src/arm/meshes/own.stl", "src/vendor/shapes/meshes/deep.stl"
 
 
-class TestMeshes:
-    @pytest.fixture
-    def folder(self, tmp_path):
-        """An arm's description in a package, and a mesh in another package of the same workspace."""
-        for name in (
-            "ws/src/arm/urdf",
-            "ws/src/arm/meshes",
-            "ws/src/vendor/shapes/meshes",
-            "share/made/meshes",
-        ):
-            (tmp_path / name).mkdir(parents=True)
-        for mesh in ("src/arm/meshes/own.stl", "src/vendor/shapes/meshes/deep.stl"):
-            (tmp_path / "ws" / mesh).touch()
-        (tmp_path / "share/made/meshes/installed.stl").touch()
-        return tmp_path
-
-    @pytest.mark.parametrize(
-        ("name", "found"),
-        [
-            ("package://arm/meshes/own.stl", "ws/src/arm/meshes/own.stl"),
-            ("../meshes/own.stl", "ws/src/arm/meshes/own.stl"),
-            ("meshes/own.stl", "ws/src/arm/meshes/own.stl"),
-            ("package://renamed/meshes/own.stl", "ws/src/arm/meshes/own.stl"),
-            ("model://arm/meshes/own.stl", "ws/src/arm/meshes/own.stl"),
-            ("package://shapes/meshes/deep.stl", "ws/src/vendor/shapes/meshes/deep.stl"),
-            ("package://made/meshes/installed.stl", "share/made/meshes/installed.stl"),
-            ("package://shapes/meshes/gone.stl", None),
-            ("meshes/gone.stl", None),
-            ("package://", None),
-        ],
-    )
-    def test_are_found_as_ros_users_expect(self, folder, monkeypatch, name, found):
-        monkeypatch.setenv("ROS_PACKAGE_PATH", str(folder / "ws/src"))
-        monkeypatch.setenv("AMENT_PREFIX_PATH", str(folder))
-        file = find_mesh(name, folder / "ws/src/arm/urdf/arm.urdf")
-        assert file == (None if found is None else (folder / found).resolve())
-
-    def test_one_that_is_missing_is_named(self, load, caplog):
-        mesh = '<collision><geometry><mesh filename="package://p/gone.stl"/></geometry></collision>'
-        load(one_joint(collision=mesh))
-        assert "package://p/gone.stl" in caplog.text
-        assert "arm" in caplog.text
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("package://arm/meshes/own.stl", "ws/" + OWN),
+        ("../meshes/own.stl", "ws/" + OWN),
+        ("meshes/own.stl", "ws/" + OWN),
+        ("package://renamed/meshes/own.stl", "ws/" + OWN),
+        ("model://arm/meshes/own.stl", "ws/" + OWN),
+        ("package://shapes/meshes/deep.stl", "ws/" + DEEP),
+        ("package://made/meshes/installed.stl", "share/made/meshes/installed.stl"),
+        ("package://shapes/meshes/gone.stl", None),
+        ("meshes/gone.stl", None),
+        ("package://", None),
+    ],
+)
+def test_meshes_are_found_as_ros_users_expect(tmp_path, monkeypatch, name, found):
+    """An arm's description in a package, and meshes in others of the same workspace."""
+    for mesh in ("ws/src/arm/urdf/arm.urdf", "ws/" + OWN, "ws/" + DEEP, "share/made/meshes/installed.stl"):
+        (tmp_path / mesh).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / mesh).touch()
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ws/src"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    file = find_mesh(name, tmp_path / "ws/src/arm/urdf/arm.urdf")
+    assert file == (None if found is None else (tmp_path / found).resolve())

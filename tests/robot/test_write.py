@@ -1,25 +1,46 @@
-"""A written URDF reads as the same arm with the new inertias, and is else the text it was."""
+"""A written description reads as the same arm with the new inertias: for us, Pinocchio, MuJoCo and Pixar."""
 
 import difflib
+import math
 import re
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 import torch
+import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sidegan.errors import RobotError, ShapeError, StorageError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Drives, built_in_robots, load_robot, pinocchio_model, write_urdf
+from sidegan.robot import (
+    Drives,
+    Limits,
+    Setup,
+    built_in_robots,
+    load_robot,
+    pinocchio_model,
+    write_mjcf,
+    write_urdf,
+)
+from sidegan.robot.consistency import about_the_centre
+from sidegan.robot.write_usd import write_usd
 from tests.chains import random_states, real_links
 
-from .urdf import INERTIA, joint, link, one_joint, robot
+from .test_looks import file  # noqa: F401
+from .urdf import INERTIA, joint, link, more, one_joint, robot
 
 
-def assert_same_torques(arm, parameters, path):
-    """The file's torques, by us and by Pinocchio, are those of the arm with these parameters."""
+def drives(joints):
+    """Viscous, Coulomb and rotors that tell the joints apart."""
+    return Drives(*(x + torch.arange(joints, dtype=torch.float64) / 10 for x in (0.5, 1.0, 0.2)))
+
+
+def assert_written(arm, path, seed=0):
+    """The file's torques, by us and by Pinocchio, are those of the arm with other links."""
+    parameters = real_links(arm.joints, seed)
+    write_urdf(arm, parameters, path)
     states = random_states(arm, 50)
     wanted = RigidBody(arm).torque(*states, parameters)
     read = load_robot(path)
@@ -31,113 +52,119 @@ def assert_same_torques(arm, parameters, path):
 
 
 @pytest.mark.parametrize("name", built_in_robots())
-@pytest.mark.parametrize("seed", range(3))
-def test_what_is_written_reads_back_to_the_same_torques(name, seed, tmp_path):
+def test_what_is_written_reads_back_to_the_same_torques_and_only_inertias_change(name, tmp_path):
     arm = load_robot(name)
-    parameters = real_links(arm.joints, seed)
-    write_urdf(arm, parameters, tmp_path / "identified.urdf")
-    assert_same_torques(arm, parameters, tmp_path / "identified.urdf")
-
-
-@pytest.mark.parametrize("name", built_in_robots())
-def test_only_inertias_change(name, tmp_path):
-    arm = load_robot(name)
-    write_urdf(arm, real_links(arm.joints, 0), tmp_path / "identified.urdf")
-    before = arm.urdf.read_text(encoding="utf-8").splitlines()
-    after = (tmp_path / "identified.urdf").read_text(encoding="utf-8").splitlines()
+    for seed in range(3):
+        assert_written(arm, tmp_path / "out.urdf", seed)
+    before, after = (x.read_text(encoding="utf-8").splitlines() for x in (arm.urdf, tmp_path / "out.urdf"))
     changed = [line[2:].strip() for line in difflib.ndiff(before, after) if line[:2] in ("+ ", "- ")]
     tags = {re.split("[ =]", line)[0] for line in changed if line}
     assert tags == {"<mass", "<origin", "<inertia", "iyy"}
-
-
-def test_friction_goes_where_dynamics_are_or_should_be(load, tmp_path):
-    known = joint("j0", "l0", "l1").replace("</joint>", '<dynamics damping="9"/></joint>')
-    arm = load(robot(*(link(f"l{i}", INERTIA) for i in range(3)), known, joint("j1", "l1", "l2")))
-    drives = Drives(*torch.tensor([[0.5, 0.25], [1.5, 2.5], [0.1, 0.1]], dtype=torch.float64))
-    write_urdf(arm, real_links(2, 0), tmp_path / "out.urdf", drives)
-    model = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"))
-    assert model.damping.tolist() == [0.5, 0.25] and model.upperDryFrictionLimit.tolist() == [1.5, 2.5]
-    assert (tmp_path / "out.urdf").read_text().count("<dynamics") == 2
-
-
-def test_friction_below_nothing_is_written_as_none(planar, tmp_path):
-    drives = Drives(*torch.tensor([[-0.5, 0.25], [1.5, -2.5], [0, 0]], dtype=torch.float64))
-    write_urdf(planar, planar.inertial_parameters, tmp_path / "out.urdf", drives)
-    model = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"))
-    assert model.damping.tolist() == [0, 0.25] and model.upperDryFrictionLimit.tolist() == [1.5, 0]
 
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.lists(st.sampled_from(["revolute", "prismatic", "fixed"]), min_size=1, max_size=6), st.data())
 def test_any_chain_with_fixed_joints_and_links_without_inertia(load, tmp_path, kinds, data):
     kinds = [*kinds, "revolute"]
-    bodies = [
-        link(f"l{i}", data.draw(st.sampled_from(["", INERTIA, "<!-- > -->"]))) for i in range(len(kinds) + 1)
-    ]
+    inertias = st.sampled_from(["", INERTIA, "<!-- > -->"])
+    bodies = [link(f"l{i}", data.draw(inertias)) for i in range(len(kinds) + 1)]
     joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}", kind) for i, kind in enumerate(kinds)]
-    arm = load(robot(*bodies, *joints))
-    parameters = real_links(arm.joints, 0)
-    write_urdf(arm, parameters, tmp_path / "out.urdf")
-    assert_same_torques(arm, parameters, tmp_path / "out.urdf")
+    assert_written(load(robot(*bodies, *joints)), tmp_path / "out.urdf")
 
 
 @pytest.mark.parametrize("empty", ['<link name="arm"/>', "<link name='arm' />", '<link name="arm"></link>'])
 def test_a_link_without_content_gets_an_inertia(load, tmp_path, empty):
     text = one_joint(inertial="", name="a>b").replace('<link name="arm"></link>', empty)
-    arm = load(text)
-    write_urdf(arm, real_links(arm.joints, 0), tmp_path / "out.urdf")
-    assert_same_torques(arm, real_links(arm.joints, 0), tmp_path / "out.urdf")
+    assert_written(load(text), tmp_path / "out.urdf")
 
 
 def test_comments_extras_and_another_alphabet_stay(load, tmp_path):
     extra = '<!-- <inertial> größer > kleiner --><gazebo reference="arm"><inertial/></gazebo>'
-    text = '<?xml version="1.0" encoding="utf-8"?>\n<!-- first -->' + one_joint().replace(
-        "</robot>", f"{extra}</robot>"
-    )
-    arm = load(text)
-    write_urdf(arm, real_links(arm.joints, 0), tmp_path / "out.urdf")
+    text = '<?xml version="1.0" encoding="utf-8"?>\n<!-- first -->' + more(one_joint(), extra)
+    assert_written(load(text), tmp_path / "out.urdf")
     written = (tmp_path / "out.urdf").read_text(encoding="utf-8")
     assert extra in written
     assert written.startswith(text[: text.index("<inertial>", text.index('name="arm"'))])
-    assert_same_torques(arm, real_links(arm.joints, 0), tmp_path / "out.urdf")
 
 
-def test_an_inconsistent_link_is_named_and_nothing_is_written(planar, tmp_path):
-    parameters = planar.inertial_parameters.clone()
-    parameters[1, 0] = -1.0
-    with pytest.raises(RobotError, match="link 'forearm': its mass is -1 kg"):
-        write_urdf(planar, parameters, tmp_path / "out.urdf")
-    assert not list(tmp_path.iterdir())
+def test_friction_goes_where_dynamics_are_or_should_be_and_is_never_below_nothing(load, tmp_path):
+    known = joint("j0", "l0", "l1", extra='<dynamics damping="9"/>')
+    arm = load(robot(*(link(f"l{i}", INERTIA) for i in range(3)), known, joint("j1", "l1", "l2")))
+    own = torch.tensor([[0.5, 0.25], [1.5, 2.5], [0.1, 0.1]], dtype=torch.float64)
+    for sign in ([1.0, 1.0], [1.0, -1.0]):
+        write_urdf(arm, real_links(2, 0), tmp_path / "out.urdf", Drives(*(own * own.new_tensor(sign))))
+        model = pin.buildModelFromUrdf(str(tmp_path / "out.urdf"))
+        assert model.damping.tolist() == [0.5, max(0.0, 0.25 * sign[1])]
+        assert model.upperDryFrictionLimit.tolist() == [1.5, max(0.0, 2.5 * sign[1])]
+        assert (tmp_path / "out.urdf").read_text().count("<dynamics") == 2
 
 
-def test_a_source_that_is_gone_or_another_is_refused(load, planar, tmp_path):
-    arm = load(one_joint())
-    arm.urdf.write_text(planar.urdf.read_text(encoding="utf-8"), encoding="utf-8")
-    with pytest.raises(RobotError, match="no longer the description of small"):
-        write_urdf(arm, real_links(1, 0), tmp_path / "out.urdf")
-    arm.urdf.write_text(one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"'), encoding="utf-8")
-    with pytest.raises(RobotError, match="does not read as small: another translation"):
-        write_urdf(arm, real_links(1, 0), tmp_path / "out.urdf")
-    arm.urdf.unlink()
-    with pytest.raises(RobotError, match="has no URDF to start from"):
-        write_urdf(arm, real_links(1, 0), tmp_path / "out.urdf")
-    assert not (tmp_path / "out.urdf").exists()
+@pytest.mark.parametrize("name", built_in_robots())
+def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
+    arm, path = load_robot(name), tmp_path / "arm.xml"
+    links, own = real_links(arm.joints, 0), drives(arm.joints)
+    write_mjcf(arm, links, path, own)
+    states = random_states(arm, 20)
+    _, dq, ddq = states
+    rigid = RigidBody(arm).torque(*states, links)
+    fast = Setup(limits=Limits(velocity=dict.fromkeys(arm.joint_names, 1.0)))  # MJCF has no place for them
+    torch.testing.assert_close(RigidBody(load_robot(path, fast)).torque(*states), rigid, rtol=0, atol=1e-9)
+    model, other = pin.buildModelFromMJCF(str(path)), mujoco.MjModel.from_xml_path(str(path))
+    data, its = model.createData(), mujoco.MjData(other)
+    with_rotors = rigid + own.rotor_inertia * ddq
+    whole = with_rotors + own.viscous * dq + own.coulomb * dq.sign()
+    for k, state in enumerate(zip(*(x.numpy() for x in states))):
+        np.testing.assert_allclose(pin.rnea(model, data, *state), with_rotors[k], rtol=0, atol=1e-9)
+        its.qpos[:], its.qvel[:], its.qacc[:] = state
+        mujoco.mj_inverse(other, its)
+        np.testing.assert_allclose(its.qfrc_inverse, whole[k], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(model.upperPositionLimit, arm.position_upper, rtol=0, atol=1e-12)
+    assert other.ngeom == (arm.capsules.link >= 0).sum()
+    assert [other.joint(i).name for i in range(arm.joints)] == list(arm.joint_names)
 
 
-def test_an_encoding_without_plain_tags_is_refused(load, tmp_path):
-    arm = load(one_joint())
-    text = '<?xml version="1.0" encoding="utf-16"?>' + one_joint()
-    arm.urdf.write_text(text, encoding="utf-16")
-    with pytest.raises(RobotError, match="save it as UTF-8"):
-        write_urdf(arm, real_links(1, 0), tmp_path / "out.urdf")
+class TestUsd:
+    """What Pixar's own library reads in the USD of an arm is the arm."""
 
+    @pytest.fixture(autouse=True)
+    def installed(self):
+        pytest.importorskip("urdf_usd_converter")
 
-def test_parameters_of_another_arm_are_refused(planar, tmp_path):
-    with pytest.raises(ShapeError, match=r"\(3, 10\), expected \(2, 10\)"):
-        write_urdf(planar, torch.ones(3, 10), tmp_path / "out.urdf")
+    def test_links_friction_and_rotors_are_those_of_the_arm(self, arm, tmp_path):
+        from pxr import Gf, Usd, UsdPhysics
 
+        own = drives(7)
+        write_urdf(arm, arm.inertial_parameters, tmp_path / "arm.urdf", own)
+        rotors = dict(zip(arm.joint_names, own.rotor_inertia.tolist()))
+        write_usd(tmp_path / "arm.urdf", arm.urdf, rotors, tmp_path / "arm.usdc")
+        assert {path.name for path in tmp_path.iterdir()} == {"arm.urdf", "arm.usdc"}
+        stage = Usd.Stage.Open(str(tmp_path / "arm.usdc"))
+        prims = {prim.GetName(): prim for prim in stage.Traverse()}
+        centres, inertias = about_the_centre(arm.inertial_parameters)
+        for k, (body, name) in enumerate(zip(arm.link_names, arm.joint_names)):
+            mass = UsdPhysics.MassAPI(prims[body])
+            assert mass.GetMassAttr().Get() == pytest.approx(float(arm.inertial_parameters[k, 0]), rel=1e-6)
+            np.testing.assert_allclose(mass.GetCenterOfMassAttr().Get(), centres[k], atol=1e-6)
+            turn = np.array(Gf.Matrix3d(Gf.Quatd(mass.GetPrincipalAxesAttr().Get()))).T
+            found = turn @ np.diag(mass.GetDiagonalInertiaAttr().Get()) @ turn.T
+            np.testing.assert_allclose(found, inertias[k], atol=1e-5)
+            expected = {
+                "damping": float(own.viscous[k]) * math.pi / 180,  # N·m·s per degree
+                "friction": float(own.coulomb[k]),
+                "armature": float(own.rotor_inertia[k]),
+            }
+            for kind, value in expected.items():
+                assert prims[name].GetAttribute(f"newton:{kind}").Get() == pytest.approx(value, rel=1e-6)
 
-def test_a_folder_that_cannot_be_made_is_told(planar, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError, match="cannot write"):
-        write_urdf(planar, planar.inertial_parameters, tmp_path / "file" / "out.urdf")
+    def test_meshes_are_in_the_file_and_lost_ones_are_left_out(self, file, tmp_path):  # noqa: F811
+        from pxr import Usd, UsdGeom
+
+        (tmp_path / "else").mkdir()
+        copied = tmp_path / "else" / "copied.urdf"
+        copied.write_text(file.read_text())
+        trimesh.creation.box((1, 2, 3)).export(tmp_path / "plate.stl")  # of scale 0.1 in the description
+        write_usd(copied, file, {}, tmp_path / "two.usda")
+        stage = Usd.Stage.Open(str(tmp_path / "two.usda"))
+        (mesh,) = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+        bounds = UsdGeom.BBoxCache(0, ["default", "render"]).ComputeLocalBound(mesh.GetPrim())
+        np.testing.assert_allclose(bounds.ComputeAlignedRange().GetSize(), [0.1, 0.2, 0.3], atol=1e-6)

@@ -1,7 +1,9 @@
-"""Small URDFs for tests, written from their parts."""
+"""Small descriptions for tests, written from their parts, and meshes for them."""
+
+import numpy as np
 
 INERTIA = """<inertial><origin xyz="0.01 -0.02 0.1" rpy="0.1 0.2 0.3"/><mass value="1.5"/>
-  <inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="0" izz="0.01"/></inertial>"""
+  <inertia ixx="0.025" ixy="0.001" ixz="0" iyy="0.03" iyz="0" izz="0.01"/></inertial>"""
 LIMIT = '<limit lower="-1.5" upper="2" velocity="2.5" effort="40"/>'
 
 
@@ -29,17 +31,42 @@ def robot(*parts: str, name: str = "small") -> str:
     return f'<robot name="{name}">{"".join(parts)}</robot>'
 
 
+def more(text: str, *parts: str) -> str:
+    """A robot's text with more parts."""
+    return text.replace("</robot>", "".join(parts) + "</robot>")
+
+
 def one_joint(inertial: str = INERTIA, collision: str = "", name: str = "small", **options: str) -> str:
     """A base and one link on a joint `turn`."""
-    return robot(
-        link("base", ""),
-        joint("turn", "base", "arm", **options),
-        link("arm", inertial + collision),
-        name=name,
-    )
+    arm = link("arm", inertial + collision)
+    return robot(link("base", ""), joint("turn", "base", "arm", **options), arm, name=name)
 
 
 def two_joints(**options: str) -> str:
     """Joints `first` and `second` in a chain; the options are the second's."""
     second = joint("second", "lower", "upper", **options)
     return robot(link("base", ""), joint("first", "base", "lower"), link("lower"), second, link("upper"))
+
+
+def collision(shape: str, origin: str = 'xyz="0 0 0"', name: str = "") -> str:
+    return f"<collision{name}><origin {origin}/><geometry>{shape}</geometry></collision>"
+
+
+def mesh(file: object, origin: str = 'xyz="0 0 0"', scale: str = "1 1 1") -> str:
+    return collision(f'<mesh filename="{file}" scale="{scale}"/>', origin)
+
+
+def ball(radius: float, place: str = "0 0 0") -> str:
+    return collision(f'<sphere radius="{radius}"/>', f'xyz="{place}"')
+
+
+def corners(x: float, y: float, z: float) -> np.ndarray:
+    """Corners of a box around the origin [m], (8, 3)."""
+    return np.array(np.meshgrid([-x / 2, x / 2], [-y / 2, y / 2], [-z / 2, z / 2])).reshape(3, 8).T
+
+
+def outside(points: np.ndarray, a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
+    """How far points (N, 3) are outside of a capsule [m], (N,); negative inside."""
+    along = b - a
+    share = np.clip((points - a) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+    return np.linalg.norm(points - a - np.outer(share, along), axis=1) - radius
