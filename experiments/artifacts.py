@@ -47,7 +47,7 @@ class Artifacts:
         density: samples of kernel density estimates, a row for each bandwidth.
         seeds: report of the seed set, with what it took.
         random: report of the random valid trajectories.
-        surrogates: report of the surrogates that the eigen variant learns from.
+        surrogates: report of the surrogates that variants learn from.
         speed: measured speed of the first training of the eigen variant, and the machine.
 
     Raises:
@@ -61,9 +61,7 @@ class Artifacts:
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
     random = cached_property(lambda self: self.report(random_set(self.task)))
-    surrogates = cached_property(
-        lambda self: self.report(surrogates(self.task, self.cfg.gan["eigen"].surrogates.predictor))
-    )
+    surrogates = cached_property(lambda self: self.report(surrogates(self.task, "broad")))
     speed = cached_property(lambda self: self.costs(timing(self.task, "eigen")))
 
     @property
@@ -208,7 +206,7 @@ class Group:
         return pd.Series({condition: float(part.seeds[key]) for condition, part in self.parts.items()})
 
     def predictor(self, key: str) -> pd.Series:
-        """A number of the surrogates that the eigen variant learns from, by condition."""
+        """A number of the surrogates that variants learn from, by condition."""
         return pd.Series({condition: float(part.surrogates[key]) for condition, part in self.parts.items()})
 
 

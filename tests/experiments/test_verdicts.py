@@ -22,9 +22,9 @@ from experiments.verdicts import (
 )
 
 
-def effect(mean, spread=0.1, columns=("a", "b"), trainings=5, repeats=1, seed=0):
+def effect(mean, spread=0.1, sets=("a", "b"), trainings=5, repeats=1, seed=0):
     index = pd.MultiIndex.from_product(
-        [columns, range(trainings), range(repeats)], names=["column", "training", "repeat"]
+        [sets, range(trainings), range(repeats)], names=["seed_set", "training", "repeat"]
     )
     values = mean + spread * np.random.default_rng(seed).standard_normal(len(index))
     series = pd.Series(values, index)
@@ -47,20 +47,20 @@ def test_noise_draws_and_trainings_both_widen_an_interval():
 
 def test_intervals_cover_the_truth_as_often_as_they_say():
     hits = 0
-    for seed in range(400):
+    for seed in range(200):
         rng = np.random.default_rng(seed)
         index = pd.MultiIndex.from_product([range(5), range(10)], names=["training", "repeat"])
         training, draw = rng.standard_normal(5)[:, None], rng.standard_normal(10)[None]
         values = pd.Series((training + draw + rng.standard_normal((5, 10))).ravel(), index)
         low, _, high = interval(values)
         hits += low < 0 < high
-    assert hits >= 0.94 * 400
+    assert hits >= 0.94 * 200
 
 
 def test_a_verdict_needs_the_whole_interval_and_every_seed_set():
     assert above(effect(1.0)) == HOLDS and above(effect(-1.0)) == NOT
     assert below(effect(-1.0)) == HOLDS and above(effect(0.0)) == UNDECIDED
-    assert above(effect(1.0, trainings=1, columns=("a",))) == UNDECIDED  # one training says nothing
+    assert above(effect(1.0, trainings=1, sets=("a",))) == UNDECIDED  # one training says nothing
     torn = pd.concat([effect(3.0, 0.1, ("a",), 8), effect(-0.2, 0.1, ("b",), 2)])
     assert interval(torn).low > 0 and above(torn) == UNDECIDED
 
@@ -75,7 +75,7 @@ def test_what_lies_about_a_bound_is_not_decided():
 
 def test_what_is_not_detectably_smaller_needs_more_than_one_training():
     assert not_below(effect(0.0)) == HOLDS and not_below(effect(-1.0)) == NOT
-    assert not_below(effect(0.0, trainings=1, columns=("a",))) == UNDECIDED
+    assert not_below(effect(0.0, trainings=1, sets=("a",))) == UNDECIDED
 
 
 @pytest.mark.parametrize("values", [(1.0, 1.0, 0.97), (0.0, 0.02, 0.3), (1.0, 1.0, 1.0)])
@@ -102,14 +102,14 @@ def test_log_odds_of_none_and_of_all_are_those_of_half_a_draw():
 
 def test_intervals_of_shares_cover_the_truth_as_often_as_they_say():
     hits, rng = 0, np.random.default_rng(0)
-    for _ in range(400):
+    for _ in range(200):
         odds = 2.0 + rng.standard_normal(6)  # of each training
         share = pd.Series(
             rng.binomial(1000, 1 / (1 + np.exp(-odds))) / 1000, pd.Index(range(6), name="training")
         )
         low, _, high = interval(log_odds(share, 1000)).share()
         hits += low < 1 / (1 + np.exp(-2.0)) < high
-    assert hits >= 0.92 * 400
+    assert hits >= 0.92 * 200
 
 
 def test_a_verdict_says_where_the_valid_alone_would_give_another():

@@ -1,0 +1,168 @@
+"""The paper's tables and the tables of sweeps, of frames made by hand."""
+
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from experiments import exp1, exp2, training
+from sidegan.pipeline.sweep import RESULTS
+from sidegan.pipeline.tracking import Tracker
+from tests.tiny import tiny
+
+SETS = ("eigen", "long-6", "seeds")
+
+
+def results(nmse, repeats=2, weighted=(False, True), sets=SETS):
+    """An nMSE whose mean over joints is ``nmse(set, repeat)``, four times that when weighted."""
+    rows = [
+        (name, repeat, w, joint, nmse(name, repeat) * (4 if w else 1) * factor)
+        for name in sets
+        for repeat in range(repeats)
+        for w in weighted
+        for joint, factor in (("shoulder", 0.5), ("elbow", 1.5))
+    ]
+    return pd.DataFrame(rows, columns=["set", "repeat", "weighted", "joint", "nmse"]).assign(training=0)
+
+
+def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
+    base = {"eigen": 1.0, "long-6": 3.0, "seeds": 2.0}
+    raw = results(lambda name, repeat: base[name] + 2 * repeat)
+    table = exp1.table1(raw, raw.assign(nmse=raw.nmse * 10), ["repeat"])
+    assert list(table.columns) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
+    assert table.loc[exp1.SIMULATOR].tolist() == ["4 ± 1.4", "3 ± 1.4", "2 ± 1.4"]
+    assert table.loc[exp1.WEIGHTED].tolist() == ["16 ± 5.7", "12 ± 5.7", "8 ± 5.7"]
+    assert table.loc[exp1.PLANT].tolist() == ["40 ± 14", "30 ± 14", "20 ± 14"]
+    assert table.loc["Paper, simulator"].tolist() == ["0.2248 ± 0.056", "0.0063 ± 0.002", "0.0028 ± 0.001"]
+    assert table.loc["Paper, real robot"].tolist() == ["8.509 ± 9.906", "0.0239 ± 0.017", "0.0210 ± 0.016"]
+
+
+def test_expected_errors_stand_below_those_of_some_draws():
+    raw = results(lambda name, repeat: 1.0 + repeat)
+    sure = results(lambda name, repeat: 7.0, repeats=1).drop(columns="repeat")
+    both = pd.concat([sure, sure.assign(training=1, nmse=3 * sure.nmse)])
+    table = exp1.table1(raw, raw, ["training", "repeat"], both)
+    assert list(table.index)[:4] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.EXPECTED, exp1.EXPECTED_WEIGHTED]
+    assert table.loc[exp1.EXPECTED].tolist() == ["14 ± 9.9"] * 3
+    assert exp1.EXPECTED not in exp1.table1(raw, raw, ["training", "repeat"], both.iloc[:0]).index
+
+
+def test_what_was_not_identified_with_weights_shows_no_number():
+    raw = results(lambda name, repeat: 1.0, weighted=(False,))
+    table = exp1.table1(raw, raw, ["repeat"])
+    assert table.loc[exp1.SIMULATOR].tolist() == ["1 ± 0"] * 3
+    assert table.loc[exp1.WEIGHTED].tolist() == ["—"] * 3
+
+
+@pytest.fixture
+def whole():
+    """Errors of experiment 2, and norms in proportion to samples."""
+    base = {"seeds ×1": 4.0, "seeds ×4": 2.0, "seeds ×10": 1.0, "eigen": 1.0}
+    errors = results(lambda name, repeat: base[name], repeats=1, sets=tuple(base))
+    elbow = (errors["set"] == "eigen") & (errors.joint == "elbow")
+    samples = {"seeds ×1": 100, "seeds ×4": 400, "seeds ×10": 1000, "eigen": 250}
+    facts = pd.DataFrame(samples.items(), columns=["set", "samples"]).assign(training=0, repeat=0)
+    return SimpleNamespace(
+        whole_errors=errors.assign(nmse=errors.nmse.where(~elbow, 0.5 * errors.nmse)),
+        whole_facts=facts.assign(covariance_norm=2 / facts.samples),
+        cfg=tiny("gan=eigen", experiment="exp2"),
+    )
+
+
+def test_table_2_is_one_minus_the_ratio_of_errors_joint_by_joint(whole):
+    plain = whole.whole_errors[~whole.whole_errors.weighted]
+    gain = exp2.improvement(plain, "eigen", "seeds ×1").set_index("joint").improvement
+    assert gain.to_dict() == {"shoulder": 75.0, "elbow": 87.5}
+    table = exp2.table2(plain, whole.cfg)
+    assert table.loc["seeds + eigen", ["×1", "×4", "×10"]].tolist() == ["81.2 ± 8.8", "62 ± 18", "25 ± 35"]
+    assert table.loc["seeds + eigen", "×1, paper"] == "51 ± 27"
+    assert list(exp2.tables2(whole.whole_errors, whole.cfg)) == ["table2", "table2_weighted"]
+
+
+def test_table_3_is_the_norm_and_what_it_would_be_of_one_sample(whole):
+    table = exp2.table3(whole.whole_facts)
+    assert table["‖diag P‖"].tolist() == ["0.02", "0.005", "0.002", "0.008"]
+    assert table["samples"].tolist() == ["100", "400", "1000", "250"]
+    assert table["‖diag P‖ × samples"].tolist() == ["2"] * 4
+    assert table.loc["seeds + eigen", "paper"] == "1.89143"
+
+
+def test_epochs_to_reliability():
+    shares = {
+        ("eigen", 0): (0.1, 0.85, 0.7),
+        ("eigen", 1): (0.9, 0.2, 0.95),
+        ("diagonal", 0): (0.9, 0.9, 0.9),
+        ("diagonal", 1): (0.8, 0.1, 0.9),
+        ("vanilla", 0): (0.1, None, 0.1),
+    }
+    rows = [
+        {"variant": name, "training": k, "epoch": epoch, "success": share}
+        for (name, k), run in shares.items()
+        for epoch, share in enumerate(run, 1)
+    ]
+    table = training.speed(pd.DataFrame(rows))
+    assert table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never"
+    assert table.loc["diagonal", "first epoch"] == "1 (2 ×)"
+    assert table.loc["eigen", "best"] == "0.9 ± 0.071"
+
+
+@pytest.fixture
+def artifacts():
+    facts = {"covariance_norm": 2.0, "condition": 50.0, "duration": 16.0, "samples": 321}
+    row = {"success": 0.5, "condition": 9.0, "condition_valid": 8.0, "distance": 1.0, "nearest": 0.5}
+    row |= {"rank": 4.0, "distance_diagonal": 2.0}
+    rows = [{"name": "seeds", "valid": 1.0, **row}, {"name": "eigen", "valid_share": 0.6, **row}]
+    return SimpleNamespace(
+        errors=results(lambda name, repeat: 1.0 + repeat).assign(seed=5, **facts),
+        plant=results(lambda name, repeat: 2.0).assign(seed=5),
+        expected=results(lambda name, repeat: 1.4, repeats=1).drop(columns="repeat"),
+        few_seeds={"valid": 1.0, **row},
+        histories=pd.DataFrame([{"variant": "eigen", "training": 0, "epoch": n, **row} for n in (1, 2)]),
+        generators=pd.DataFrame(rows),
+        cfg=tiny("seed=5"),
+    )
+
+
+def test_a_run_leaves_the_mean_errors_of_every_set_for_the_table_of_a_sweep(artifacts):
+    table = exp1.summary(artifacts)
+    assert list(table.index) == ["long-6", "seeds", "eigen"]
+    expected = {"nMSE": 1.5, "nMSE, weighted": 6.0, "nMSE, expected": 1.4, "nMSE, expected, weighted": 5.6}
+    expected |= {"nMSE, MuJoCo plants": 2.0, "nMSE, MuJoCo plants, weighted": 8.0}
+    assert table.loc["eigen"].to_dict() == pytest.approx(expected)
+
+
+def test_and_improvements_and_norms_and_what_generators_are_worth(whole, artifacts):
+    table = exp2.summary(whole)
+    assert table.loc["eigen"].tolist() == pytest.approx([0.625, 81.25, 62.5, 25.0, 0.008])
+    assert table.loc["seeds ×4", "nMSE"] == 2.0 and table.loc["seeds ×4"].isna().sum() == 3
+    generators = pd.concat([artifacts.generators, artifacts.generators.assign(success=0.7, condition=11.0)])
+    assert training.summary(generators).loc["eigen"].tolist() == pytest.approx([0.6, 10.0, 1.0, 4.0])
+
+
+def test_everything_is_printed_written_and_recorded(artifacts, tmp_path, capsys):
+    recorded = set()
+
+    class Recorder(Tracker):
+        def __init__(self):
+            pass
+
+        def log_table(self, table, name):
+            recorded.add(name)
+
+        def log_note(self, text):
+            assert text.startswith("**") and "| ---" in text
+
+        def log_artifact(self, path, folder=None):
+            assert path.is_file()
+            recorded.add(path.name)
+
+    exp1.present(artifacts, tmp_path, Recorder())
+    names = {"table1", "joints", "sets", "generators"}
+    written = {f"{name}{end}" for name in names for end in (".csv", ".md")}
+    made = {path.name for path in tmp_path.iterdir()}
+    assert written | {exp1.RAW, exp1.RAW_PLANT, RESULTS} <= made
+    assert names | written <= recorded
+    assert {name.partition(".")[0] for name in made - written} >= {"training", "nmse"}
+    out = capsys.readouterr().out
+    assert all(text in out for text in ("Table I", "seed 5", "1.5 ± 0.71", exp1.EXPECTED, "0.2248 ± 0.056"))
+    assert set(pd.read_parquet(tmp_path / exp1.RAW).seed) == {5}
