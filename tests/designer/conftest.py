@@ -1,62 +1,99 @@
+"""Workspaces with what may move there, by name, and designers for them."""
+
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
+import torch
 import yaml
 
 import sidegan
 from sidegan.base.typed import build
-from sidegan.designer import Designer, DesignerSettings, Situation, make_starts
+from sidegan.design.problem import Problem
+from sidegan.designer import Designer, DesignerSettings, Situation
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from tests.chains import random_chain
+from tests.validity.critical import limited
+from tests.validity.test_pieces import filled
 
-CONF = Path(sidegan.__file__).parents[1] / "conf" / "designer" / "default.yaml"
-DESK = Plane((0, 0, 1), 0.1)
-BOX = Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7))
+CONF = Path(sidegan.__file__).parents[1] / "conf" / "experiment" / "excite.yaml"
+DESK, BALL = Plane((0, 0, 1), 0.1), Sphere((0.4, 0.2, 0.5), 0.15)
+BOX, BEHIND = Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)), Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))
+BODY, POLE = (
+    Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1),
+    Convex.between((0.5, -0.5, 0.1), (0.5, -0.5, 0.8), 0.05),
+)
 WALLS = (Plane((1, 0, 0), -0.8), Plane((-1, 0, 0), -0.8), Plane((0, 1, 0), -0.8))
 HOME = (0.1, 0.2, -0.1, 0.5, 0.2, 0.1, 0.0)
-SITUATIONS = {
-    "nothing": Situation(),
-    "home": Situation(HOME),
-    "floor": Situation(regions=[Plane((0.0, 0.1, 1.0), 0.15)]),
-    "walls": Situation(regions=WALLS, period=12.0),
-    "box": Situation(HOME, regions=[BOX], velocity=0.8),
-    "boxes and walls": Situation(
-        HOME, [BOX, *WALLS, Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))], 0.7, 0.8, 20.0
-    ),
-    "clearance": Situation(regions=[BOX], clearance=0.02),
+
+
+def slow(arm, velocity=0.8, torque=1.0):
+    """An arm that uses a share of its limits."""
+    return replace(arm, velocity_limit=velocity * arm.velocity_limit, torque_limit=torque * arm.torque_limit)
+
+
+def full(arm):
+    """An arm with something inside of its capsules, which are much too large."""
+    capsules = filled(arm, 3).capsules
+    pieces = replace(capsules.pieces, exact=torch.zeros_like(capsules.pieces.exact))
+    return replace(arm, capsules=replace(capsules, radius=1.4 * capsules.radius, pieces=pieces))
+
+
+def _lwr(period=16.0, home=HOME):
+    return Trajectory(7, 6, period, home)
+
+
+CASES = {  # of the LWR
+    "desk": lambda arm: (Constraints(arm, [DESK]), Trajectory(7)),
+    "no torque": lambda arm: (Constraints(slow(arm), [DESK], torque=False), _lwr(14.0)),
+    "tilted floor": lambda arm: (Constraints(arm, [Plane((0.0, 0.1, 1.0), 0.15)]), Trajectory(7)),
+    "box": lambda arm: (Constraints(slow(arm), [DESK, BOX]), _lwr()),
+    "walls": lambda arm: (Constraints(arm, [DESK, *WALLS]), _lwr(12.0, None)),
+    "all": lambda arm: (Constraints(slow(arm, 0.7, 0.8), [DESK, BOX, *WALLS, BEHIND]), _lwr(20.0)),
+    "bodies": lambda arm: (Constraints(arm, [DESK, BOX, BALL, BODY, POLE], clearance=0.02), _lwr()),
+    "acceleration": lambda arm: (Constraints(limited(arm, ["acceleration"], 0.1), [DESK, BOX]), _lwr(5.0)),
+    "jerk": lambda arm: (Constraints(limited(arm, ["jerk"], 0.1), [DESK, BOX]), _lwr(5.0)),
+    "both": lambda arm: (Constraints(limited(arm, ["acceleration", "jerk"], 0.1), [DESK, BOX]), _lwr()),
 }
+HIGHER = ("acceleration", "jerk", "both")
 
 
 @pytest.fixture(scope="session")
 def settings():
-    values = yaml.safe_load(CONF.read_text(encoding="utf-8"))
-    values["library"] = {"count": 4, "steps": 60, "homes": 0.3, "rooms": 0.5}
-    return build(DesignerSettings, values)
+    return build(DesignerSettings, yaml.safe_load(CONF.read_text(encoding="utf-8"))["designer"])
 
 
 @pytest.fixture(scope="session")
-def workspace(arm):
-    return Constraints(arm, [DESK]), Trajectory(7)
+def designer_of(arm, settings):
+    """The designer for a case."""
+    return cache(lambda name: Designer(*CASES[name](arm), settings))
 
 
 @pytest.fixture(scope="session")
-def starts(workspace, settings):
-    return make_starts(*workspace, settings, np.random.SeedSequence(0))
+def designer(designer_of):
+    return designer_of("desk")
 
 
 @pytest.fixture(scope="session")
-def designer(workspace, settings, starts):
-    return Designer(*workspace, settings, starts)
+def problem_of(arm):
+    """The problem of a case."""
+    return cache(lambda name: Problem(*CASES[name](arm), samples=40))
 
 
-@pytest.fixture(params=SITUATIONS)
-def situation(request):
-    return SITUATIONS[request.param]
+@pytest.fixture(scope="session")
+def planar_case(planar):
+    return Constraints(planar, [Plane((0, 0, 1), 0.1), Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0)
 
 
-@pytest.fixture
-def plain(monkeypatch, planar, settings):
-    """A designer without compiled kernels, of the planar arm."""
-    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
-    return Designer(Constraints(planar, [Plane((0, 0, 1), 0.1)]), Trajectory(2, 3, 8.0), settings)
+def sliding(joints, seed):
+    """A random arm of which some joints slide."""
+    arm = random_chain(joints, seed)[0]
+    assert arm.prismatic.any() and not arm.prismatic.all()
+    constraints = Constraints(arm, [Plane((0, 0, 1), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4))])
+    return constraints, Trajectory(joints, 3, 8.0)
+
+
+def scene_of(numbers):
+    return numbers.scene(Situation())

@@ -7,17 +7,15 @@ import pytest
 import torch
 
 from sidegan.design.information import information_of
-from sidegan.designer import Aim, Designer, Situation
+from sidegan.designer import Aim, Designer
 from sidegan.designer.descent import Penalties
 from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
 from sidegan.identification.model import Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Box, Constraints, Plane
-from tests.chains import random_chain
-from tests.validity.critical import limited
+from sidegan.validity import Constraints
 
-from .conftest import BOX, SITUATIONS, WALLS
+from .conftest import CASES, HIGHER, scene_of, sliding
 
 pytest.importorskip("numba")
 
@@ -45,7 +43,9 @@ def compiled_of(numbers, settings):
     return CompiledDescents(numbers, settings)
 
 
-def point(numbers, scene, seed, use=1.2):
+def point(numbers, seed, use=1.2):
+    """Natural coordinates of which each joint uses a share of its limits."""
+    scene = scene_of(numbers)
     x = np.random.default_rng(seed).standard_normal(scene.size.shape)
     c = (x * scene.size) @ numbers.turn.T
     return x * (use / numbers.use(scene, c))[:, None]
@@ -100,24 +100,8 @@ def assert_gradient(descent, x, tolerance=1e-4):
         )
 
 
-@pytest.mark.parametrize("name", SITUATIONS)
-def test_the_gradient_is_that_of_finite_differences_in_every_situation(designer, name):
-    scene = designer.numbers.scene(SITUATIONS[name])
-    descent = designer.descents.descent(scene, Aim(), PENALTIES)
-    x = point(designer.numbers, scene, 0)
-    assert descent.evaluate(x, np.zeros_like(x))[1] > 0  # something is violated
-    assert_gradient(descent, x)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_gradient_is_that_of_finite_differences_for_every_aim(designer, name):
-    scene = designer.numbers.scene(SITUATIONS["box"])
-    descent = designer.descents.descent(scene, aims(designer.numbers)[name], PENALTIES)
-    assert_gradient(descent, point(designer.numbers, scene, 2))
-
-
-def assert_plain_torch_agrees(numbers, settings, scene, x, aim):
-    gradients, values = [np.zeros_like(x), np.zeros_like(x)], []
+def assert_plain_torch_agrees(numbers, settings, x, aim):
+    scene, gradients, values = scene_of(numbers), [np.zeros_like(x), np.zeros_like(x)], []
     engines = compiled_of(numbers, settings), PlainDescents(numbers, settings)
     for descents, gradient in zip(engines, gradients):
         values.append(descents.descent(scene, aim, PENALTIES).evaluate(x, gradient))
@@ -126,62 +110,59 @@ def assert_plain_torch_agrees(numbers, settings, scene, x, aim):
     np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-5, atol=1e-6 * scale)
 
 
-@pytest.mark.parametrize("regions", [(), (BOX,), WALLS, (BOX, *WALLS)], ids=["none", "box", "walls", "all"])
-def test_plain_torch_gives_the_same_value_and_gradient(designer, settings, regions):
-    scene = designer.numbers.scene(Situation(regions=regions, velocity=0.8, torque=0.6, period=14.0))
-    x = point(designer.numbers, scene, 3)
-    for aim in aims(designer.numbers).values():
-        assert_plain_torch_agrees(designer.numbers, settings, scene, x, aim)
-
-
-@pytest.mark.parametrize("names", [["acceleration"], ["jerk"], ["acceleration", "jerk"]])
-def test_limits_of_accelerations_and_jerks_cost(arm, settings, names):
-    numbers = ArmNumbers(Constraints(limited(arm, names, 0.1)), Trajectory(7))
-    scene = numbers.scene(Situation(period=14.0))
-    x = point(numbers, scene, 4)
-    assert_plain_torch_agrees(numbers, settings, scene, x, Aim())
-    descent = compiled_of(numbers, settings).descent(scene, Aim(), PENALTIES)
+@pytest.mark.parametrize(
+    ("case", "name"), [*((case, "condition") for case in CASES), *(("all", name) for name in NAMES)]
+)
+def test_the_gradient_is_that_of_finite_differences_and_of_plain_torch(designer_of, settings, case, name):
+    numbers = designer_of(case).numbers
+    aim, x = aims(numbers)[name], point(numbers, seed=2)
+    descent = compiled_of(numbers, settings).descent(scene_of(numbers), aim, PENALTIES)
+    assert descent.evaluate(x, np.zeros_like(x))[1] > 0  # something is violated
     assert_gradient(descent, x)
-    free = ArmNumbers(Constraints(arm), Trajectory(7))
-    unlimited = compiled_of(free, settings).descent(free.scene(Situation(period=14.0)), Aim(), PENALTIES)
-    assert descent.evaluate(x, np.zeros_like(x))[1] > unlimited.evaluate(x, np.zeros_like(x))[1]
+    assert_plain_torch_agrees(numbers, settings, x, aim)
 
 
-def test_an_arm_of_two_joints_and_few_parameters(planar, settings):
-    numbers = ArmNumbers(Constraints(planar, [Plane((0, 0, 1), 0.1)]), Trajectory(2, 3, 8.0))
-    scene = numbers.scene(Situation(regions=[Box((0.4, -1, 0), (1, 1, 1))]))
-    for aim in aims(numbers).values():
-        assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 4, use=0.8), aim)
+@pytest.mark.parametrize("case", HIGHER)
+def test_limits_of_accelerations_and_jerks_cost(designer_of, settings, case):
+    numbers = designer_of(case).numbers
+    constraints, family, x = numbers.constraints, numbers.trajectory, point(numbers, seed=4)
+    arm = replace(constraints.arm, acceleration_limit=None, jerk_limit=None)
+    free = ArmNumbers(Constraints(arm, constraints.regions), family)
+    costs = [
+        compiled_of(one, settings).descent(scene_of(one), Aim(), PENALTIES).evaluate(x, np.zeros_like(x))[1]
+        for one in (numbers, free)
+    ]
+    assert costs[0] > costs[1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_arm_of_two_joints_and_few_parameters(planar_case, settings, name):
+    numbers = ArmNumbers(*planar_case)
+    assert_plain_torch_agrees(numbers, settings, point(numbers, seed=4, use=0.8), aims(numbers)[name])
 
 
 @pytest.mark.parametrize("chain", [(3, 0), (4, 2)], ids=["five parameters", "many parameters"])
 def test_sliding_joints_are_no_exception(settings, chain):
     """Nor is an arm with no more parameters than the condition number looks at eigenvalues."""
-    arm = random_chain(*chain)[0]
-    assert arm.prismatic.any() and not arm.prismatic.all()
-    constraints = Constraints(arm, [Plane((0, 0, 1), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4))])
-    numbers = ArmNumbers(constraints, Trajectory(arm.joints, 3, 8.0, [0.0] * arm.joints))
-    scene = numbers.scene(Situation())
-    assert_plain_torch_agrees(numbers, settings, scene, point(numbers, scene, 6), Aim())
+    numbers = ArmNumbers(*sliding(*chain))
+    assert_plain_torch_agrees(numbers, settings, point(numbers, seed=6), Aim())
 
 
-def test_an_arm_at_rest_that_feels_no_torque_tells_nothing(planar, settings):
+@pytest.mark.parametrize("kind", ["condition", "diagonal"])
+def test_an_arm_at_rest_that_feels_no_torque_tells_nothing(planar, settings, kind):
     """Without gravity: its Gram matrix is zero, all of whose elements are equal."""
-    arm = replace(planar, gravity=0 * planar.gravity)
-    numbers = ArmNumbers(Constraints(arm), Trajectory(2, 3, 8.0))
-    scene = numbers.scene(Situation())
-    for aim in (Aim(), Aim("diagonal")):
-        gradient = np.ones_like(scene.size)
-        descent = compiled_of(numbers, settings).descent(scene, aim, PENALTIES)
-        assert descent.evaluate(np.zeros_like(scene.size), gradient) == (np.inf, 0.0)
-        assert not gradient.any()
+    numbers = ArmNumbers(Constraints(replace(planar, gravity=0 * planar.gravity)), Trajectory(2, 3, 8.0))
+    scene = scene_of(numbers)
+    gradient = np.ones_like(scene.size)
+    descent = compiled_of(numbers, settings).descent(scene, Aim(kind), PENALTIES)
+    assert descent.evaluate(np.zeros_like(scene.size), gradient) == (np.inf, 0.0)
+    assert not gradient.any()
 
 
 @pytest.mark.parametrize("kind", ["determinant", "variance"])
-def test_an_aim_with_a_model_is_what_its_own_regressor_gives(designer, settings, kind):
-    numbers = designer.numbers
-    scene = numbers.scene(Situation(period=14.0))
-    x = point(numbers, scene, 5, use=0.7)
+def test_an_aim_with_a_model_is_what_its_own_regressor_gives(designer_of, settings, kind):
+    numbers = designer_of("no torque").numbers
+    scene, x = scene_of(numbers), point(numbers, seed=5, use=0.7)
     aim = aims(numbers)["determinant with friction" if kind == "determinant" else "variance of tasks"]
     descent = compiled_of(numbers, settings).descent(scene, aim, Penalties(0.0, 0.0, 0.0, 0.0))
     goal, _ = descent.evaluate(x, np.zeros_like(x))
@@ -199,14 +180,14 @@ def test_an_aim_with_a_model_is_what_its_own_regressor_gives(designer, settings,
     assert goal == pytest.approx(-np.linalg.slogdet(whole)[1] - 2 * basis, abs=1e-6)
 
 
-def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(workspace, settings):
+def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(arm, settings):
     """σ on tasks of the whole model: what is designed for it beats what is designed for rigid bodies.
 
     From several starts, since a single search may end in a worse place than its neighbour.
     """
     ratios = []
     for seed in range(12):
-        designer, found = Designer(*workspace, settings, seed=seed), {}
+        designer, found = Designer(*CASES["desk"](arm), settings, seed=seed), {}
         wanted = aims(designer.numbers)["variance of tasks"]
         rigid = Aim("determinant", noise=wanted.noise)
         for name, aim in {"whole": wanted, "rigid": rigid}.items():
