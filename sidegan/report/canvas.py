@@ -20,9 +20,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from sidegan.base.names import plain
 from sidegan.base.storage import replacing
 
+Place = Literal["outside lower center", "outside upper left"]
 _METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # none of it
-_ROOM = 1.2  # at most, of the size that it is drawn for
-_VECTORS = {
+_LEAST, _MOST = 0.7, 1.2  # width in a page over that for which it is drawn
+_VECTORS: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.sans-serif": ["DejaVu Sans"],  # that comes with matplotlib: its widths are alike everywhere
     "text.parse_math": False,  # a dollar in somebody's name is a dollar
@@ -70,7 +71,7 @@ def logarithmic(axis: Axes) -> None:
     axis.yaxis.set_minor_formatter(NullFormatter())
 
 
-def legend(figure: Figure, handles: Mapping[str, Any], place: str = "lower center") -> None:
+def legend(figure: Figure, handles: Mapping[str, Any], place: Place = "outside lower center") -> None:
     """One legend outside of all panels; none for a single unnamed line."""
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
@@ -78,7 +79,7 @@ def legend(figure: Figure, handles: Mapping[str, Any], place: str = "lower cente
         figure.legend(
             list(handles.values()),
             list(handles),
-            loc=f"outside {place}",
+            loc=place,
             ncols=columns,
             fontsize=9,
             frameon=False,
@@ -112,5 +113,7 @@ def svg(figure: Figure, name: str, label: str) -> str:
     drawn = re.sub(r'<g id="[^"]*"', "<g", text.getvalue().partition("<defs>")[2])
     drawn = re.sub(r' (d|x|y)="[^"]*"', lambda numbers: re.sub(r"(\.\d\d)\d+|\n", r"\1", numbers[0]), drawn)
     width, height = figure.get_size_inches()
-    box = f'viewBox="0 0 {72 * width:g} {72 * height:g}" style="max-width: {_ROOM * width:g}in"'
-    return f'<svg id="{name}" role="img" aria-label="{escape(label)}" {box}><defs>{drawn}'
+    box = f"0 0 {72 * width:g} {72 * height:g}"
+    style = f"min-width: {_LEAST * width:g}in; max-width: {_MOST * width:g}in"
+    head = f'id="{name}" role="img" aria-label="{escape(label)}" viewBox="{box}" style="{style}"'
+    return f"<svg {head}><defs>{drawn}"

@@ -115,7 +115,7 @@ def generators(frame: pd.DataFrame) -> pd.DataFrame:
         condition_valid=frame.get("condition_valid", frame.condition).fillna(frame.condition),
     )
     cells = {
-        name: {label: spread_or_dash(part[key]) for key, label in NAMES.items() if key in part}
+        str(name): {label: spread_or_dash(part[key]) for key, label in NAMES.items() if key in part}
         for name, part in rows.drop(columns="success", errors="ignore").groupby("name", sort=False)
     }
     return pd.DataFrame.from_dict(cells, orient="index").loc[ordered(cells)].rename_axis("generator")

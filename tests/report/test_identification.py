@@ -65,7 +65,8 @@ def test_words_from_outside_run_nothing(report):
     hostile = replace(
         report,
         **dict.fromkeys(("title", "verdict", "advice", "settings", "command"), HOSTILE),
-        **dict.fromkeys(("reasons", "recommendations"), [HOSTILE]),
+        reasons=[HOSTILE],
+        recommendations=[HOSTILE],
         facts={HOSTILE: HOSTILE},
         joint_names=(HOSTILE, "$elbow"),
         findings=[Finding("error", HOSTILE, HOSTILE)],

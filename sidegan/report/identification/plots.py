@@ -68,8 +68,10 @@ def errors(report: Report) -> Figure:
         axis.bar(places, values[:, k] - low, width, bottom=low, color=ROLES[role], label=role)
     axis.set(xlim=(-0.5, len(names) - 0.5), ylim=(low, max(high, 10 * low)))
     canvas.logarithmic(axis)
-    slanted = {"rotation": -25, "ha": "left", "rotation_mode": "anchor"}
-    axis.set_xticks(range(len(names)), names, **(slanted if len("".join(names)) > _LONG else {}))
+    axis.set_xticks(range(len(names)), names)
+    if len("".join(names)) > _LONG:
+        for label in axis.get_xticklabels():
+            label.set(rotation=-25, ha="left", rotation_mode="anchor")
     axis.set_ylabel("nMSE")
     _style(axis)
     return _with_legend(figure, axis)
@@ -135,7 +137,8 @@ def correlations(report: Report) -> Figure:
         correlation_of(np.asarray(report.covariance)), "RdBu_r", vmin=-1, vmax=1, interpolation="none"
     )
     bar = figure.colorbar(shown, ax=axis, aspect=40, pad=0.02)
-    bar.solids.set_rasterized(True)
+    for shades in bar.ax.collections:
+        shades.set_rasterized(True)  # 256 of them
     bar.outline.set_visible(False)
     bar.locator = MaxNLocator(4)
     bar.ax.tick_params(labelsize=9, labelcolor=_INK, color=_LINE)
@@ -194,5 +197,5 @@ def _style(axis: Axes) -> None:
 def _with_legend(figure: Figure, axis: Axes) -> Figure:
     """The figure with the names of what is drawn on one of its axes above all."""
     handles, labels = axis.get_legend_handles_labels()
-    canvas.legend(figure, dict(zip(labels, handles)), "upper left")
+    canvas.legend(figure, dict(zip(labels, handles)), "outside upper left")
     return figure
