@@ -53,17 +53,6 @@ def test_derivatives_are_those_of_the_path(desk):
         assert (drawn - getattr(course, above)[1:-1]).abs().max() < 0.01 * drawn.abs().max()
 
 
-def test_a_way_that_is_not_free_says_what_to_do(desk):
-    with pytest.raises(InfeasibleError, match="bring the arm closer to home"):
-        approach(desk, [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0] * 7, 0.5)
-
-
-def test_an_arm_that_cannot_hold_itself_has_no_way(planar):
-    weak = Constraints(replace(planar, torque_limit=0.01 * planar.torque_limit))
-    with pytest.raises(InfeasibleError, match="torque of shoulder"):
-        approach(weak, [0.0, 0.0], [0.9, 0.9], 0.5)
-
-
 BULGE = [-1.2, 0.0], [1.9, 0.0]  # ends of a way through the horizontal, where gravity pulls most
 
 
@@ -82,7 +71,22 @@ def test_what_holds_the_arm_between_the_ends_is_no_reason_to_refuse(planar, shar
     assert_within_torques(constraints, course, use)
 
 
-def test_a_joint_that_can_only_just_hold_the_arm_is_named_with_its_share(planar):
-    around = [math.pi / 2 - 1, 0.0], [math.pi / 2 + 1, 0.0]
-    with pytest.raises(InfeasibleError, match=r"shoulder needs 99\.9% of its limit.*robot\.effort"):
-        approach(holding(planar, 0.9992), *around, 0.2)
+AROUND = [math.pi / 2 - 1, 0.0], [math.pi / 2 + 1, 0.0]
+FOLDED = [0.0, 2.0, *[0.0] * 5], [0.0] * 7
+
+
+def weak(planar):
+    return Constraints(replace(planar, torque_limit=0.01 * planar.torque_limit))
+
+
+@pytest.mark.parametrize(
+    ("words", "make", "ends"),
+    [
+        ("bring the arm closer to home", None, FOLDED),
+        ("torque of shoulder", weak, ([0.0, 0.0], [0.9, 0.9])),
+        (r"shoulder needs 99\.9% of its limit.*robot\.effort", lambda arm: holding(arm, 0.9992), AROUND),
+    ],
+)
+def test_what_cannot_be_driven_is_refused(planar, desk, words, make, ends):
+    with pytest.raises(InfeasibleError, match=words):
+        approach(make(planar) if make else desk, *ends, 0.2)

@@ -1,18 +1,14 @@
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
-import yaml
 
-from sidegan.base.typed import build
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.plant import PlantSettings
 from sidegan.robot import Arm
 from tests.chains import random_chain, real_links
-
-CONF = Path(__file__).parents[2] / "conf" / "plant"
+from tests.settings import settings
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +24,7 @@ def chain() -> Callable[..., Arm]:
 @pytest.fixture(scope="session")
 def standard() -> PlantSettings:
     """The settings in conf/plant/mujoco.yaml."""
-    return build(PlantSettings, yaml.safe_load((CONF / "mujoco.yaml").read_text(encoding="utf-8")))
+    return settings(PlantSettings, "plant/mujoco")
 
 
 @pytest.fixture(scope="session")

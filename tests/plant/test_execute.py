@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import InfeasibleError, RobotError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
 from sidegan.plant import IDEAL, Plant
@@ -68,16 +67,13 @@ def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
         torch.testing.assert_close(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
 
 
-def test_a_known_arm_is_tracked_to_a_tenth_of_a_milliradian(arm, motions):
-    motion = motions(arm, period=16.0)
-    executed = Plant(arm, IDEAL).execute(motion, 0)
-    assert (executed.position - motion.position[0]).abs().max() < 1e-4
-
-
-def test_the_standard_plant_has_a_tracking_error(arm, motions, standard):
-    motion = motions(arm, period=16.0)
-    error = (Plant(arm, standard).execute(motion, 0).position - motion.position[0]).abs()
-    assert 1e-4 < rms(error) < 1e-2
+def test_a_known_arm_is_tracked_and_the_standard_plant_is_not_quite(arm, motions, standard):
+    motion = motions(arm, period=8.0)
+    known, usual = (
+        (Plant(arm, settings).execute(motion, 0).position - motion.position[0]).abs()
+        for settings in (IDEAL, standard)
+    )
+    assert known.max() < 1e-4 < rms(usual) < 1e-2
 
 
 def test_a_controller_that_knows_less_tracks_worse(arm, motions):
@@ -98,11 +94,6 @@ def test_motions_are_executed_one_after_another(planar, motions, standard):
     torch.testing.assert_close(executed.time.diff(), torch.full((6000,), 1e-3, dtype=torch.float64))
     for mine, theirs in zip(executed, once):
         assert torch.equal(mine, theirs)
-
-
-def test_another_rate(planar, motions):
-    executed = Plant(planar, replace(IDEAL, rate=500.0)).execute(motions(planar, rate=500.0), 0)
-    assert executed.time.diff().max() == pytest.approx(2e-3)
 
 
 class TestSensors:
@@ -131,42 +122,3 @@ class TestSensors:
         one, same, other = (plant.execute(motion, seed).torque for seed in (1, 1, 2))
         assert torch.equal(one, same)
         assert not torch.equal(one, other)
-
-
-class TestRefused:
-    def test_a_drive_that_is_too_weak(self, planar, motions):
-        weak = replace(planar, torque_limit=torch.tensor([200.0, 1.0], dtype=torch.float64))
-        with pytest.raises(
-            InfeasibleError,
-            match=r"joint 'elbow' does not follow: after 0\.\d+ s .* 0.1 rad .* limit of 1 N·m",
-        ):
-            Plant(weak, IDEAL).execute(motions(planar), 0)
-
-    def test_a_servo_that_is_too_slow(self, planar, motions):
-        settings = replace(IDEAL, bandwidth=[0.2], feed_forward=0.0, tolerance=0.01)
-        with pytest.raises(InfeasibleError, match=r"more than 0.01 rad off its reference$"):
-            Plant(planar, settings).execute(motions(planar), 0)
-
-    def test_a_servo_that_is_faster_than_its_rate(self, planar, motions):
-        with pytest.raises(InfeasibleError, match="does not follow"):
-            Plant(planar, replace(IDEAL, bandwidth=[800.0], damping_ratio=[0.05])).execute(motions(planar), 0)
-
-    def test_an_arm_that_cannot_exist(self, planar):
-        parameters = planar.inertial_parameters.clone()
-        parameters[0, 4:] *= 0.1
-        with pytest.raises(RobotError, match=r"link 'upper_arm': .* too far out for its inertia"):
-            Plant(replace(planar, inertial_parameters=parameters), IDEAL)
-
-    def test_a_motion_at_another_rate(self, planar, motions):
-        with pytest.raises(ShapeError, match=r"0\.01 s, expected 0\.001 s: the plant runs at 1000 Hz"):
-            Plant(planar, IDEAL).execute(motions(planar, rate=100.0), 0)
-
-    def test_a_motion_of_another_arm(self, arm, planar, motions):
-        with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
-            Plant(arm, IDEAL).execute(motions(planar), 0)
-
-    def test_a_motion_that_is_not_finite(self, planar, motions):
-        motion = motions(planar)
-        motion.velocity[0, 5, 1] = torch.nan
-        with pytest.raises(ShapeError, match="velocity of the motion is not finite"):
-            Plant(planar, IDEAL).execute(motion, 0)

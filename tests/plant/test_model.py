@@ -8,9 +8,8 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.plant import IDEAL, Plant, mujoco_model
+from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import built_in_robots, load_robot, pinocchio_model
 from tests.chains import random_states
 
@@ -38,7 +37,7 @@ def test_inverse_dynamics_are_pinocchios(name):
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3, 6, 9])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_inverse_dynamics_of_any_chain_are_ours(chain, joints, seed):
     arm = chain(joints, seed)
     states = random_states(arm, 50, seed)
@@ -52,25 +51,3 @@ def test_rotors_and_viscous_friction_add_to_the_rigid_body(planar):
     torques = inverse_dynamics(mujoco_model(planar, settings), q, dq, ddq)
     added = dq * torch.tensor([2.0, 3.0]) + ddq * torch.tensor([0.5, 0.25])
     torch.testing.assert_close(torques, RigidBody(planar).torque(q, dq, ddq) + added, rtol=0, atol=1e-9)
-
-
-def test_every_link_that_cannot_exist_is_named(arm):
-    parameters = arm.inertial_parameters.clone()
-    parameters[[1, 4], 0] = torch.tensor([0.0, -1.0], dtype=torch.float64)
-    wrong = replace(arm, inertial_parameters=parameters)
-    with pytest.raises(
-        RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -1 kg"
-    ):
-        mujoco_model(wrong)
-
-
-def test_what_mujoco_refuses_is_told(planar):
-    speck = replace(planar, inertial_parameters=planar.inertial_parameters * 1e-17)
-    with pytest.raises(RobotError, match="MuJoCo refuses planar2"):
-        mujoco_model(speck)
-
-
-@pytest.mark.parametrize("name", ["viscous", "coulomb", "rotor_inertia", "bandwidth", "torque_bias"])
-def test_settings_of_another_number_of_joints_are_refused(planar, name):
-    with pytest.raises(ConfigError, match=rf"plant.{name} has 3 values, expected 2 \(one per joint\) or one"):
-        Plant(planar, replace(IDEAL, **{name: [0.1, 0.1, 0.1]}))

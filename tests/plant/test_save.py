@@ -3,7 +3,6 @@
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, StorageError
 from sidegan.plant import Plant, save_recording
 from tests.recording.conftest import load_recording, of_file
 
@@ -22,15 +21,3 @@ def test_every_number_comes_back_through_the_door_of_recordings(executed, planar
     assert read.acceleration is None
     for name, values in executed._asdict().items():
         assert torch.equal(getattr(read, name), values), name
-
-
-def test_a_kind_of_file_that_is_not_known_is_refused(executed, tmp_path):
-    with pytest.raises(ConfigError, match=r"ends in '.xlsx', expected .csv or .parquet"):
-        save_recording(executed, ("a", "b"), tmp_path / "recording.xlsx")
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_that_cannot_be_made_is_told(executed, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError, match="cannot write"):
-        save_recording(executed, ("a", "b"), tmp_path / "file" / "recording.csv")

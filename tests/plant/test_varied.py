@@ -1,20 +1,22 @@
 """Randomised plants: MuJoCo moves them, each misfit is a switch, and one seed gives one plant."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
-import yaml
+from omegaconf import OmegaConf
 
 from sidegan.base.typed import build
-from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.compiled import compiled
 from sidegan.motion.dynamics import RigidBody
-from sidegan.pipeline.run import CONF
+from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.friction import FrictionSettings, Law
+from sidegan.plant.recorded import Sensors, recorded
 from sidegan.plant.varied import VariedPlant, VariedSettings, _later, torque_scale
 from sidegan.robot import load_robot
+from tests.settings import CONF
 
 OFF = {"stribeck": 0.0, "load": 0.0, "asymmetry": 0.0, "position": 0.0, "ripple": 0.0}
 SEED = 3
@@ -22,8 +24,8 @@ SEED = 3
 
 @pytest.fixture(scope="module")
 def settings():
-    values = yaml.safe_load((CONF / "varied" / "default.yaml").read_text(encoding="utf-8"))["plant"]
-    return build(VariedSettings, values)
+    values = OmegaConf.load(CONF / "base" / "sets.yaml").plants.plant
+    return build(VariedSettings, OmegaConf.to_container(values, resolve=True))
 
 
 @pytest.fixture(scope="module")
@@ -34,21 +36,8 @@ def plain(settings):
 
 
 @pytest.fixture(scope="module")
-def motion(planar, motions_at):
-    return motions_at(planar)
-
-
-@pytest.fixture(scope="module")
-def motions_at():
-    from sidegan.motion.trajectory import Trajectory
-
-    def make(arm, rate=500.0):
-        family = Trajectory(arm.joints, 3, 4.0)
-        random = torch.Generator().manual_seed(0)
-        c = 0.1 * torch.randn(3, arm.joints, 3, 2, generator=random, dtype=torch.float64)
-        return family.roll_out(c * arm.velocity_limit[:, None, None], family.times(rate))
-
-    return make
+def motion(planar, motions):
+    return motions(planar, 3, rate=500.0)
 
 
 def plant(arm, settings, form="eyring", seed=SEED):
@@ -56,10 +45,10 @@ def plant(arm, settings, form="eyring", seed=SEED):
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_motor_torque_is_the_true_arms_with_rotor_and_friction(name, plain, motions_at):
+def test_motor_torque_is_the_true_arms_with_rotor_and_friction(name, plain, motions):
     arm = load_robot(name)
     made = plant(arm, plain, "linear")
-    signals = made.follow(motions_at(arm))
+    signals = made.follow(motions(arm, 3, rate=500.0))
     q = torch.from_numpy(signals.link)
     rate = plain.rate
     before = (q[:, 1:-1] - q[:, :-2]) * rate  # semi-implicit steps: the speed at which a step begins
@@ -136,8 +125,17 @@ def test_torque_scales_have_a_floor(arm):
     assert scale.argmax() == 1
 
 
-def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, settings, motion, motions_at):
-    with pytest.raises(InfeasibleError, match="do not follow"):
-        plant(planar, replace(settings, tolerance=1e-9)).follow(motion)
-    with pytest.raises(ShapeError, match="500 Hz"):
-        plant(planar, settings).follow(motions_at(planar, 100.0))
+@pytest.mark.parametrize("correlation", [1e-6, 0.05])
+def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, correlation):
+    family, sensors = Trajectory(2, 3, 40.0), Sensors(0.1, correlation, cutoff=20.0, rate=100.0)
+    made, c = plant(planar, plain), torch.zeros(1, 2, 3, 2, dtype=torch.float64)
+    c[..., 0, 0] = 0.3
+    exact, noisy = (recorded(made, family, c, sensors, random) for random in (None, np.random.default_rng(0)))
+    assert all(torch.equal(*pair) for pair in zip(exact[:3], noisy[:3]))
+    noise = (noisy[3] - exact[3])[0].numpy() / made.scale
+    keep = np.exp(-1 / (100.0 * correlation))
+    assert noise.std() == pytest.approx(0.1, rel=0.1)
+    assert (noise[1:] * noise[:-1]).mean() / noise.var() == pytest.approx(keep, abs=0.05)
+    for below, above in pairwise(exact[:3]):
+        slope = torch.gradient(below, spacing=1 / sensors.rate, dim=1)[0]
+        assert (slope - above)[:, 50:-50].abs().max() < 0.02 * above.abs().max()
