@@ -1,11 +1,66 @@
+"""Tasks at a small size, the command within this process, and a tracking database for all tests."""
+
+import logging
+import signal
+import sys
+
 import pytest
+
+from sidegan.pipeline.graph import Build
+from sidegan.pipeline.run import main
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import Task
+from tests.tiny import tiny
 
 NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
+def task(tmp_path):
+    """Tiny tasks with changed settings, whose outputs are the test's own."""
+
+    def made(*overrides, **options):
+        return Task(tiny(f"outputs={tmp_path}", *overrides, **options), Store(tmp_path))
+
+    return made
+
+
+@pytest.fixture
+def build(tmp_path):
+    """Where one artifact can be made without a store."""
+    folder = tmp_path / "made"
+    folder.mkdir()
+    return Build(folder, tmp_path / "made.work", lambda done, total: None)
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch):
+    """The command within this process, in a folder of its own: arguments → exit code."""
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    monkeypatch.chdir(tmp_path)
+    handlers, level = logging.root.handlers[:], logging.root.level
+    handling = {one: signal.getsignal(one) for one in (signal.SIGTERM, signal.SIGINT)}
+
+    def call(*arguments, tracking="off"):
+        chosen = [] if any("experiment=" in one for one in arguments) else ["+experiment=exp1"]
+        flags = [one for one in arguments if one.startswith("-")]
+        settings = [one for one in arguments if not one.startswith("-")]
+        monkeypatch.setattr(sys, "argv", ["sidegan", *flags, *chosen, *settings, f"tracking={tracking}"])
+        try:
+            return main()
+        except SystemExit as leave:
+            return leave.code
+
+    yield call
+    logging.root.handlers[:] = handlers
+    logging.root.setLevel(level)
+    for one, handler in handling.items():
+        signal.signal(one, handler)
+
+
+@pytest.fixture(scope="session")
 def root(tmp_path_factory):
-    """One database for all tests of a file, since making one takes seconds."""
+    """Outputs in which tests record."""
     return tmp_path_factory.mktemp("outputs")
 
 

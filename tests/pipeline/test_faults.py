@@ -7,12 +7,11 @@ import os
 import random
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
 import time
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,9 +25,8 @@ from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.tracking import Tracker
 from sidegan.seeds import Gradient
-from tests import small_job
+from tests.pipeline import small_job
 
 ROOT = Path(__file__).parents[2]
 
@@ -37,18 +35,6 @@ ROOT = Path(__file__).parents[2]
 def undisturbed(tmp_path_factory):
     """The artifact of a run in which nothing went wrong."""
     return small_job.run(tmp_path_factory.mktemp("undisturbed"))
-
-
-def job(*arguments):
-    """The small job as a process of its own."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "tests.small_job", *map(str, arguments)],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 @dataclass(frozen=True)
@@ -90,23 +76,17 @@ def nap(report):
 def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monkeypatch):
     threads, failed = [], []
 
-    class Interrupted:
-        def __init__(self, *arguments):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *arguments):
-            pass
-
-        def __call__(self, done):
+    @contextmanager
+    def interrupted(*arguments):
+        def progress(done):
             threads.extend(x for x in threading.enumerate() if x.name == "ExecutorManagerThread")
             raise KeyboardInterrupt
 
+        yield progress
+
     with monkeypatch.context() as patch:
         patch.setattr(threading, "excepthook", failed.append)
-        patch.setattr(parallel, "bar", Interrupted)
+        patch.setattr(parallel, "bar", interrupted)
         with pytest.raises(KeyboardInterrupt):
             parallel.run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
         assert threads
@@ -151,17 +131,6 @@ def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkey
         cluster.close()
     assert (tmp_path / "died").exists()
     assert small_job.same(made, undisturbed)
-
-
-def test_a_run_killed_20_times_at_random_points_ends_like_an_undisturbed_one(tmp_path):
-    seed = random.randrange(2**32)
-    out, err = job(tmp_path, 20, seed).communicate(timeout=1800)
-    facts = json.loads(out)
-    assert facts["interrupted"] == 20, "each of the kills must hit a run at work"
-    assert facts["equal"] == facts["completed"] >= 1, f"kill points of seed {seed}: {err}"
-    lock, costs, *files = (Path(name).name for name in facts["files"])
-    assert lock.endswith(".lock") and costs.startswith("planar2-")
-    assert files == ["report.json", "seeds.pt", "stamp.json"], "nothing is left of a killed run"
 
 
 @contextmanager
@@ -255,30 +224,6 @@ def problem_shaped(problem, count):
     return torch.ones(count, *problem.trajectory.shape, dtype=torch.float64)
 
 
-def test_two_processes_on_one_output_folder_make_one_artifact(tmp_path, undisturbed):
-    both = [job(tmp_path), job(tmp_path)]
-    told = [process.communicate(timeout=300)[1] for process in both]
-    assert [process.returncode for process in both] == [0, 0]
-    assert sorted("seeds: reused" in text for text in told) == [False, True]
-    (made,) = tmp_path.glob("seeds/planar2-????????")
-    assert small_job.same(made, undisturbed)
-
-
-def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path):
-    code = (
-        "import sys\nfrom pathlib import Path\nfrom sidegan.pipeline.tracking import Tracker\n"
-        "root, name = Path(sys.argv[1]), sys.argv[2]\n"
-        "with Tracker(root, root, 'exp1', name) as tracker:\n    tracker.log_metrics({'nmse': 0.5})\n"
-        "sys.exit(not tracker.reached)\n"
-    )
-    names = ("first", "second")
-    both = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), name], cwd=ROOT) for name in names]
-    assert [process.wait(300) for process in both] == [0, 0]
-    with closing(sqlite3.connect(tmp_path / "mlflow.db")) as database:
-        runs = database.execute("select name, status from runs order by name").fetchall()
-    assert runs == [(name, "FINISHED") for name in names]
-
-
 def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undisturbed, monkeypatch, caplog):
     caplog.set_level(logging.INFO)
     source = random.Random(0)
@@ -299,26 +244,3 @@ def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undi
     left = float(line.rpartition(", ")[2].removesuffix(" s left"))
     assert told - began - 0.1 <= left <= time.monotonic() - began + 0.1
     assert "seeds: made" in caplog.text
-
-
-def test_a_new_tracking_database_waits_for_the_disk_again_once_it_is_made(tmp_path):
-    from sqlalchemy import event
-    from sqlalchemy.engine import Engine
-
-    opened = []
-
-    def note(connection, record):
-        opened.append(connection)
-
-    event.listen(Engine, "connect", note)
-    try:
-        with Tracker(tmp_path, tmp_path, "exp1", "first") as tracker:
-            assert tracker.reached
-    finally:
-        event.remove(Engine, "connect", note)
-    assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
-
-
-def test_only_what_is_shown_to_people_takes_the_time_of_day():
-    users = [path.name for path in (ROOT / "sidegan").rglob("*.py") if "time.time(" in path.read_text()]
-    assert users == ["tracking.py"], "durations and waiting take a monotonic clock"

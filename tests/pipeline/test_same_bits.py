@@ -60,22 +60,11 @@ def here():
     return digests([*NAMES])
 
 
-def elsewhere(names, **variables):
-    """The same in a process of its own."""
-    code = (
-        f"import json; from tests.pipeline.test_same_bits import digests; print(json.dumps(digests({names})))"
-    )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **variables}
-    process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    assert process.returncode == 0, process.stderr
-    return json.loads(process.stdout)
-
-
 def test_sets_may_come_in_any_order_in_one_process(here):
     assert digests([*reversed(NAMES)]) == here
 
 
-@pytest.mark.parametrize("shift", [1, 3, 6])
+@pytest.mark.parametrize("shift", [1, 6])
 def test_numbers_may_lie_anywhere_in_memory(here, shift):
     assert digests([*NAMES], shift) == here
 
@@ -85,9 +74,9 @@ def test_several_threads_change_nothing(here):
         assert digests([*NAMES]) == here
 
 
-def test_another_process_finds_the_same_in_memory_full_of_garbage(here):
-    assert elsewhere([*NAMES], **GARBAGE) == here
-
-
-def test_a_set_alone_is_found_as_among_others(here):
-    assert elsewhere(["second"], PYTHONHASHSEED="7").items() <= here.items()
+def test_another_process_finds_the_same_of_one_set_alone_in_memory_full_of_garbage(here):
+    code = "import json; from tests.pipeline.test_same_bits import *; print(json.dumps(digests(['second'])))"
+    variables = {**os.environ, **GARBAGE, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"}
+    process = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
+    assert json.loads(process.stdout).items() <= here.items()

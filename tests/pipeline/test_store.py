@@ -56,29 +56,24 @@ def visible(store):
 def test_an_artifact_is_made_once_and_found_again(store):
     artifact = numbers()
     assert store.find(artifact) is None
-    folder = store.produce(replace(artifact, make=write))
+    folder = store.produce(artifact)
     assert (folder / "numbers.txt").read_text() == "1 2 3"
     assert Store(store.root).find(numbers()) == folder
     assert store.produce(replace(artifact, make=refuse)) == folder == store.require(artifact)
 
 
-def test_artifacts_of_other_settings_lie_side_by_side(store):
-    folders = {store.produce(numbers(count, seed=seed)) for count in (3, 4) for seed in (0, 1)}
-    assert len(folders) == 4
-    assert all(folder.name.startswith("kuka-") for folder in folders)
+def test_artifacts_of_other_settings_and_inputs_lie_side_by_side(store):
+    made = [numbers(count, seed=seed) for count in (3, 4) for seed in (0, 1)]
+    made += [numbers(inputs={"seeds": digest}) for digest in (made[0].digest, "another")]
+    folders = {store.produce(one) for one in made}
+    assert len(folders) == 6 and all(folder.name.startswith("kuka-") for folder in folders)
 
 
 def test_what_is_damaged_is_no_neighbour(store):
-    _lose_stamp(store.produce(numbers(400, write)))
-    _lose_file(store.produce(numbers(500, write)))
+    for count, name in ((400, "stamp.json"), (500, "numbers.txt")):
+        damaged(store.produce(numbers(count)), name, None)
     with pytest.raises(ArtifactError, match=r"run stage numbers first$"):
         store.require(numbers(4200))
-
-
-def test_a_changed_input_makes_another_artifact(store):
-    seeds = numbers()
-    one, other = (numbers(inputs={"seeds": digest}) for digest in (seeds.digest, "another"))
-    assert store.folder(one) != store.folder(other)
 
 
 def test_an_artifact_is_made_on_one_thread_as_a_worker_makes_it(store):
@@ -125,15 +120,7 @@ def test_a_stopped_build_leaves_its_tasks_and_nothing_else(store, error):
     assert visible(store) == [f"numbers/{folder.name}"], "task files go when the artifact is there"
 
 
-def test_what_a_killed_build_left_is_cleared_away(store):
-    artifact = numbers()
-    left = store.folder(artifact).with_name(f".{store.folder(artifact).name}.tmp")
-    left.mkdir(parents=True)
-    store.produce(replace(artifact, make=write))
-    assert not left.exists()
-
-
-@pytest.mark.parametrize("left", ["{}.work", ".{}.work.tmp", ".{}.old.tmp"])
+@pytest.mark.parametrize("left", ["{}.work", ".{}.tmp", ".{}.work.tmp", ".{}.old.tmp"])
 def test_what_a_run_left_that_was_killed_behind_its_artifact_is_cleared_away_by_the_next_one(store, left):
     artifact = numbers()
     folder = store.produce(artifact)
@@ -158,41 +145,26 @@ def test_a_task_that_was_given_up_cannot_bring_the_folder_of_work_back(store):
     assert [path.name for path in folder.parent.iterdir()] == [folder.name]
 
 
-def _damage_stamp(folder):
-    (folder / "stamp.json").write_text("{")
+DAMAGES = {
+    "stamp.json": ["{", "[]", None],
+    "numbers.txt": ["1", "1 2 4", None],
+}
 
 
-def _empty_stamp(folder):
-    (folder / "stamp.json").write_text("[]")
+def damaged(folder, name, content):
+    """The folder with a file that says something else, or that is gone."""
+    (folder / name).write_text(content) if content else (folder / name).unlink()
+    return folder
 
 
-def _lose_stamp(folder):
-    (folder / "stamp.json").unlink()
-
-
-def _truncate(folder):
-    (folder / "numbers.txt").write_text("1")
-
-
-def _edit(folder):
-    (folder / "numbers.txt").write_text("1 2 4")
-
-
-def _lose_file(folder):
-    (folder / "numbers.txt").unlink()
-
-
-@pytest.mark.parametrize("damage", [_damage_stamp, _empty_stamp, _lose_stamp, _truncate, _edit, _lose_file])
-@pytest.mark.parametrize("named", [False, True])
-def test_a_damaged_artifact_is_told_when_asked_for_and_made_anew(tmp_path, caplog, damage, named):
-    store = Store(tmp_path, named)
-    artifact = numbers()
-    damage(store.produce(replace(artifact, make=write)))
+@pytest.mark.parametrize(("name", "content"), [(name, one) for name, some in DAMAGES.items() for one in some])
+def test_a_damaged_artifact_is_told_when_asked_for_and_made_anew(store, caplog, name, content):
+    damaged(store.produce(numbers()), name, content)
     with pytest.raises(ArtifactError, match=r"stamp\.json|numbers\.txt"):
-        store.require(artifact)
-    assert store.find(artifact) is None
+        store.require(numbers())
+    assert store.find(numbers()) is None
     assert "it will be made anew" in caplog.text
-    assert (store.produce(replace(artifact, make=write)) / "numbers.txt").read_text() == "1 2 3"
+    assert (store.produce(numbers()) / "numbers.txt").read_text() == "1 2 3"
 
 
 def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest(store):
@@ -206,27 +178,11 @@ def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest(store)
         store.require(numbers(4200))
 
 
-def test_with_names_a_stale_artifact_is_replaced_and_the_log_says_why(tmp_path, caplog):
-    caplog.set_level(logging.INFO)
-    store = Store(tmp_path, named=True)
-    folder = store.produce(numbers(3, write))
-    assert folder == tmp_path / "numbers" / "kuka"
-
-    def longer(build):
-        (build.folder / "other.txt").write_text("1 2 3 4")
-
-    assert store.produce(numbers(4, longer)) == folder
-    assert "settings.count is 3, not 4" in caplog.text
-    assert sorted(path.name for path in folder.iterdir()) == ["other.txt", "stamp.json"]
-    assert visible(store) == ["numbers/kuka"]
-
-
-def test_with_names_a_failed_rebuild_leaves_the_stale_artifact(tmp_path):
-    store = Store(tmp_path, named=True)
+def test_a_failed_build_leaves_what_was_there_before(store):
     store.produce(numbers(3, write))
     with pytest.raises(AssertionError):
         store.produce(numbers(4, refuse))
-    assert store.find(numbers(3)) is not None
+    assert store.find(numbers(3)) is not None and store.find(numbers(4)) is None
 
 
 def test_an_output_folder_that_cannot_be_written_is_refused_at_once(tmp_path):
@@ -366,7 +322,7 @@ def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(tmp
         return {"condition": 2.0, "loss": [3.0, None, 1.0]}
 
     one = replace(numbers(3, write), title="gan/eigen", metrics=metrics, alone=True)
-    cfg = SimpleNamespace(only=None, has=lambda *_: False, parallel=SimpleNamespace(workers=1))
+    cfg = SimpleNamespace(has=lambda *_: False, parallel=SimpleNamespace(workers=1))
     task, tracker = SimpleNamespace(store=Store(tmp_path), cfg=cfg), _Recorded()
     for name in ("surrogates", "gan"):
         run_stage(name, Stage(lambda _: [one]), task, tracker)

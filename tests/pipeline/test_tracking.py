@@ -1,4 +1,9 @@
+"""What MLflow gets of runs and sweeps, and what is kept where it cannot be reached."""
+
 import json
+import multiprocessing
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -8,10 +13,16 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from sidegan.pipeline import tracking
+from sidegan.errors import InfeasibleError
+from sidegan.pipeline import run, tracking
+from sidegan.pipeline.callbacks import PARENT
+from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.sweep import sweep_table
 from sidegan.pipeline.tracking import UNTRACKED, Tracker
 from sidegan.untracked import main as send_all
+from sidegan.untracked import send_kept
 from tests.pipeline.conftest import NOWHERE, client_of
+from tests.tiny import TINY
 
 
 @pytest.fixture
@@ -25,6 +36,10 @@ def start(root, tmp_path):
 def untracked(folder):
     path = folder / UNTRACKED
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def runs_called(root, name):
+    return client_of(root).search_runs(["1"], f"attributes.run_name = '{name}'")
 
 
 def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, tmp_path):
@@ -79,25 +94,54 @@ def test_a_run_ends_as_its_block_does(root, start, error, status):
     assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from sidegan.pipeline.tracking import Tracker
-tracker = Tracker(Path(sys.argv[1]), Path(sys.argv[1]), "exp1", "killed")
-print(tracker.run_id, flush=True)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
+def killed(root, pipe):
+    pipe.send(Tracker(root, root, "exp1", "killed").run_id)
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_run_whose_process_was_killed_is_marked_by_the_next_one(root, start):
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(root)], capture_output=True, text=True).stdout
+    mine, theirs = multiprocessing.Pipe()
+    process = multiprocessing.get_context("fork").Process(target=killed, args=(root, theirs))
+    process.start()
+    process.join()
     with start(name="beside") as beside:
         client = client_of(root)
-        assert client.get_run(killed.strip()).info.status == "KILLED"
+        assert client.get_run(mine.recv()).info.status == "KILLED"
         with start(name="another"):
             assert client.get_run(beside.run_id).info.status == "RUNNING"
     assert client.get_run(beside.run_id).info.status == "FINISHED"
     assert not list((root / ".locks").glob("run-*.lock"))
+
+
+def recorded(root, name):
+    with Tracker(root, root, "exp1", name) as tracker:
+        tracker.log_metrics({"nmse": 0.5})
+    return tracker
+
+
+def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path):
+    """And it waits for the disk again once it is made."""
+    from sqlalchemy import event
+    from sqlalchemy.engine import Engine
+
+    opened = []
+
+    def note(connection, record):
+        opened.append(connection)
+
+    beside = multiprocessing.get_context("fork").Process(target=recorded, args=(tmp_path, "second"))
+    event.listen(Engine, "connect", note)
+    try:
+        beside.start()
+        assert recorded(tmp_path, "first").reached
+    finally:
+        event.remove(Engine, "connect", note)
+        beside.join()
+    assert {run.info.run_name: run.info.status for run in client_of(tmp_path).search_runs(["1"])} == {
+        "first": "FINISHED",
+        "second": "FINISHED",
+    }
+    assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
 
 
 def test_the_description_of_a_run_has_what_there_is_room_for(root, start):
@@ -106,13 +150,6 @@ def test_the_description_of_a_run_has_what_there_is_room_for(root, start):
             tracker.log_note(note)
     note = client_of(root).get_run(tracker.run_id).data.tags["mlflow.note.content"]
     assert note == "**Table I**\n\n| a |\n| ---: |\n| 1 |\n\nthe end\n\n"
-
-
-def test_a_run_may_be_part_of_another(root, start):
-    with start(name="sweep") as parent, start(parent=parent.run_id) as child:
-        pass
-    tags = client_of(root).get_run(child.run_id).data.tags
-    assert tags["mlflow.parentRunId"] == parent.run_id
 
 
 def test_a_server_that_is_gone_stops_nothing_and_nothing_is_lost(start, tmp_path, caplog):
@@ -152,14 +189,19 @@ def full_database():
     from sqlalchemy import event
     from sqlalchemy.engine import Engine
 
+    limited = []
+
     def limit(connection, cursor, *rest):
-        connection.connection.driver_connection.execute("PRAGMA max_page_count = 1")  # SQLite: as it is
+        limited.append(connection.connection.driver_connection)
+        limited[-1].execute("PRAGMA max_page_count = 1")  # SQLite: as it is
 
     event.listen(Engine, "before_cursor_execute", limit)
     try:
         yield
     finally:
         event.remove(Engine, "before_cursor_execute", limit)
+        for connection in limited:
+            connection.execute("PRAGMA max_page_count = 1000000")
 
 
 def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(root, start, tmp_path, caplog, capfd):
@@ -182,35 +224,31 @@ def test_where_nothing_can_be_kept_either_that_is_told_once(root, tmp_path, capl
     assert len(warnings) == 2 and "cannot be written (No such file or directory)" in warnings[1]
 
 
-def test_a_run_folder_that_cannot_be_written_stops_nothing_either(root, tmp_path):
-    with Tracker(root, tmp_path / "missing", "exp1", "name", NOWHERE) as tracker:
-        tracker.log_metrics({"nmse": 0.5})
-
-
 SHORT = """
 import sys
 from pathlib import Path
 from sidegan.pipeline.tracking import Tracker
-root = Path(sys.argv[1])
-with Tracker(root, root / "short", "exp1", "short", patience=600) as tracker:
+root, folder = Path(sys.argv[1]), Path(sys.argv[2])
+with Tracker(folder, folder, "exp1", "off", enabled=False) as tracker:
+    tracker.log_metrics({"nmse": 1})
+assert [path.name for path in folder.iterdir()] == ["table.csv"]
+with Tracker(root, folder, "exp1", "short", patience=600) as tracker:
     tracker.log_params({"seed": 1})
-    tracker.log_artifact(root / "short" / "table.csv")
+    tracker.log_artifact(folder / "table.csv")
 assert "mlflow" not in sys.modules
 """
 
 
-def test_a_short_run_is_recorded_when_it_has_ended_by_another_process(root):
-    (root / "short").mkdir()
-    (root / "short" / "table.csv").write_text("a,b")
-    subprocess.run([sys.executable, "-c", SHORT, str(root)], check=True, timeout=600)
+def test_a_short_run_is_recorded_when_it_has_ended_by_another_process(root, tmp_path):
+    (tmp_path / "table.csv").write_text("a,b")
+    subprocess.run([sys.executable, "-c", SHORT, str(root), str(tmp_path)], check=True, timeout=600)
     until = time.monotonic() + 300
-    while len(list((root / "short").iterdir())) > 1 and time.monotonic() < until:
-        time.sleep(0.5)
-    assert [path.name for path in (root / "short").iterdir()] == ["table.csv"], "nothing is kept any more"
-    client = client_of(root)
-    (run,) = client.search_runs(["1"], "attributes.run_name = 'short'")
-    assert run.info.status == "FINISHED" and run.data.params == {"seed": "1"}
-    assert [file.path for file in client.list_artifacts(run.info.run_id)] == ["table.csv"]
+    while len(list(tmp_path.iterdir())) > 1 and time.monotonic() < until:
+        time.sleep(0.2)
+    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"], "nothing is kept any more"
+    (short,) = runs_called(root, "short")
+    assert short.info.status == "FINISHED" and short.data.params == {"seed": "1"}
+    assert [file.path for file in client_of(root).list_artifacts(short.info.run_id)] == ["table.csv"]
 
 
 def test_an_interrupted_short_run_is_recorded_too(root, start, tmp_path, monkeypatch):
@@ -223,8 +261,8 @@ def test_an_interrupted_short_run_is_recorded_too(root, start, tmp_path, monkeyp
     assert how["start_new_session"], "Ctrl-C is for everything that a terminal has started"
     assert [record["kind"] for record in untracked(tmp_path)] == ["run", "metrics", "status"]
     assert command[1:3] == ["-m", "sidegan.untracked"] and send_all(command[3:]) == 0
-    (run,) = client_of(root).search_runs(["1"], "attributes.run_name = 'stopped'")
-    assert run.info.status == "KILLED" and run.data.metrics == {"nmse": 0.5}
+    (stopped,) = runs_called(root, "stopped")
+    assert stopped.info.status == "KILLED" and stopped.data.metrics == {"nmse": 0.5}
 
 
 def test_a_run_that_takes_longer_is_recorded_as_it_goes(root, start, tmp_path):
@@ -243,13 +281,161 @@ def test_a_short_run_whose_folder_cannot_be_written_is_recorded_at_once(root, tm
     assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
 
 
-def test_without_tracking_mlflow_is_not_even_imported(tmp_path):
-    code = (
-        "import sys; from pathlib import Path; from sidegan.pipeline.tracking import Tracker\n"
-        f"here = Path({str(tmp_path)!r})\n"
-        "with Tracker(here, here, 'experiment', 'name', enabled=False) as tracker:\n"
-        "    tracker.log_params({'a': 1}); tracker.log_metrics({'b': 2})\n"
-        "assert 'mlflow' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=600)
-    assert list(tmp_path.iterdir()) == []
+@pytest.fixture
+def folder(root, request):
+    """Folder of a run below the outputs."""
+    path = root / "runs" / request.node.name
+    path.mkdir(parents=True)
+    return path
+
+
+def record(tracker, folder):
+    (folder / "figure.svg").write_text("<svg/>")
+    tracker.log_params({"seed": 1, "gan": {"eigen": {"epochs": 3}}})
+    tracker.log_history({"loss": [3.0, 2.0]}, steps=[10, 20])
+    tracker.log_artifact(folder / "figure.svg", "figures")
+    tracker.log_table(pd.DataFrame({"a": [1]}), "table1")
+
+
+def test_a_run_that_never_reached_the_server_is_sent_later(root, folder):
+    with Tracker(root, folder, "exp1", "late", NOWHERE) as tracker:
+        record(tracker, folder)
+    first, *_, last = map(json.loads, (folder / UNTRACKED).read_text().splitlines())
+    assert send_kept(folder, root)
+    client, (late,) = client_of(root), runs_called(root, "late")
+    assert late.info.status == "FINISHED"
+    assert late.info.start_time == round(1000 * first["time"])
+    assert late.info.end_time == round(1000 * last["time"])
+    assert late.data.params == {"seed": "1", "gan.eigen.epochs": "3"}
+    history = client.get_metric_history(late.info.run_id, "loss")
+    assert [(m.step, m.value) for m in history] == [(10, 3.0), (20, 2.0)]
+    files = {
+        file.path for part in (None, "figures") for file in client.list_artifacts(late.info.run_id, part)
+    }
+    assert {"figures/figure.svg", "table1.json"} <= files
+    assert [path.name for path in folder.iterdir()] == ["figure.svg"]
+    assert send_kept(folder, root), "nothing is left to send"
+
+
+def test_a_run_whose_server_went_away_is_completed(root, folder, monkeypatch):
+    with Tracker(root, folder, "exp1", "completed") as tracker:
+        tracker.log_metrics({"before": 1.0})
+        monkeypatch.setattr(tracker, "_client", None)
+        monkeypatch.setattr(tracker, "uri", NOWHERE)
+        record(tracker, folder)
+    assert client_of(root).get_run(tracker.run_id).info.status == "RUNNING"
+    assert send_kept(folder, root)
+    run = client_of(root).get_run(tracker.run_id)
+    assert run.info.status == "FINISHED"
+    assert run.data.metrics == {"before": 1.0, "loss": 2.0}
+
+
+def test_what_does_not_arrive_stays_kept(root, folder):
+    with Tracker(root, folder, "exp1", "kept", NOWHERE) as tracker:
+        record(tracker, folder)
+    kept = (folder / UNTRACKED).read_text()
+    assert not send_kept(folder, root, NOWHERE)
+    assert (folder / UNTRACKED).read_text() == kept
+    (folder / "figure.svg").unlink()
+    (folder / UNTRACKED).write_text(kept + '{"time": 1, "ki')  # killed while it wrote
+    (folder / UNTRACKED).rename(folder / "untracked.sending.jsonl")  # killed while it was sent
+    assert send_all([str(root)]) == 0
+    assert list(folder.iterdir()) == []
+    assert runs_called(root, "kept")[0].data.metrics == {"loss": 2.0}
+
+
+def test_what_arrived_before_the_server_went_away_again_is_not_sent_twice(root, folder, monkeypatch):
+    with Tracker(root, folder, "exp1", "twice", NOWHERE) as tracker:
+        record(tracker, folder)
+
+    def gone(*arguments):
+        raise ConnectionError("the server is gone")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tracking, "_upload", gone)
+        assert not send_kept(folder, root)
+    kept = [json.loads(line) for line in (folder / UNTRACKED).read_text().splitlines()]
+    assert [line["kind"] for line in kept] == ["artifact", "table", "status"]
+    (run,) = runs_called(root, "twice")
+    assert {line["run"] for line in kept} == {run.info.run_id} and run.info.status == "RUNNING"
+    assert send_kept(folder, root)
+    assert runs_called(root, "twice")[0].info.status == "FINISHED"
+
+
+def test_the_command_tells_what_is_still_kept(root, folder, caplog):
+    caplog.set_level("INFO", "sidegan")
+    with Tracker(root, folder, "exp1", "told", NOWHERE):
+        pass
+    assert send_all([str(root), "--uri", NOWHERE]) == 1
+    assert "0 of 1 runs are sent" in caplog.text
+    assert send_all([str(root)]) == 0
+
+
+def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkeypatch):
+    def fail_on_odd_seeds(task, tracker):
+        tracker.log_history({"fitness": [3.0, 2.0]})
+        if task.cfg.seed % 2:
+            raise InfeasibleError("no start became valid")
+
+    monkeypatch.setattr(run, "STAGES", {"odd": ""})
+    monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=fail_on_odd_seeds))
+    words = "stages=[odd]", "seed=0,1", "gan=eigen"
+    assert command("-m", *words, f"outputs={root}", tracking="local") == 1
+    (parent,) = runs_called(root, f"exp1 sweep {' '.join(words)} tracking=local")
+    assert parent.info.status == "FAILED" and PARENT not in os.environ
+    children = client_of(root).search_runs(["1"], f"tags.mlflow.parentRunId = '{parent.info.run_id}'")
+    ended = {child.info.run_name: child.info.status for child in children}
+    assert ended == {"odd eigen seed=0": "FINISHED", "odd eigen seed=1": "FAILED"}
+    for child in children:
+        assert child.data.metrics["fitness"] == 2.0
+        assert child.data.params["gan.eigen.features"] == "spectrum"
+
+
+def left(sweep, number, seed, value, nmse):
+    """A job's folder, with what it overrides and its results."""
+    folder = sweep / f"{number}_job"
+    (folder / ".hydra").mkdir(parents=True)
+    lines = [f"seed={seed}", f"gan.eigen.width={value}", "+experiment=exp1", "~trajectory.home"]
+    (folder / ".hydra" / "overrides.yaml").write_text(json.dumps(lines))
+    table = pd.DataFrame({"nMSE": [nmse, 2 * nmse], "rank": [7.0, None]}, index=["seeds", "eigen"])
+    table.rename_axis("name").to_csv(folder / "results.csv")
+    return folder
+
+
+def test_the_table_of_a_sweep_is_the_mean_over_seeds_of_whatever_else_is_swept(tmp_path):
+    jobs = [(0, 16, 0.1), (1, 16, 0.3), (0, 32, 0.5), (1, 32, 0.5)]
+    folders = [left(tmp_path, number, *job) for number, job in enumerate(jobs)]
+    table = sweep_table(folders)
+    assert table.index.names == ["gan.eigen.width", "name"]
+    assert table.index.to_list() == [("16", "seeds"), ("16", "eigen"), ("32", "seeds"), ("32", "eigen")]
+    assert table["nMSE"].to_list() == ["0.2 ± 0.14", "0.4 ± 0.28", "0.5 ± 0", "1 ± 0"]
+    assert table["rank"].to_list() == ["7 ± 0", "—", "7 ± 0", "—"]
+    assert sweep_table(folders[::2])["nMSE"].to_list() == ["0.1", "0.2", "0.5", "1"]
+    assert sweep_table(folders[:2]).index.to_list() == ["seeds", "eigen"], "only seeds differ"
+    assert sweep_table([tmp_path]) is None and sweep_table([]) is None
+
+
+def test_a_study_is_a_sweep_with_one_table_over_all_jobs(command, root, outputs):
+    """Experiment 2 in two readings; seeds, generators and libraries are made once for both."""
+    small = [word for word in TINY if not word.startswith(("tracking", "long", "selection"))]
+    words = "+experiment=exp2", "replication.reading=all,seeds", "gan=eigen"
+    uri = f"tracking.uri=sqlite:///{root}/mlflow.db"
+    assert command("-m", *words, *small, f"outputs={outputs}", uri, tracking="local") == 0
+    (sweep,) = outputs.glob("runs/exp2/sweep_*")
+    table = pd.read_csv(sweep / "sweep.csv")
+    rows = [
+        (reading, name)
+        for reading in ("all", "seeds")
+        for name in ("seeds ×1", "seeds ×4", "seeds ×10", "eigen")
+    ]
+    assert list(zip(table["replication.reading"], table["name"])) == rows
+    assert {"nMSE", "‖diag P‖"} <= set(table) and (sweep / "sweep.md").exists()
+    client = client_of(root)
+    number = client.get_experiment_by_name("exp2").experiment_id
+    runs = client.search_runs([number])
+    (parent,) = [one for one in runs if "mlflow.parentRunId" not in one.data.tags]
+    children = [one for one in runs if one is not parent]
+    assert {one.data.tags["mlflow.parentRunId"] for one in children} == {parent.info.run_id}
+    assert {one.data.params["replication.reading"] for one in children} == {"all", "seeds"}
+    assert {one.info.status for one in runs} == {"FINISHED"}
+    assert "sweep.json" in [file.path for file in client.list_artifacts(parent.info.run_id)]
