@@ -1,0 +1,40 @@
+"""A small job in the manner of a stage: seeds of planar2 by tasks, kept as an artifact."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from sidegan.base.storage import read_torch, write_json, write_torch
+from sidegan.design.problem import Problem
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.store import Store
+from sidegan.robot import load_robot
+from sidegan.seeds import Gradient, Tasks, make_seeds
+from sidegan.validity import Constraints
+
+METHOD = Gradient(steps=10, attempts=5, reserve=0.2)
+COUNT, BATCH = 12, 2
+
+
+def run(root, method=METHOD, workers=1):
+    """Folder of the artifact."""
+    problem = Problem(Constraints(load_robot("planar2"), []), Trajectory(2, 3, 8.0), samples=20)
+
+    def make(build):
+        tasks = Tasks(COUNT, BATCH, build.work, workers)
+        batch = make_seeds(problem, method, tasks, np.random.SeedSequence(4))
+        write_torch(build.folder / "seeds.pt", {"c": batch.coefficients, "fitness": batch.fitness})
+        write_json(build.folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
+
+    artifact = Artifact("seeds", "planar2", "seeds", {"count": COUNT}, {}, 4, make, lambda folder: {})
+    return Store(Path(root)).produce(artifact)
+
+
+def same(one, other):
+    """Whether two artifacts hold the same to the last bit."""
+    left, right = read_torch(one / "seeds.pt"), read_torch(other / "seeds.pt")
+    reports = [json.loads((folder / "report.json").read_text()) for folder in (one, other)]
+    return all(torch.equal(left[key], right[key]) for key in right) and reports[0] == reports[1]

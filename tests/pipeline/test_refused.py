@@ -1,0 +1,180 @@
+"""What is refused before any work: settings, arms, recordings and commands, each by its own name."""
+
+import re
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, RecordingError, RobotError
+from sidegan.pipeline import run
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.settings import validate
+from tests import tiny
+from tests.recording.files import frame
+from tests.recording.made import moved
+
+REGIONS = "workspace.regions=[{}]".format
+RECORDED = ("recordings=[FOLDER/a.csv]",)
+SETTINGS = [
+    ("reproduction", "+seeds.cuont=3", "seeds.cuont: there is no such setting; did you mean seeds.count?"),
+    ("reproduction", "seeds.count=many", "seeds.count is 'many', expected a whole number ≥ 1"),
+    ("reproduction", "seeds.method=adam", "seeds.method is 'adam', expected one of gradient, paper"),
+    ("reproduction", "tracking.enabled=perhaps", "tracking.enabled is 'perhaps', expected true or false"),
+    ("reproduction", "seed=???", "seed: "),
+    ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
+    ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
+    ("reproduction", "seeds=paper seeds.method=gradient", "choose seeds=gradient"),
+    ("reproduction", "gan.vanilla.weights.fitness=1", "weights.features and weights.fitness need features"),
+    ("reproduction", "gan.eigen.fitness_start=20 gan.eigen.epochs=20", "comes after the last of 20 epochs"),
+    ("reproduction", "tracking.uri=htp://host", "tracking: uri is 'htp://host'"),
+    ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
+    ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not there"),
+    ("reproduction", "stages=[seeds,gan,seeds]", "expected each stage once"),
+    ("reproduction", "stages=[seed]", "stages: there is no stage 'seed', expected some of seeds, surrogates"),
+    ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
+    ("reproduction", "trainings=[0,0]", "expected one number or more, each once"),
+    ("reproduction", "subset=41", "subset is 41, expected at most seeds.count = 40"),
+    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has [50], expected at most seeds.count = 40"),
+    ("reproduction", "selection.count=10000", "expected at most seeds.count + library.count"),
+    ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
+    ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
+    ("reproduction", "identification.rate=0.5", "identification.rate is 0.5 Hz, expected more than twice"),
+    ("reproduction", "identification.forgetting=0.9", "identification.forgetting must be 1"),
+    ("reproduction", "parallel=dask parallel.scheduler=here", "expected an address like tcp://host:8786"),
+    ("reproduction", "parallel.scheduler=tcp://host:8786", "scheduler is of dask; choose parallel=dask"),
+    ("exp1", "workspace.clearance=-0.1", "workspace.clearance is -0.1"),
+    ("exp1", REGIONS("{}"), "workspace.regions[0]: a region is one of plane, box, sphere, cylinder and mesh"),
+    ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
+    ("exp1", REGIONS("{sphere:{center:[0,0,1],radius:1}}"), "mean workspace.regions[0].sphere.centre?"),
+    ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
+    ("exp1", REGIONS("{mesh:{file:FOLDER/lost.stl}}"), "lost.stl cannot be read"),
+    ("exp1", "trajectory.home=[0,90]", "are these degrees"),
+    ("exp1", "robot.srdf=FOLDER/arm.srdf robot.home=ready trajectory.home=[0,0]", "are two homes"),
+    ("excite", "selection.count=null", "selection.count is None, expected a whole number"),
+    ("excite", "selection.count=many", "selection.count is 'many', expected a whole number"),
+    ("excite", "selection.count=[1]", "selection.count is [1], expected a whole number"),
+    ("excite", "excite=[gold]", "excite names 'gold', expected some of random, seeds, vanilla"),
+    ("excite", "excite=[seeds,seeds]", "expected one pool or more, each once"),
+    ("excite", "controllers.formats=[]", "one or more, each once"),
+    ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 joints; planar2 has 2"),
+    ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),
+    ("excite", "controllers.speed=0.25 controllers.rate=1.8", "expected 1.875 or more: 20 points per period"),
+    ("excite", "controllers.start=[0,0,0]", "[0.0, 0.0, 0.0], expected the positions of 2 joints"),
+    ("excite", "controllers.start=[0,90]", "controllers.start has 90 for elbow, which goes from"),
+    ("excite", "trajectory.home=[0,90]", "trajectory.home has 90 for elbow, which goes from"),
+    ("excite", "trajectory.home=[0,90] robot.effort=0.5", "trajectory.home has 90 for elbow, which goes"),
+    ("excite", "stages=[excite] known=FOLDER", "expected the folder of a run of +experiment=identify"),
+    ("excite", "stages=[excite] goal.wanted=[hand]", "goal.wanted names hand, expected some of the links"),
+    ("identify", "stages=[identify]", "recordings is empty"),
+    ("identify", "robot=unnamed recordings=[FOLDER/a.csv]", "which arm was recorded? robot.name="),
+    ("identify", "robot=unnamed stages=[check]", "which arm was recorded? robot.name="),
+    ("identify", "+identify.settings.magic=1 recordings=[FOLDER/a.csv]", "magic"),
+    ("identify", "recordings=[a.csv] validation=[a.csv]", "would not be held out"),
+    ("identify", "recordings=[a.csv,a.csv]", "recordings has a.csv twice"),
+    ("identify", "recording.units.angle=turn", "recording.units.angle is 'turn'"),
+    ("identify", "identify.method=magic", "identify.method is 'magic'"),
+    ("identify", "validation=1.5", "expected a list"),
+    ("payload", "recordings=[FOLDER/a.csv]", "loaded is empty, expected files with the load"),
+    ("gains", "recordings=[FOLDER/a.csv] loaded=[FOLDER/a.csv]", "load.mass is 0, expected the mass"),
+]
+OTHERS = [
+    (InfeasibleError, "exp1", "trajectory.home=[0,4]", "position of elbow"),
+    (InfeasibleError, "exp1", "trajectory.home=[0,3.1] stages=[seeds]", "home position"),
+    (RobotError, "exp1", "robot.name=FOLDER/impossible.urdf", "not physically consistent: link 'upper_arm'"),
+    (ArtifactError, "exp1", "stages=[surrogates]", "there is no seeds/planar2-gradient-seed0"),
+    (ArtifactError, "exp1", "stages=[gan]", "there is no seeds/planar2-gradient-seed0"),
+    (ArtifactError, "exp1", "stages=[library]", "there is no gan/planar2-vanilla-seed0-training0"),
+    (ArtifactError, "exp1", "stages=[selection]", "there is no random/planar2-random-seed0"),
+    (ArtifactError, "exp1", "stages=[identification]", "no long/planar2-gradient5-32s-3h-seed0"),
+    (ArtifactError, "exp1", "stages=[table]", "identification/planar2-long-3-seed0"),
+    (InfeasibleError, "excite", "controllers.start=[0,2.89]", "bring the arm closer to home"),
+    (InfeasibleError, "identify", "recordings=[FOLDER/a.csv] identify.total_mass=1e-9", "infeasible"),
+    (RobotError, "identify", "robot.name=FOLDER/impossible.urdf recordings=[FOLDER/a.csv]", "upper_arm"),
+    (RecordingError, "identify", "recordings=[none.csv]", "there is no file none.csv"),
+    (RecordingError, "identify", "robot=kuka_lwr4 recordings=[FOLDER/a.csv]", "no column 'q3'"),
+    (RecordingError, "identify", "recordings=[FOLDER/a.csv,FOLDER/still.csv]", "every torque is zero"),
+    *(
+        (RecordingError, "identify", f"{RECORDED[0]} validation=[FOLDER/{name}]", "holds samples of a.csv")
+        for name in ("x/../a.csv", "again.csv", "part.csv")
+    ),
+    (RecordingError, "payload", "recordings=[FOLDER/a.csv] loaded=[FOLDER/again.csv]", "holds samples of a"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, planar):
+    """Files that are good for one thing and not for another."""
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "x").mkdir()
+    friction = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
+    table = frame(moved(planar, np.arange(10 * 100) / 100, *friction, torch.Generator().manual_seed(0)))
+    table.to_csv(folder / "a.csv", index=False)
+    table.assign(tau1=0.0, tau2=0.0).to_csv(folder / "still.csv", index=False)
+    lines = (folder / "a.csv").read_text().splitlines(keepends=True)
+    (folder / "again.csv").write_text("".join(lines))
+    (folder / "part.csv").write_text("".join([lines[0], *lines[500:700]]))
+    (folder / "broken.stl").write_text("no mesh")
+    text = planar.urdf.read_text()
+    (folder / "impossible.urdf").write_text(text.replace('ixx="0.045"', 'ixx="-5"'))
+    pose = '<joint name="shoulder" value="0.1"/><joint name="elbow" value="-0.2"/>'
+    group = f'<group_state name="ready" group="arm">{pose}</group_state>'
+    (folder / "arm.srdf").write_text(f'<robot name="planar2">{group}</robot>')
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("error", "experiment", "overrides", "words"), [*((ConfigError, *row) for row in SETTINGS), *OTHERS]
+)
+def test_nothing_is_made_of_what_cannot_be(folder, tmp_path, error, experiment, overrides, words):
+    given = overrides.replace("FOLDER", str(folder)).split()
+    with pytest.raises(error, match=re.escape(words)):
+        config = tiny.tiny(f"outputs={tmp_path}", *given, experiment=experiment)
+        run_stages(config, tmp_path / "run", "refused")
+    made = {path.name for path in tmp_path.glob("[!.]*/*") if path.suffix != ".work"}
+    assert not made, "work was done before it was refused"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [("experiment", "../up", "'../up' names a folder"), ("gan", {}, "gan is empty")],
+)
+def test_what_an_experiment_file_may_get_wrong_is_refused_too(key, value, words):
+    cfg = tiny.composed("+experiment=exp1")
+    cfg[key] = value
+    with pytest.raises(ConfigError, match=words):
+        validate(cfg)
+
+
+TYPO = "error: seeds.cuont: there is no such setting; did you mean seeds.count?\n"
+OF_LIMITS = "robot.limits: joint_1 is no setting of this group, which has position, velocity, accel"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("seeds.cuont=3", TYPO),
+        ("+seeds.cuont=3", TYPO),
+        ("sedes=paper", "error: sedes: there is no such setting; did you mean seeds?"),
+        ("+experiment=excite excite.count=0", "excite.count: what this would set is a list, and count names"),
+        ("gan=eigne", "Could not find 'gan/eigne'"),
+        ("experiment=exp1", "use +experiment=exp1"),
+        ("recordings=[a.csv]", "recordings: this is a setting of other experiments"),
+        ("robot.limits={joint_1:1}", OF_LIMITS),
+        ("robot={limits:{velocit:{a:1}}}", "did you mean robot.limits.velocity?"),
+        ("+experiment=exp99", "Could not find 'experiment/exp99'"),
+        ("seed=0,1", "To sweep over it, add --multirun"),
+        ("seed==", "Error parsing override 'seed=='"),
+    ],
+)
+def test_a_wrong_command_ends_with_its_code_and_one_line(command, capsys, tmp_path, arguments, words):
+    assert command(*arguments.split()) == 2
+    error = capsys.readouterr().err
+    assert words in error and "Traceback" not in error and "_base" not in error
+    assert not (tmp_path / "outputs" / "seeds").exists()
+
+
+def test_an_engine_that_is_not_installed_is_told_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match=r"parallel=dask needs Dask: pip install 'sidegan\[dask\]'"):
+        run_stages(tiny.tiny(f"outputs={tmp_path}", "parallel=dask"), tmp_path / "run", "dask")
