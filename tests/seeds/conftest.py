@@ -1,3 +1,12 @@
+"""Methods of the room, small, and problems of the design room."""
+
+from sidegan.seeds import Gradient
+from sidegan.seeds.paper import Paper
 from tests.design.conftest import lwr_problem, planar_problem, random
 
-__all__ = ["lwr_problem", "planar_problem", "random"]
+__all__ = ["METHODS", "lwr_problem", "planar_problem", "random"]
+
+METHODS = {
+    "gradient": Gradient(20, attempts=5, reserve=0.2),
+    "paper": Paper(generations=6, ants=20, evaluations=150, attempts=5),
+}

@@ -6,14 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.motion.backend import extremes
+from tests.motion.conftest import normal
+from tests.threads import several_threads
 
 pytest.importorskip("numba")
 
 
 def symmetric(spectrum, seed):
     size = len(spectrum)
-    generator = torch.Generator().manual_seed(seed)
-    turn = torch.linalg.qr(torch.randn(size, size, generator=generator, dtype=torch.float64))[0]
+    turn = torch.linalg.qr(normal(size, size, seed=seed))[0]
     x = (turn * torch.tensor(spectrum, dtype=torch.float64)) @ turn.T
     return (x + x.T)[None] / 2
 
@@ -21,8 +22,7 @@ def symmetric(spectrum, seed):
 def check(x, low=3, high=2):
     """Values are LAPACK's; the vectors are eigenvectors, of length one and at right angles."""
     values, vectors = extremes(x, low, high)
-    expected = torch.linalg.eigvalsh(x)
-    size = x.shape[1]
+    expected, size = torch.linalg.eigvalsh(x), x.shape[1]
     if size > low + high:
         expected = expected[:, [*range(low), *range(size - high, size)]]
     scale = max(float(x.abs().max()), 1e-300)
@@ -45,54 +45,38 @@ def test_spectra_over_many_orders_of_magnitude(size, orders, seed):
     check(symmetric([10.0 ** (-orders * k / size) for k in range(size)], seed))
 
 
-@pytest.mark.parametrize("spectrum", [[0.0] * 9, [1.0] * 9, [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0]])
-def test_equal_eigenvalues_get_vectors_at_right_angles(spectrum):
-    check(symmetric(spectrum, 0))
-
-
-def test_nothing_is_done_again_where_eigenvalues_are_well_apart(monkeypatch):
-    """That is what makes it fast: what is not accurate enough is left to LAPACK."""
-    monkeypatch.setattr("sidegan.motion.plain.extremes", None)
-    check(torch.cat([symmetric(range(30), seed) for seed in range(20)]))
-
-
-def test_nothing_is_done_again_where_an_eigenvector_is_a_column_of_the_identity(monkeypatch):
-    """Whichever of them it is: each eigenvalue at the ends has been in each place."""
-    monkeypatch.setattr("sidegan.motion.plain.extremes", None)
-    check(torch.stack([torch.arange(9.0).double().roll(k).diag() for k in range(9)]))
+@pytest.mark.parametrize(
+    "x",
+    [
+        *(symmetric(spectrum, 0) for spectrum in ([0.0] * 9, [1.0] * 9, [0.0, 0, 0, 1, 1, 2, 2])),
+        torch.diag(torch.arange(9.0, dtype=torch.float64))[None],
+        torch.zeros(2, 8, 8, dtype=torch.float64),
+        1e150 * symmetric(range(1, 10), 1),
+        1e-150 * symmetric(range(1, 10), 1),
+    ],
+)
+def test_equal_eigenvalues_and_special_matrices(x):
+    check(x)
+    assert extremes(x[:0], 3, 2)[1].shape == (0, x.shape[1], 5)
 
 
 @pytest.mark.parametrize(
     "x",
     [
-        torch.diag(torch.arange(9.0, dtype=torch.float64))[None],
-        torch.zeros(2, 8, 8, dtype=torch.float64),
-        1e150 * symmetric(range(1, 10), 1),
-        1e-150 * symmetric(range(1, 10), 1),
-        torch.zeros(0, 8, 8, dtype=torch.float64),
+        torch.cat([symmetric(range(30), seed) for seed in range(20)]),
+        torch.stack([torch.arange(9.0).double().roll(k).diag() for k in range(9)]),  # each in each place
     ],
 )
-def test_special_matrices(x):
-    if len(x):
-        check(x)
-    else:
-        assert extremes(x, 3, 2)[1].shape == (0, 8, 5)
+def test_nothing_is_done_again_where_eigenvalues_are_well_apart(x, monkeypatch):
+    """That is what makes it fast: what is not accurate enough is left to LAPACK."""
+    monkeypatch.setattr("sidegan.motion.plain.extremes", None)
+    check(x)
 
 
 def test_threads_change_nothing():
-    x = torch.cat([symmetric([*range(20)], seed) for seed in range(120)])
+    x = torch.cat([symmetric(range(20), seed) for seed in range(120)])
     one = extremes(x, 3, 2)
-    torch.set_num_threads(2)
-    try:
+    with several_threads():
         two = extremes(x, 3, 2)
-    finally:
-        torch.set_num_threads(1)
     for a, b in zip(one, two):
         torch.testing.assert_close(a, b, rtol=1e-12, atol=1e-12)
-
-
-def test_both_engines_give_the_pairs_at_the_ends(engine):
-    values, vectors = extremes(symmetric(range(1, 9), 3), 3, 2)
-    expected = torch.tensor([[1.0, 2.0, 3.0, 7.0, 8.0]], dtype=torch.float64)
-    torch.testing.assert_close(values, expected)
-    assert vectors.shape == (1, 8, 5)

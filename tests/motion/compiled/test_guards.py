@@ -5,29 +5,24 @@ import pytest
 import torch
 
 from sidegan.motion.compiled.chain import Shapes
-from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.constraints import random_axes
 from sidegan.validity.regions import tables
+from tests.motion.conftest import REGIONS
 
 pytest.importorskip("numba")
 
 from sidegan.motion.compiled.guards import leaving
 
-REGIONS = (
-    Plane((0.2, -0.3, 0.9), 0.4),
-    Box((-0.4, -0.3, 0.2), (0.3, 0.4, 0.9)),
-    Sphere((0.2, 0.1, 0.5), 0.3),
-    Convex.between((-0.3, -0.2, 0.3), (0.2, 0.3, 0.8), 0.2),
-)
-
 
 def test_a_capsule_leaves_what_its_margin_says(arm):
     """In each of some configurations alone, so that one of them cannot hide another."""
     none = torch.zeros(0, 2, dtype=torch.long)
-    shapes = Shapes.of(arm.capsules, none, none, tables(REGIONS))
+    shapes = Shapes.of(arm.capsules, none, none, tables(list(REGIONS.values())))
     moving = torch.nonzero(arm.capsules.link >= 0)[:, 0]
     axes = torch.stack(random_axes(arm))[:, :, moving, :100]  # (2, 3, C, N)
-    clear = torch.stack([region.margin(*axes) for region in REGIONS]) > arm.capsules.radius[moving, None]
+    clear = (
+        torch.stack([region.margin(*axes) for region in REGIONS.values()]) > arm.capsules.radius[moving, None]
+    )
     ends = np.ascontiguousarray(axes.permute(0, 2, 3, 1))
     alone = [leaving(shapes, moving.numpy(), ends[:, :, n : n + 1].copy()) for n in range(100)]
     np.testing.assert_array_equal(np.stack(alone, 2), clear)

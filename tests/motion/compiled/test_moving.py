@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from sidegan.motion.compiled.chain import Shapes
-from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.regions import tables
+from tests.motion.conftest import REGIONS
 
 pytest.importorskip("numba")
 
@@ -25,14 +25,6 @@ def test_a_stretched_arms_tip_leaves_its_even_motion_by_as_much_as_its_bound(inn
     motion[3] = 5.0, 3.0, 2.0  # all of these accelerations at once, in the worst direction
     pull += reach[1, inner:] @ motion[3, inner:]
     assert bend(reach, 1, (inner, 3), motion, HALF) == pytest.approx(HALF**2 / 2 * pull)
-
-
-REGIONS = {
-    "plane": Plane((0.2, -0.3, 0.9), -0.4),
-    "box": Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)),
-    "ball": Sphere((0.4, 0.2, 0.5), 0.2),
-    "body": Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1),
-}
 
 
 @pytest.mark.parametrize("name", REGIONS)
