@@ -1,3 +1,5 @@
+"""Problems, matrices and trajectories that tests of the room share."""
+
 import pytest
 import torch
 
@@ -21,3 +23,44 @@ def planar_problem(planar):
 @pytest.fixture
 def random():
     return torch.Generator().manual_seed(3)
+
+
+def semidefinite(seed, count=1, size=4, rank=6):
+    """Random matrices of a rank, (count, size, size)."""
+    rows = torch.randn(count, rank, size, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    return rows.mT @ rows
+
+
+def trajectories(joints, batch=6):
+    """A family, and some of it."""
+    trajectory = Trajectory(joints, 4, 8.0)
+    c = torch.randn(batch, *trajectory.shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    return trajectory, 0.3 * c
+
+
+def assert_slopes(function, c, random, **near):
+    """A gradient is that of central differences along a random direction; the value.
+
+    Args:
+        function: value, one or one for each trajectory, and gradient at coefficients.
+        c: coefficients.
+        random: draws the direction.
+        near: tolerances.
+    """
+    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
+    up, down = (function(c + step * direction)[0] for step in (1e-6, -1e-6))
+    value, gradient = function(c)
+    slope = (gradient * direction).flatten(value.dim()).sum(-1)
+    torch.testing.assert_close((up - down) / 2e-6, slope, **near)
+    return value
+
+
+def by_autograd(function):
+    """Value and gradient of a function that torch differentiates."""
+
+    def both(c):
+        c = c.clone().requires_grad_(True)
+        value = function(c)
+        return value.detach(), torch.autograd.grad(value, c)[0]
+
+    return both

@@ -14,6 +14,7 @@ from sidegan.motion.compiled import VARIABLE, compiled
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import constrained, random_chain
+from tests.validity.critical import limited
 
 DESK = Plane((0.0, 0.0, 1.0), 0.1)
 ROUND = (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1))
@@ -76,18 +77,22 @@ def test_long_trajectories_are_taken_in_blocks_of_samples(planar, samples):
     regions=st.sampled_from(sorted(REGIONS)),
     samples=st.sampled_from([9, 60, 64, 65, 150]),
     diagonal=st.booleans(),
-    limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+    torque=st.sampled_from([torch.inf, 30.0, 300.0]),
+    names=st.sets(st.sampled_from(["acceleration", "jerk"])),
     use=st.sampled_from([0.5, 0.97, 1e9]),
 )
-def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, limit, use):
+def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, torque, names, use):
     pytest.importorskip("numba")
-    arm, _ = random_chain(joints, seed)
-    torque = torch.full((joints,), limit, dtype=torch.float64)
-    torque[::2] = 150.0
-    constraints = constrained(replace(arm, torque_limit=torque), REGIONS[regions])
+    arm, limit = random_chain(joints, seed)[0], torch.full((joints,), torque, dtype=torch.float64)
+    limit[::2] = 150.0
+    arm = limited(replace(arm, torque_limit=limit), sorted(names), share=0.2)
     home = 0.3 * (arm.position_lower + arm.position_upper)
-    problem = Problem(constraints, Trajectory(joints, 3, 7.0, home.tolist()), samples, diagonal)
-    assert_same(problem, candidates(problem, 4, seed), use)
+    trajectory = Trajectory(joints, 3, 7.0, home.tolist())
+    problem = Problem(constrained(arm, REGIONS[regions]), trajectory, samples, diagonal)
+    numbers = assert_same(problem, candidates(problem, 4, seed), use)
+    if use < 1:  # scaled down to a share of every limit that is linear
+        columns = [1 + list(problem.constraints.labels).index(name) for name in names]
+        assert (numbers[:, columns] <= use - 1 + 0.05).all()
 
 
 def test_trajectories_do_not_depend_on_those_beside_them(lwr_problem):

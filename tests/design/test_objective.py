@@ -1,3 +1,5 @@
+"""The penalised condition number and its gradient: finite differences, closed forms, compiled and plain."""
+
 import math
 from dataclasses import replace
 
@@ -14,40 +16,49 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import random_chain
 
+from .conftest import assert_slopes
+
+DESK, BESIDE = Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2))
+OBSTACLES = (Sphere((0.4, 0.2, 0.5), 0.2), Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1))
+REGIONS = {
+    "none": (),
+    "desk": (DESK,),
+    "tilted": (Plane((0, 0.6, 0.8), -0.2),),
+    "box": (Box((0.3, -0.2, 0.3), (0.6, 0.3, 0.6)),),
+    "walls": (DESK, BESIDE, Plane((1, 0, 0), -0.7)),
+    "all": (*OBSTACLES, DESK, BESIDE),
+}
+
 
 @pytest.mark.parametrize("diagonal", [False, True])
 @pytest.mark.parametrize("reach", [0.5, 1.4])
 def test_the_gradient_agrees_with_finite_differences(planar_problem, random, diagonal, reach):
-    problem = replace(planar_problem, diagonal=diagonal)
-    c = problem.start(4, random, reach)
-    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
-    step = 1e-6
-    penalty = Penalty(30.0)
-    up, _ = value_and_gradient(problem, c + step * direction, penalty)
-    down, _ = value_and_gradient(problem, c - step * direction, penalty)
-    _, gradient = value_and_gradient(problem, c, penalty)
-    slope = (gradient * direction).sum((1, 2, 3))
-    torch.testing.assert_close((up - down) / (2 * step), slope, rtol=1e-4, atol=1e-5)
+    problem, c = replace(planar_problem, diagonal=diagonal), planar_problem.start(4, random, reach)
+    assert_slopes(lambda x: value_and_gradient(problem, x, Penalty(30.0)), c, random, rtol=1e-4, atol=1e-5)
 
 
 def test_the_gradient_of_the_lwr_agrees_with_finite_differences(lwr_problem, random):
     c = lwr_problem.start(2, random, 0.9)
-    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
     penalty = Penalty(300.0)
-    up, _ = value_and_gradient(lwr_problem, c + 1e-6 * direction, penalty)
-    down, _ = value_and_gradient(lwr_problem, c - 1e-6 * direction, penalty)
-    slope = (value_and_gradient(lwr_problem, c, penalty)[1] * direction).sum((1, 2, 3))
-    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=2e-3, atol=1e-3)
+    assert_slopes(lambda x: value_and_gradient(lwr_problem, x, penalty), c, random, rtol=2e-3, atol=1e-3)
 
 
-def test_without_violation_the_value_is_a_smooth_log_condition_number(planar_problem, random):
+def test_the_gradient_of_distances_from_boxes_is_exact(planar, random):
+    problem = Problem(Constraints(planar, [Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0), 24)
+    c = problem.start(3, random, 1.0)
+    assert_slopes(lambda x: value_and_gradient(problem, x, Penalty(30.0)), c, random, rtol=1e-4, atol=1e-4)
+
+
+def test_the_value_is_a_smooth_log_condition_number_and_what_violations_cost(planar_problem, random):
     c = planar_problem.start(5, random, 0.3)
     value, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
     exact = excite(planar_problem.body, planar_problem.trajectory, c, planar_problem.samples)
-    log_condition = exact.eigenvalue_fitness.log()
+    excess = value - exact.eigenvalue_fitness.log()
     # The smooth extremes lie outside the true ones, by at most log(number) / sharpness each.
-    assert (value >= log_condition - 1e-9).all()
-    assert (value <= log_condition + 1.0).all()
+    assert (excess >= -1e-9).all() and (excess <= 1.0).all()
+    c = planar_problem.start(3, random, 2.0)
+    free, penalised = (value_and_gradient(planar_problem, c, Penalty(weight))[0] for weight in (0.0, 100.0))
+    assert (penalised > free).all()
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 9])
@@ -59,21 +70,24 @@ def test_the_slopes_of_the_smooth_condition_number_agree_with_finite_differences
     torch.testing.assert_close((values * slopes).sum(1), torch.zeros(5).double())  # units do not matter
 
 
-def test_three_values_below_and_two_above_are_smoothed():
-    """Equal extremes are log(number) / 6 outside of the true ones, whatever lies between."""
-    values = torch.tensor(
-        [[0.5, 0.5, 0.5, 3.0, 8.0, 8.0], [0.5, 400, 500, 600, 700, 1e6]], dtype=torch.float64
-    )
-    value, _ = smooth_condition(values)
-    assert float(value[0]) == pytest.approx(math.log(16) + (math.log(3) + math.log(2)) / 6, rel=1e-12)
-    assert float(value[1]) == pytest.approx(math.log(2e6), rel=1e-9)
-
-
-def test_what_is_not_excited_counts_as_hopeless():
-    value, slopes = smooth_condition(torch.tensor([[0.0, 1.0, 1.0, 1.0, 2.0], [0.0] * 5]).double())
-    assert value[0] == pytest.approx(math.log(2 * HOPELESS / 2), abs=0.2) and value.isfinite().all()
-    assert value[1] == pytest.approx(math.log(HOPELESS)) and (slopes[1] == 0).all()  # nothing is told at all
-    assert slopes[0, 0] == pytest.approx(-HOPELESS / 2) and slopes.isfinite().all()
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        # Equal extremes are log(number) / 6 outside of the true ones, whatever lies between.
+        ([0.5, 0.5, 0.5, 3.0, 8.0, 8.0], math.log(16) + (math.log(3) + math.log(2)) / 6),
+        ([0.5, 400, 500, 600, 700, 1e6], math.log(2e6)),
+        # What is not excited is as bad as hopeless and no worse; where nothing is told at all, as bad.
+        ([0.0, 5.0, 5.0, 5.0, 7.0], math.log(HOPELESS) + math.log(1 + (5 / 7) ** 6) / 6),
+        ([0.0] * 5, math.log(HOPELESS)),
+    ],
+)
+def test_the_smooth_condition_number_by_hand(values, expected):
+    value, slopes = smooth_condition(torch.tensor([values]).double())
+    assert float(value) == pytest.approx(expected, rel=1e-9) and slopes.isfinite().all()
+    if not any(values):
+        assert (slopes == 0).all()
+    elif not values[0]:
+        assert float(slopes[0, 0]) == pytest.approx(-HOPELESS / values[-1])
 
 
 @pytest.mark.parametrize("diagonal", [False, True])
@@ -85,11 +99,6 @@ def test_rest_that_feels_no_torque_is_the_worst_there_is(planar, diagonal):
     assert (value == pytest.approx(math.log(HOPELESS))) and (gradient == 0).all()
 
 
-def test_a_direction_that_is_not_excited_is_as_bad_as_hopeless_and_no_worse():
-    value, _ = smooth_condition(torch.tensor([[0.0, 5.0, 5.0, 5.0, 7.0]]).double())
-    assert float(value[0]) == pytest.approx(math.log(HOPELESS), abs=(math.log(1) + math.log(2)) / 6)
-
-
 @pytest.mark.parametrize("harmonics", [1, 2, 6, 9])
 def test_a_sample_more_than_two_for_each_harmonic_is_enough(planar_problem, harmonics):
     trajectory = replace(planar_problem.trajectory, harmonics=harmonics)
@@ -98,23 +107,16 @@ def test_a_sample_more_than_two_for_each_harmonic_is_enough(planar_problem, harm
         replace(planar_problem, trajectory=trajectory, samples=2 * harmonics)
 
 
-def test_a_violation_costs(planar_problem, random):
-    c = planar_problem.start(3, random, 2.0)
-    free, _ = value_and_gradient(planar_problem, c, Penalty(0.0))
-    penalised, _ = value_and_gradient(planar_problem, c, Penalty(100.0))
-    assert (penalised > free).all()
-
-
 def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
     c = planar_problem.start(3, random)
-    values, gradients = value_and_gradient(planar_problem, c, Penalty(30.0))
-    for k in range(3):
-        value, gradient = value_and_gradient(planar_problem, c[k : k + 1], Penalty(30.0))
-        torch.testing.assert_close(value[0], values[k])
-        torch.testing.assert_close(gradient[0], gradients[k])
+    together = value_and_gradient(planar_problem, c, Penalty(30.0))
+    alone = zip(*(value_and_gradient(planar_problem, one[None], Penalty(30.0)) for one in c))
+    for whole, parts in zip(together, alone):
+        torch.testing.assert_close(torch.cat(parts), whole)
 
 
 def assert_plain_code_agrees(problem, c, penalty, monkeypatch):
+    pytest.importorskip("numba")
     compiled = value_and_gradient(problem, c, penalty)
     monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
     plain = value_and_gradient(problem, c, penalty)
@@ -122,23 +124,8 @@ def assert_plain_code_agrees(problem, c, penalty, monkeypatch):
     torch.testing.assert_close(compiled[1], plain[1], rtol=1e-6, atol=1e-6)
 
 
-OBSTACLES = [Sphere((0.4, 0.2, 0.5), 0.2), Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1)]
-
-
-@pytest.mark.parametrize(
-    "regions",
-    [
-        [Plane((0, 0, 1), 0.1)],
-        [Plane((0, 0.6, 0.8), -0.2)],
-        OBSTACLES,
-        [],
-        [Box((0.3, -0.2, 0.3), (0.6, 0.3, 0.6))],
-        [Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2)), Plane((1, 0, 0), -0.7)],
-        [*OBSTACLES, Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2))],
-    ],
-)
+@pytest.mark.parametrize("regions", REGIONS.values(), ids=REGIONS)
 def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch, regions):
-    pytest.importorskip("numba")
     problem = Problem(Constraints(arm, regions), Trajectory(7), 40)
     c = problem.start(6, random, 1.3)
     assert_plain_code_agrees(problem, c, Penalty(300.0, distance=1.0), monkeypatch)
@@ -146,17 +133,7 @@ def test_the_compiled_penalty_is_that_of_the_plain_code(arm, random, monkeypatch
 
 @pytest.mark.parametrize("joints", [3, 6])
 def test_the_compiled_penalty_knows_sliding_joints(joints, random, monkeypatch):
-    pytest.importorskip("numba")
     constraints = Constraints(random_chain(joints, 0)[0], [Plane((0, 0, 1), -0.3)])
     problem = Problem(constraints, Trajectory(joints, 2, 8.0, [0.0] * joints), 20)
     c = problem.start(4, random, 1.0)
     assert_plain_code_agrees(problem, c, Penalty(10.0, distance=2.0), monkeypatch)
-
-
-def test_the_gradient_of_distances_from_boxes_is_exact(planar, random):
-    problem = Problem(Constraints(planar, [Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0), 24)
-    c = problem.start(3, random, 1.0)
-    direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
-    up, down = (value_and_gradient(problem, c + s * direction, Penalty(30.0))[0] for s in (1e-6, -1e-6))
-    slope = (value_and_gradient(problem, c, Penalty(30.0))[1] * direction).sum((1, 2, 3))
-    torch.testing.assert_close((up - down) / 2e-6, slope, rtol=1e-4, atol=1e-4)
