@@ -1,24 +1,79 @@
-"""Trajectories that are critical in one constraint alone, and how bad they are when sampled densely."""
+"""Builders of the room: segments, arms with hulls, trajectories that are critical in one constraint alone."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.robot.arm import Pieces
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 
 KINDS = ("position", "velocity", "acceleration", "jerk", "torque", "collision", "desk", "box")
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
+BALL, HULL = Sphere((0.5, 0.3, 0.6), 0.15), Convex.between((0.6, -0.4, 0.2), (0.6, -0.4, 0.9), 0.08)
+BENT = (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0)  # a home of seven joints
+
+
+def drawn(trajectory: Trajectory, batch: int, seed: int = 0) -> Tensor:
+    """Random coefficients."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
+
+
+def random_segments(count: int, seed: int = 0) -> tuple[Tensor, Tensor]:
+    """Both ends of segments [m], two of (3, count)."""
+    generator = torch.Generator().manual_seed(seed)
+    return (0.6 * torch.randn(2, 3, count, generator=generator, dtype=torch.float64)).unbind()
+
+
+def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
+    """Trajectories around the limits: some inside, some outside, (batch, J, H, 2)."""
+    generator = torch.Generator().manual_seed(seed)
+    c = torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
+    motion = trajectory.roll_out(c, trajectory.times(50.0))
+    room = (arm.position_upper - arm.position_lower) / 2
+    use = torch.maximum(
+        (motion.position - torch.tensor(trajectory.home)).abs().amax(1) / room,
+        motion.velocity.abs().amax(1) / arm.velocity_limit,
+    )
+    share = torch.empty(batch, 1, dtype=torch.float64).uniform_(0.05, 1.2, generator=generator)
+    return c * (share / use)[:, :, None, None]
+
+
+def filled(arm: Arm, seed: int) -> Arm:
+    """The same arm, with random hulls inside of its capsules, and a few that are the capsules themselves."""
+    random = np.random.default_rng(seed)
+    capsules = arm.capsules
+    corners, exact = [], random.random(len(capsules.radius)) < 0.2
+    for k, (a, b, radius) in enumerate(zip(capsules.a.numpy(), capsules.b.numpy(), capsules.radius.tolist())):
+        beside = random.normal(size=(20, 3))
+        beside *= radius * random.uniform(0.2, 1.0, (20, 1)) / np.linalg.norm(beside, axis=1, keepdims=True)
+        corners.append(np.stack([a, b]) if exact[k] else a + random.random((20, 1)) * (b - a) + beside)
+    pieces = Pieces(
+        corners=torch.from_numpy(np.concatenate(corners)),
+        start=torch.tensor([0, *np.cumsum([*map(len, corners)])]),
+        radius=torch.where(torch.from_numpy(exact), capsules.radius, 0.0),
+        exact=torch.from_numpy(exact),
+        fitted=torch.zeros(len(corners), dtype=torch.bool),
+        core=0.8 * capsules.radius,
+    )
+    return replace(arm, capsules=replace(capsules, pieces=pieces))
 
 
 def only(capsules: Capsules, which: Tensor) -> Capsules:
     """Some of an arm's capsules."""
     names = tuple(capsules.names[k] for k in which.tolist())
     return Capsules(capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], names)
+
+
+def thick(arm: Arm, factor: float) -> Arm:
+    """An arm with thicker capsules."""
+    return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
 
 
 def isolated(arm: Arm, kind: str) -> Constraints:

@@ -7,41 +7,24 @@ import pytest
 import torch
 from torch import Tensor
 
-from sidegan.errors import ShapeError
+from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane, check
 from tests.chains import random_chain
 
-from .critical import DESK, KINDS, isolated, margins_at, named, scaled_to, smallest
+from .critical import BENT, BOX, DESK, KINDS, drawn, isolated, margins_at, named, scaled_to, smallest
 
 COARSE = 20.0  # [Hz] centres and edges of the check's first cells
 DENSE = 2_000.0  # [Hz]
 TINY = {"position": 1e-5, "velocity": 1e-5, "torque": 1e-4, "collision": 1e-6, "desk": 1e-6, "box": 1e-6}
 TINY |= {"acceleration": 1e-5, "jerk": 1e-4}
-COMFORTABLE = {
-    "position": 1e-3,
-    "velocity": 5e-3,
-    "acceleration": 1e-2,
-    "jerk": 1e-1,
-    "torque": 1.0,
-    "collision": 1e-3,
-    "desk": 1e-3,
-    "box": 1e-3,
-}
-BENT = (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0)
+COMFORTABLE = {"position": 1e-3, "velocity": 5e-3, "acceleration": 1e-2, "jerk": 1e-1, "torque": 1.0}
+COMFORTABLE |= {"collision": 1e-3, "desk": 1e-3, "box": 1e-3}
 
 
 def family(arm: Arm, period: float = 3.0) -> Trajectory:
     return Trajectory(arm.joints, 5, period, BENT if arm.joints == 7 else None)
-
-
-def random_coefficients(trajectory: Trajectory, batch: int, seed: int = 0) -> Tensor:
-    generator = torch.Generator().manual_seed(seed)
-    return torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
-
-
-pytestmark = pytest.mark.usefixtures("engine")
 
 
 @pytest.fixture(params=["arm", "planar"])
@@ -49,47 +32,33 @@ def any_arm(request: pytest.FixtureRequest) -> Arm:
     return request.getfixturevalue(request.param)
 
 
-@cache
-def bad_between_coarse_samples(kind: str, arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
-    """Trajectories that coarse samples do not find fault with, and which of them dense ones do."""
-    constraints, trajectory, name = isolated(arm, kind), family(arm), named(kind)
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_bad_only_between_coarse_samples_is_caught(kind: str, any_arm: Arm) -> None:
+    constraints, trajectory, name = isolated(any_arm, kind), family(any_arm), named(kind)
 
     def coarse(c: Tensor) -> Tensor:
         return smallest(constraints, trajectory, c, COARSE)[name]
 
-    c = scaled_to(coarse, random_coefficients(trajectory, 24), target=1e-9)
-    assert (coarse(c) >= 0).all()
-    return constraints, trajectory, c, smallest(constraints, trajectory, c, DENSE)[name] < 0
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_bad_only_between_coarse_samples_is_caught(kind: str, any_arm: Arm) -> None:
-    constraints, trajectory, c, bad = bad_between_coarse_samples(kind, any_arm)
-    assert bad.sum() >= 10
+    c = scaled_to(coarse, drawn(trajectory, 24), target=1e-9)
+    bad = smallest(constraints, trajectory, c, DENSE)[name] < 0
+    assert (coarse(c) >= 0).all() and bad.sum() >= 10
     validity = check(constraints, trajectory, c)
     assert not validity.valid[bad].any()
     for i in torch.nonzero(bad)[:, 0].tolist():
-        assert [failure.constraint for failure in validity.failures(i)] == [named(kind)]
-
-
-@cache
-def bad_and_good(kind: str, arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
-    """Trajectories with a tiny violation, and some with a comfortable margin."""
-    constraints, trajectory, name = isolated(arm, kind), family(arm), named(kind)
-
-    def dense(c: Tensor) -> Tensor:
-        return smallest(constraints, trajectory, c, 200.0)[name]
-
-    c = random_coefficients(trajectory, 8, seed=1)
-    bad = scaled_to(dense, c, target=-TINY[kind]) * (1 + 1e-9)
-    good = scaled_to(dense, c, target=COMFORTABLE[kind])
-    lasting = smallest(constraints, trajectory, good, DENSE)[name] > 0.9 * COMFORTABLE[kind]
-    return constraints, trajectory, bad, good[lasting]
+        assert [failure.constraint for failure in validity.failures(i)] == [name]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tiny_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, any_arm: Arm) -> None:
-    constraints, trajectory, bad, good = bad_and_good(kind, any_arm)
+    constraints, trajectory, name = isolated(any_arm, kind), family(any_arm), named(kind)
+
+    def dense(c: Tensor) -> Tensor:
+        return smallest(constraints, trajectory, c, 200.0)[name]
+
+    c = drawn(trajectory, 8, seed=1)
+    bad = scaled_to(dense, c, target=-TINY[kind]) * (1 + 1e-9)
+    good = scaled_to(dense, c, target=COMFORTABLE[kind])
+    good = good[smallest(constraints, trajectory, good, DENSE)[name] > 0.9 * COMFORTABLE[kind]]
     assert len(bad) >= 5 and not check(constraints, trajectory, bad).valid.any()
     validity = check(constraints, trajectory, good)
     assert len(good) >= 5 and validity.valid.all(), validity.margins
@@ -108,14 +77,18 @@ def near_the_limits(arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
         ]
         return torch.stack(share).amin(0)
 
-    c = scaled_to(coarse, random_coefficients(trajectory, count, seed=2), target=1e-4)
+    c = scaled_to(coarse, drawn(trajectory, count, seed=2), target=1e-4)
     generator = torch.Generator().manual_seed(3)
     c = c * torch.empty(len(c), 1, 1, 1, dtype=c.dtype).uniform_(0.98, 1.02, generator=generator)
     dense = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
     return constraints, trajectory, c, dense
 
 
-def test_valid_means_that_dense_sampling_finds_nothing(any_arm: Arm) -> None:
+@pytest.mark.parametrize("kernels", ["numba", "torch"])
+def test_valid_means_that_dense_sampling_finds_nothing(
+    any_arm: Arm, kernels: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, kernels)
     constraints, trajectory, c, dense = near_the_limits(any_arm)
     validity = check(constraints, trajectory, c)
     assert 0.1 < validity.valid.double().mean() < 0.9
@@ -124,29 +97,21 @@ def test_valid_means_that_dense_sampling_finds_nothing(any_arm: Arm) -> None:
     assert (dense[~validity.valid] < 1e-3).all()
 
 
-@cache
-def prismatic(seed: int) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
-    """Trajectories of a random chain around its limits, and the smallest of each one's dense margins."""
+@pytest.mark.parametrize("seed", range(4))
+def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
     arm, _ = random_chain(4, seed)
     constraints = Constraints(arm, [Plane((0.0, 0.6, 0.8), -0.6)])
-    middle = ((arm.position_lower + arm.position_upper) / 2).tolist()
-    trajectory = Trajectory(4, 4, 3.0, middle)
+    trajectory = Trajectory(4, 4, 3.0, ((arm.position_lower + arm.position_upper) / 2).tolist())
 
     def coarse(c: Tensor) -> Tensor:
         margins = margins_at(constraints, trajectory, c, trajectory.times(20.0))
         return torch.stack([m.amin(1) for name, m in margins.items() if name != "torque"]).amin(0)
 
-    c = scaled_to(coarse, random_coefficients(trajectory, 40, seed), target=1e-3)
+    c = scaled_to(coarse, drawn(trajectory, 40, seed), target=1e-3)
     c = torch.cat([c, 0.97 * c])
     dense = torch.stack(list(smallest(constraints, trajectory, c, DENSE).values())).amin(0)
-    return constraints, trajectory, c, dense
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
-    constraints, trajectory, c, dense = prismatic(seed)
-    validity = check(constraints, trajectory, c)
-    assert (dense[validity.valid] >= 0).all() and (dense[~validity.valid] < 2e-3).all()
+    valid = check(constraints, trajectory, c).valid
+    assert (dense[valid] >= 0).all() and (dense[~valid] < 2e-3).all()
 
 
 @pytest.mark.parametrize(("constraint", "harmonic", "phase"), [("position", 0, 1), ("velocity", 2, 0)])
@@ -187,7 +152,7 @@ def test_failure_names_the_pair_and_the_region(planar: Arm) -> None:
 
 def test_margins_are_the_smallest_sampled(arm: Arm) -> None:
     constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7, home=BENT)
-    c = 0.01 * random_coefficients(trajectory, 5)
+    c = 0.01 * drawn(trajectory, 5)
     validity, dense = check(constraints, trajectory, c), smallest(constraints, trajectory, c, 500.0)
     assert validity.valid.all() and set(validity.margins) == set(dense) == set(constraints.labels)
     for name, margin in validity.margins.items():
@@ -200,7 +165,7 @@ def test_result_depends_neither_on_the_batch_nor_on_the_chunks(
     arm: Arm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     constraints, trajectory = Constraints(arm, [DESK]), family(arm)
-    c = 0.12 * random_coefficients(trajectory, 12)
+    c = 0.12 * drawn(trajectory, 12)
     whole = check(constraints, trajectory, c)
     assert 0 < whole.valid.sum() < 12
     single = [check(constraints, trajectory, one[None]) for one in c]
@@ -229,7 +194,7 @@ def test_a_state_on_the_limit_is_not_called_valid(planar: Arm) -> None:
 @pytest.mark.parametrize("period", [0.01, 0.13, 560.0])
 def test_any_period_can_be_checked(planar: Arm, period: float) -> None:
     trajectory = Trajectory(2, 6, period)
-    c = random_coefficients(trajectory, 2)
+    c = drawn(trajectory, 2)
     peak = trajectory.roll_out(c, trajectory.times(2000 / period))
     fast = (peak.velocity.abs() / planar.velocity_limit).amax((1, 2))
     far = (peak.position.abs() / planar.position_upper).amax((1, 2))
@@ -241,7 +206,7 @@ def test_any_period_can_be_checked(planar: Arm, period: float) -> None:
 
 def test_single_precision_is_checked_in_double(arm: Arm, device: torch.device) -> None:
     constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7, home=BENT)
-    c = 0.05 * random_coefficients(trajectory, 10).float()
+    c = 0.05 * drawn(trajectory, 10).float()
     single, double = check(constraints, trajectory, c.to(device)), check(constraints, trajectory, c.double())
     clear = torch.stack(list(double.margins.values())).abs().amin(0) > 1e-9
     assert clear.any() and torch.equal(single.valid.cpu()[clear], double.valid[clear])
@@ -250,28 +215,12 @@ def test_single_precision_is_checked_in_double(arm: Arm, device: torch.device) -
         torch.testing.assert_close(margin.cpu(), double.margins[name])
 
 
-def test_no_trajectory_at_all(planar: Arm) -> None:
-    trajectory = Trajectory(2)
-    validity = check(Constraints(planar, [DESK]), trajectory, torch.zeros(0, *trajectory.shape))
+def test_no_trajectory_at_all_and_absurd_ones(planar: Arm) -> None:
+    constraints, trajectory = Constraints(planar, [DESK, BOX]), Trajectory(2)
+    validity = check(constraints, trajectory, torch.zeros(0, *trajectory.shape))
     assert validity.valid.shape == (0,) and all(m.shape == (0,) for m in validity.margins.values())
-
-
-def test_absurdly_large_coefficients_are_invalid(planar: Arm) -> None:
-    trajectory = Trajectory(2)
-    c = torch.full((1, *trajectory.shape), 1e200, dtype=torch.float64)
-    validity = check(Constraints(planar, [DESK]), trajectory, c)
-    assert not validity.valid.any() and validity.failures(0)
-
-
-def test_trajectories_that_do_not_fit_are_refused(arm: Arm) -> None:
-    constraints = Constraints(arm)
-    for joints in (2, 8):
-        other = Trajectory(joints)
-        with pytest.raises(ShapeError, match=f"trajectories of {joints} joints for an arm of 7"):
-            check(constraints, other, torch.zeros(1, *other.shape))
-    with pytest.raises(ShapeError, match=r"expected \(B, 7, 6, 2\)"):
-        check(constraints, Trajectory(7), torch.zeros(1, 7, 5, 2))
-    c = torch.zeros(2, 7, 6, 2)
-    c[1, 6, 5, 1] = torch.inf
-    with pytest.raises(ShapeError, match="trajectory 1 are not finite"):
-        check(constraints, Trajectory(7), c)
+    for size in (1e3, 1e150, 1e200, 1e300):
+        c = torch.full((2, *trajectory.shape), size, dtype=torch.float64)
+        c[1, :, ::2] *= -1
+        validity = check(constraints, trajectory, c)
+        assert not validity.valid.any() and validity.failures(0)

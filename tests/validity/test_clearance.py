@@ -12,16 +12,14 @@ from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
+from sidegan.validity import Box, Constraints, Plane, check
 from sidegan.validity.closest import closest
 from tests.chains import random_chain, random_states
 
-from .critical import BOX, DESK, smallest
-from .test_fused import assert_same, moderate
+from .critical import BALL, BENT, BOX, DESK, HULL, moderate, smallest
+from .test_fused import assert_same
 
 FAR = 0.04  # [m]
-BALL = Sphere((0.5, 0.3, 0.6), 0.15)
-HULL = Convex.between((0.6, -0.4, 0.2), (0.6, -0.4, 0.9), 0.08)
 
 
 @pytest.mark.parametrize("region", [None, DESK, BALL, HULL], ids=["none", "plane", "ball", "hull"])
@@ -48,13 +46,13 @@ def test_boxes_keep_the_clearance_and_a_little_more_at_their_edges(arm: Arm) -> 
 
 @pytest.mark.parametrize("regions", [(), (DESK,), (BOX, DESK), (BALL,), (HULL, DESK)])
 def test_compiled_and_plain_search_agree(arm: Arm, regions) -> None:
-    trajectory = Trajectory(7, 6, 16.0, (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0))
+    trajectory = Trajectory(7, 6, 16.0, BENT)
     try:
         constraints = Constraints(arm, regions, clearance=FAR)
     except InfeasibleError as error:
         assert "workspace.clearance=0.04 cannot be kept" in str(error)
         constraints = Constraints(arm, regions, clearance=0.005)
-    c = 0.4 * moderate(arm, trajectory, 60, seed=1)
+    c = 0.4 * moderate(arm, trajectory, 30, seed=1)
     assert_same(constraints, trajectory, c)
 
 
@@ -123,8 +121,9 @@ def test_the_nearest_distance_that_is_shown_is_the_true_one(arm: Arm) -> None:
     torch.testing.assert_close(torch.as_tensor(other.distance), torch.as_tensor(one.distance))
 
 
-@pytest.mark.parametrize("apart", [0.0, 0.01, FAR])
-@pytest.mark.parametrize("region", [DESK, BALL, HULL], ids=["plane", "ball", "hull"])
+@pytest.mark.parametrize(
+    ("region", "apart"), [(DESK, 0.0), (BALL, 0.01), (HULL, FAR)], ids=["plane", "ball", "hull"]
+)
 def test_links_may_keep_less_from_each_other_than_from_regions(arm: Arm, region, apart) -> None:
     plain, clear = Constraints(arm, [region]), Constraints(arm, [region], clearance=FAR, apart=apart)
     states = random_states(arm, 200)

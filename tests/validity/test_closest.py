@@ -5,18 +5,15 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.robot import Setup, capsule_geometry, chain_model, load_robot
+from sidegan.robot import capsule_geometry, chain_model, load_robot
 from sidegan.validity import Box, Constraints, Plane
 from sidegan.validity.closest import closest
-
-
-def positions(arm, count):
-    draw = torch.rand(count, arm.joints, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    return torch.lerp(arm.position_lower, arm.position_upper, draw)
+from tests.chains import random_states
+from tests.robot.urdf import INERTIA, collision, joint, link, robot
 
 
 def test_the_closest_pair_and_its_points_are_coals(arm):
-    constraints, q = Constraints(arm), positions(arm, 60)
+    constraints, q = Constraints(arm), random_states(arm, 60)[0]
     found = closest(constraints, q)
     model, geometry = chain_model(arm), capsule_geometry(arm)
     for i, j in constraints.pairs.tolist():
@@ -44,23 +41,14 @@ def test_the_closest_pair_and_its_points_are_coals(arm):
 def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
     """Two plates that turn about axes askew: capsules around them touch long before they do."""
     monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path))
-    shape = '<collision><origin xyz="{}"/><geometry><box size="{}"/></geometry></collision>'
-    joint = (
-        '<joint name="j{0}" type="revolute"><parent link="l{0}"/><child link="l{1}"/><origin xyz="{2}"/>'
-        '<axis xyz="{3}"/><limit lower="-2" upper="2" velocity="1" effort="9"/></joint>'
-    )
-    inertia = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-    link = '<link name="l{}"><inertial>' + inertia + "</inertial>{}</link>"
-    links = [
-        link.format(0, shape.format("0 0 0", "0.5 0.4 0.02")),
-        link.format(1, ""),
-        link.format(2, shape.format("0 0.1 0.2", "0.3 0.01 0.2")),
-    ]
-    joints = [joint.format(0, 1, "0 0 0.15", "1 0.3 0"), joint.format(1, 2, "0.05 0 0.1", "0 1 1")]
+    box = collision('<box size="0.5 0.4 0.02"/>'), collision('<box size="0.3 0.01 0.2"/>', 'xyz="0 0.1 0.2"')
+    first = joint("j0", "l0", "l1", origin='xyz="0 0 0.15"', axis='<axis xyz="1 0.3 0"/>')
+    second = joint("j1", "l1", "l2", origin='xyz="0.05 0 0.1"', axis='<axis xyz="0 1 1"/>')
+    links = link("l0", box[0]), link("l1"), link("l2", INERTIA + box[1])
     file = tmp_path / "plates.urdf"
-    file.write_text(f'<robot name="plates">{"".join(links + joints)}</robot>')
-    arm = load_robot(file, Setup())
-    constraints, q = Constraints(arm), positions(arm, 200)
+    file.write_text(robot(*links, first, second))
+    arm = load_robot(file)
+    constraints, q = Constraints(arm), random_states(arm, 200)[0]
     assert bool(constraints.pieces.finer.all())
     found = closest(constraints, q)
     whole = pin.buildModelFromUrdf(str(file))
@@ -87,7 +75,7 @@ def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
 def test_points_at_regions_lie_on_their_surfaces(planar):
     box = Box((0.5, -0.1, 0.0), (0.9, 0.1, 0.3))
     constraints = Constraints(planar, [Plane((0.0, 0.0, 1.0), -0.2), box])
-    found = closest(constraints, positions(planar, 400))
+    found = closest(constraints, random_states(planar, 400)[0])
     ours = {name: found.which == k for k, name in enumerate(found.names)}
     desk = ours["forearm in region 0"]
     assert desk.sum() > 5
@@ -104,4 +92,4 @@ def test_points_at_regions_lie_on_their_surfaces(planar):
 def test_nothing_is_closest_where_nothing_is_checked(planar):
     alone = Constraints(planar)
     alone.labels.pop("collision")
-    assert closest(alone, positions(planar, 3)) is None
+    assert closest(alone, random_states(planar, 3)[0]) is None

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import lenient, random_states
 
-from .critical import DESK, only
+from .critical import BENT, DESK, only, thick
 
 
 def test_pair_that_the_description_names_is_excepted(arm: Arm) -> None:
@@ -45,26 +45,10 @@ def test_what_is_checked_and_what_is_not_is_said(arm: Arm) -> None:
     assert "links without a shape are not checked" in Constraints(bare).described()
 
 
-def thick(arm: Arm, factor: float) -> Arm:
-    return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
-
-
-def test_shapes_that_are_too_large_are_refused_and_doubted_once_they_are_named(arm: Arm) -> None:
-    with pytest.raises(InfeasibleError, match="links of kuka_lwr4 that touch in every one of 4,000"):
-        Constraints(thick(arm, 3.0))
+def test_shapes_that_are_too_large_are_doubted_once_they_are_named(arm: Arm) -> None:
     large = Constraints(lenient(thick(arm, 3.0)))
     assert large.doubtful and len(large.excepted["collision"]) > 5
     assert " more)" in large.described()
-    with pytest.raises(InfeasibleError, match="are the shapes in metres"):
-        Constraints(thick(arm, 1000.0))
-
-
-@pytest.mark.parametrize(
-    "region", [Plane((0.0, 0.0, 1.0), 5.0), Box((-3.0, -3.0, -3.0), (3.0, 3.0, 3.0))], ids=["plane", "box"]
-)
-def test_a_region_that_no_link_ever_leaves_is_refused(arm: Arm, region: Plane | Box) -> None:
-    with pytest.raises(InfeasibleError, match="region 1 cannot be kept"):
-        Constraints(arm, [DESK, region])
 
 
 def test_links_that_cannot_leave_the_desk_are_exempt(arm: Arm) -> None:
@@ -118,21 +102,13 @@ def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) ->
     assert set(constraints.labels) == set(constraints.margins(*states)) == expected
 
 
-def test_margins_and_labels_have_the_same_elements(arm: Arm) -> None:
-    constraints = Constraints(arm, [DESK, Plane((1.0, 0.0, 0.0), -0.5)])
-    margins = constraints.margins(*random_states(arm, 9))
-    assert {name: (9, len(labels)) for name, labels in constraints.labels.items()} == {
-        name: tuple(margin.shape) for name, margin in margins.items()
-    }
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_margins_follow_type_and_device(arm: Arm, dtype: torch.dtype, device: torch.device) -> None:
+def test_margins_follow_labels_type_and_device(arm: Arm, device: torch.device) -> None:
     constraints = Constraints(arm, [DESK, Box((0.3, 0.3, 0.3), (0.6, 0.6, 0.6))])
     states = random_states(arm, 30)
     exact = constraints.margins(*states)
-    for name, margin in constraints.margins(*(x.to(device, dtype) for x in states)).items():
-        assert margin.dtype == dtype and margin.device.type == device.type
+    for name, margin in constraints.margins(*(x.to(device, torch.float32) for x in states)).items():
+        assert margin.shape == (30, len(constraints.labels[name]))
+        assert margin.dtype == torch.float32 and margin.device.type == device.type
         torch.testing.assert_close(margin.cpu().double(), exact[name], rtol=1e-5, atol=1e-4)
 
 
@@ -145,22 +121,8 @@ def test_margins_can_be_differentiated(arm: Arm) -> None:
 
 
 def test_a_home_where_the_arm_can_rest_is_accepted(arm: Arm, planar: Arm) -> None:
-    Constraints(arm, [DESK]).refuse_home([0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0])
+    Constraints(arm, [DESK]).refuse_home(BENT)
     Constraints(planar, [DESK]).refuse_home((0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("home", "message"),
-    [
-        ((2.7, 0.0), r"position of shoulder: margin -0\.1;.*keep_out of forearm in region 0"),
-        ((0.0, -3.0), r"position of elbow: margin -0\.1; collision of base – forearm: margin -0\.08"),
-        ((2.5, 0.0), r"keep_out of forearm in region 0: margin -0\.28"),
-    ],
-)
-def test_an_infeasible_home_is_refused(planar: Arm, home: tuple[float, float], message: str) -> None:
-    with pytest.raises(InfeasibleError, match=message) as error:
-        Constraints(planar, [DESK]).refuse_home(home)
-    assert str(list(home)) in str(error.value)
 
 
 @pytest.mark.parametrize("beyond", [1e-6, -1e-6])
@@ -183,25 +145,6 @@ def test_a_home_may_come_near_a_limit_and_no_further(planar: Arm, kind: str, bey
             constraints.refuse_home(home)
     else:
         constraints.refuse_home(home)
-
-
-def test_a_home_that_overloads_a_joint_is_refused(planar: Arm) -> None:
-    weak = replace(planar, torque_limit=torch.tensor([5.0, 100.0], dtype=torch.float64))
-    with pytest.raises(InfeasibleError, match="torque of shoulder"):
-        Constraints(weak).refuse_home((1.0, 0.0))
-    Constraints(weak, torque=False).refuse_home((1.0, 0.0))
-
-
-@pytest.mark.parametrize("home", [(0.0,), (0.0, 0.0, 0.0), (0.0, float("nan")), (float("inf"), 0.0), ()])
-def test_a_home_that_is_no_position_is_refused(planar: Arm, home: tuple[float, ...]) -> None:
-    with pytest.raises(ShapeError, match="must be 2 finite joint positions"):
-        Constraints(planar).refuse_home(home)
-
-
-@pytest.mark.parametrize("shapes", [[(3, 6)] * 3, [(7,)] * 3, [(3, 7), (2, 7), (3, 7)], [(1, 3, 7)] * 3])
-def test_states_of_the_wrong_shape_are_refused(arm: Arm, shapes: list[tuple[int, ...]]) -> None:
-    with pytest.raises(ShapeError, match=r"expected three times \(N, 7\)"):
-        Constraints(arm).margins(*(torch.zeros(shape) for shape in shapes))
 
 
 def test_shares_of_limits_are_numbers_where_only_some_joints_state_a_torque_limit(planar):

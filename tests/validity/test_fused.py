@@ -1,6 +1,5 @@
 """The compiled search agrees with the plain one on everything, to rounding: random arms, regions, motions."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from sidegan.motion import compiled
-from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
@@ -19,7 +16,7 @@ from sidegan.validity.bounds import CellMotion, torque_bounds
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain
 
-from .critical import BOX, DESK, limited
+from .critical import BENT, BOX, DESK, limited, moderate
 
 pytest.importorskip("numba")
 
@@ -35,20 +32,6 @@ REGIONS = {
         Convex.box((0.5, 0.3, 0.2)),
     ),
 }
-
-
-def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
-    """Trajectories around the limits: some inside, some outside, (batch, J, H, 2)."""
-    generator = torch.Generator().manual_seed(seed)
-    c = torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
-    motion = trajectory.roll_out(c, trajectory.times(50.0))
-    room = (arm.position_upper - arm.position_lower) / 2
-    use = torch.maximum(
-        (motion.position - torch.tensor(trajectory.home)).abs().amax(1) / room,
-        motion.velocity.abs().amax(1) / arm.velocity_limit,
-    )
-    share = torch.empty(batch, 1, dtype=torch.float64).uniform_(0.05, 1.2, generator=generator)
-    return c * (share / use)[:, :, None, None]
 
 
 def assert_same(constraints: Constraints, trajectory: Trajectory, c: Tensor, exact: bool = True) -> Tensor:
@@ -96,7 +79,7 @@ def test_both_searches_agree_on_random_arms(
     assert_same(constraints, trajectory, moderate(arm, trajectory, 12, seed))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_both_bound_alike_how_torques_change(seed: int) -> None:
     """Whichever way gravity pulls: here it does so in a new direction each time."""
     from sidegan.motion.compiled import cells
@@ -116,7 +99,7 @@ def test_both_bound_alike_how_torques_change(seed: int) -> None:
 
 @pytest.mark.parametrize("regions", REGIONS)
 def test_both_searches_agree_on_the_arms_at_hand(regions: str, arm: Arm, planar: Arm) -> None:
-    for one, home, batch in ((arm, (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0), 150), (planar, None, 300)):
+    for one, home, batch in ((arm, BENT, 50), (planar, None, 100)):
         trajectory = Trajectory(one.joints, 6, 16.0, home)
         c = moderate(one, trajectory, batch, seed=1)
         valid = assert_same(Constraints(one, REGIONS[regions]), trajectory, c)
@@ -137,7 +120,7 @@ def test_both_searches_agree_on_balls_that_keep_a_distance(joints: int, seed: in
 
 def test_threads_change_nothing(arm: Arm) -> None:
     constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7)
-    c = moderate(arm, trajectory, 101, seed=2)
+    c = moderate(arm, trajectory, 41, seed=2)
     alone = check(constraints, trajectory, c)
     before = torch.get_num_threads()
     try:
@@ -156,29 +139,3 @@ def test_families_of_one_arm_keep_their_own_home(planar: Arm) -> None:
     for home in ((0.0, 0.0), (0.4, -0.8), (-0.2, 0.1)):
         trajectory = Trajectory(2, 3, 4.0, home)
         assert_same(constraints, trajectory, moderate(planar, trajectory, 20, seed=3))
-
-
-def test_without_a_usable_numba_the_plain_search_does_the_work(
-    planar: Arm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    constraints, trajectory = Constraints(planar, [DESK]), Trajectory(2)
-    c = moderate(planar, trajectory, 20, seed=4)
-    monkeypatch.delenv(VARIABLE, raising=False)
-    fast = check(constraints, trajectory, c)
-    compiled._installed.cache_clear()
-    monkeypatch.setitem(sys.modules, "numba", None)
-    try:
-        assert not compiled.compiled()
-        slow = check(constraints, trajectory, c)
-    finally:
-        compiled._installed.cache_clear()
-    assert slow.valid.tolist() == fast.valid.tolist()
-    torch.testing.assert_close(slow.margins, fast.margins)
-
-
-@pytest.mark.parametrize("size", [1e3, 1e150, 1e200, 1e300])
-def test_absurd_coefficients_are_invalid(planar: Arm, size: float) -> None:
-    trajectory = Trajectory(2)
-    c = torch.full((2, *trajectory.shape), size, dtype=torch.float64)
-    c[1, :, ::2] *= -1
-    assert not check(Constraints(planar, [DESK, BOX]), trajectory, c).valid.any()

@@ -1,25 +1,32 @@
-"""Where an arm rests, and how hard it works, when nobody says so."""
+"""Where an arm rests and how hard it works when nobody says so; straight ways that are called free are."""
 
 import math
 from dataclasses import replace
 
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from sidegan.errors import ConfigError, InfeasibleError, ShapeError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
 from sidegan.validity.home import _nowhere, refuse_degrees
+from sidegan.validity.straight import require_straight
 
 
-@pytest.fixture
-def bent() -> Arm:
+def bent_arm() -> Arm:
     """The planar arm whose first joint may be between 0.5 and 1.5 rad."""
     arm = load_robot("planar2")
     lower, upper = arm.position_lower.clone(), arm.position_upper.clone()
     lower[0], upper[0] = 0.5, 1.5
     return replace(arm, position_lower=lower, position_upper=upper)
+
+
+@pytest.fixture
+def bent() -> Arm:
+    return bent_arm()
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
@@ -46,21 +53,6 @@ def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same(be
     middle, half = (bent.position_lower + bent.position_upper) / 2, bent.position_upper - bent.position_lower
     assert ((torch.tensor(home) - middle).abs() / half).max() < 0.15
     assert default_home(Constraints(bent, regions)) == home
-
-
-def test_where_no_position_is_held_torque_is_named_with_what_allows_more(bent):
-    weak = replace(bent, torque_limit=1e-9 * bent.torque_limit)
-    with pytest.raises(
-        InfeasibleError, match=r"torque of shoulder .*trajectory\.home=.*robot\.effort"
-    ) as told:
-        default_home(Constraints(weak, [Plane((0, 0, 1), -0.5)]))
-    assert "workspace" not in str(told.value)
-
-
-def test_where_no_position_is_free_the_region_is_named_with_what_drops_it(bent):
-    between = [Plane((0, 0, 1), 0.7), Plane((0, 0, -1), -0.75)]  # each of which leaves room
-    with pytest.raises(InfeasibleError, match=r"keep_out of \w+ in region \d .*workspace=free"):
-        default_home(Constraints(bent, between))
 
 
 def test_it_is_told_in_how_many_positions_a_constraint_fails_by_however_little(planar):
@@ -109,10 +101,29 @@ def test_a_first_run_uses_less_than_the_limits_where_that_holds_the_arm(planar, 
     assert usual_effort(holding(planar, share), home) == expected
 
 
-def test_a_home_of_another_arm_is_refused(planar):
-    with pytest.raises(ShapeError, match=r"home position \[0.1\] must be 2 finite joint positions"):
-        usual_effort(planar, [0.1])
-
-
 def test_an_arm_without_torque_limits_is_held_anyway(planar):
     assert usual_effort(replace(planar, torque_limit=torch.full((2,), torch.inf, dtype=torch.float64))) == 0.8
+
+
+def least(constraints, start, end):
+    """Smallest margin on a dense grid along the way."""
+    share = torch.linspace(0, 1, 1001, dtype=torch.float64)[:, None]
+    margins = constraints.at_rest(torch.lerp(start, end, share))
+    return min(float(x.min()) for x in margins.values() if x.numel())
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10**6), reach=st.floats(0.1, 1.0))
+def test_the_verdict_is_that_of_a_dense_grid(arm, seed, reach):
+    desk = Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)], torque=False)
+    generator = torch.Generator().manual_seed(seed)
+    share = torch.rand(2, arm.joints, generator=generator, dtype=torch.float64) - 0.5
+    middle, half = (arm.position_upper + arm.position_lower) / 2, arm.position_upper - arm.position_lower
+    start, end = middle + reach * share * half
+    found = least(desk, start, end)
+    try:
+        require_straight(desk, start.tolist(), end.tolist())
+    except InfeasibleError as error:
+        assert found < 1e-3 and "along it" in str(error)
+    else:
+        assert found >= 0

@@ -1,0 +1,162 @@
+"""Each thing that cannot be checked is refused with a message that names it and says what was expected."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import Setup, load_robot
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check, default_home, usual_effort
+from sidegan.validity.scene import read_scene
+from sidegan.validity.straight import require_straight
+
+from .critical import DESK, limited, thick
+from .test_home import bent_arm
+from .test_pairs import chain
+from .test_scene import NEW, OLD
+
+ARM, PLANAR = load_robot("kuka_lwr4"), load_robot("planar2")
+WALL = Plane((1, 0, 0), -0.5)
+HUGE = Box((-3.0, -3.0, -3.0), (3.0, 3.0, 3.0))
+BETWEEN = [Plane((0, 0, 1), 0.7), Plane((0, 0, -1), -0.75)]  # each of which leaves room
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+OBSTACLE = "a sphere needs|a cylinder needs|an obstacle needs"
+A_PLANE = "non-zero normal of three numbers and an offset, got Plane"
+A_BOX = "three coordinates in lower, all below those in upper, got Box"
+A_HOME = "must be 2 finite joint positions"
+
+
+def home(*position, arm=PLANAR):
+    return lambda _: Constraints(arm, [DESK]).refuse_home(position)
+
+
+def weak(arm, *limits):
+    """An arm with other limits of torque [N·m]."""
+    return replace(arm, torque_limit=torch.tensor(limits, dtype=torch.float64))
+
+
+def margins(*shapes, arm=ARM):
+    return lambda _: Constraints(arm).margins(*(torch.zeros(shape) for shape in shapes))
+
+
+def checked(trajectory, shape, last=0.0):
+    def run(_):
+        c = torch.zeros(shape)
+        c[-1, -1, -1, -1] = last
+        check(Constraints(ARM), trajectory, c)
+
+    return run
+
+
+def straight(start, end=(0.0, 0.0), regions=()):
+    return lambda _: require_straight(Constraints(PLANAR, regions), list(start), list(end))
+
+
+def scene(text):
+    def run(folder):
+        (folder / "a.scene").write_text(text)
+        read_scene(folder / "a.scene")
+
+    return run
+
+
+def touching(**setup):
+    """An arm of thick links."""
+
+    def run(folder):
+        (folder / "arm.urdf").write_text(chain(0.31))
+        Constraints(load_robot(folder / "arm.urdf", Setup(**setup)))
+
+    return run
+
+
+# What is done in an empty folder, and the message, a regular expression.
+REFUSED = {
+    ConfigError: [
+        (lambda _: Plane((0.0, 0.0, 0.0), 0.1), A_PLANE),
+        (lambda _: Plane((0.0, 1.0), 0.1), A_PLANE),
+        (lambda _: Plane((0.0, 0.0, 0.0, 1.0), 0.1), A_PLANE),
+        (lambda _: Plane((0.0, math.nan, 1.0), 0.1), A_PLANE),
+        (lambda _: Plane((0.0, 0.0, 1.0), math.inf), A_PLANE),
+        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0, 0.0)), A_BOX),
+        (lambda _: Box((0.0, 2.0, 0.0), (1.0, 1.0, 1.0)), A_BOX),
+        (lambda _: Box((0.0, 0.0), (1.0, 1.0)), A_BOX),
+        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0)), A_BOX),
+        (lambda _: Box((0.0, 0.0, -math.inf), (1.0, 1.0, 1.0)), A_BOX),
+        (lambda _: Box((0.0, 0.0, math.nan), (1.0, 1.0, 1.0)), A_BOX),
+        (lambda _: Sphere((0, 0, 0), 0.0), OBSTACLE),
+        (lambda _: Sphere((0, 0), 1.0), OBSTACLE),
+        (lambda _: Sphere((0, math.nan, 0), 1.0), OBSTACLE),
+        (lambda _: Convex.between((0, 0, 0), (0, 0, 0), 1.0), OBSTACLE),
+        (lambda _: Convex.between((0, 0, 0), (0, 0, 1), -1.0), OBSTACLE),
+        (lambda _: Convex.between((0, 0, 0), (0, 1), 1.0), OBSTACLE),
+        (lambda _: Convex.around(POINTS), OBSTACLE),
+        (lambda _: Convex.around(np.where(POINTS > 0, POINTS, math.inf)), OBSTACLE),
+        (scene(OLD.replace("cylinder", "octree")), "object 'rod' of .*: a shape is 'octree', expected box"),
+        (scene(OLD.replace("0.1 0.6", "0.1 much")), "object 'rod' of .*could not convert"),
+        (scene(OLD.replace("0.1 0.6", "0.1 nan")), "object 'rod' of .*not finite"),
+        (scene(OLD[: OLD.index("0.2 0.4")]), "object 'hat' of .*it ends early"),
+        (scene(OLD.replace("0 0.7071067811865476 0 0.7071067811865476", "0 0 0 0")), "a quaternion is zero"),
+        (scene(NEW.replace("0 0 1\n0 1 2", "1 1 0\n0 1 2")), "object 'wedge' of .*enclose a volume"),
+        (scene(OLD.replace("0 0 2 0.1", "0 0 0 0.1")), "object 'ground' of .*non-zero normal"),
+        (scene("a letter to a friend\n"), "is no MoveIt scene"),
+        (lambda folder: read_scene(folder / "lost.scene"), r"workspace\.scene: .*lost\.scene cannot be read"),
+    ],
+    InfeasibleError: [
+        (
+            home(2.7, 0.0),
+            r"\[2.7, 0.0\].*position of shoulder: margin -0\.1;.*keep_out of forearm in region 0",
+        ),
+        (home(0.0, -3.0), r"position of elbow: margin -0\.1; collision of base – forearm: margin -0\.08"),
+        (home(2.5, 0.0), r"keep_out of forearm in region 0: margin -0\.28"),
+        (home(1.0, 0.0, arm=weak(PLANAR, 5, 100)), "torque of shoulder"),
+        (
+            lambda _: default_home(Constraints(bent_arm(), BETWEEN)),
+            r"keep_out of \w+ in region \d .*workspace=free",
+        ),
+        (
+            lambda _: default_home(Constraints(weak(bent_arm(), 1e-7, 1e-7))),
+            r"torque of shoulder (?!.*workspace).*trajectory\.home=.*robot\.effort",
+        ),
+        (lambda _: Constraints(thick(ARM, 3.0)), "links of kuka_lwr4 that touch in every one of 4,000"),
+        (lambda _: Constraints(thick(ARM, 1000.0)), "are the shapes in metres"),
+        (lambda _: Constraints(ARM, [DESK, Plane((0.0, 0.0, 1.0), 5.0)]), "region 1 cannot be kept"),
+        (lambda _: Constraints(ARM, [DESK, HUGE]), "region 1 cannot be kept"),
+        (straight([0.0, 0.0], [-2.0, 0.0], [WALL]), r"keep_out of .*, \d+% along it"),
+        (straight([0.0, 0.0], [3.0, 0.0], [WALL]), "position of shoulder"),
+        (touching(may_touch=[("three", "one")]), r"may_touch=\[\[one, three\], \[base, two\]\]"),
+    ],
+    RobotError: [(touching(may_touch=[("base", "tow")]), "no link 'tow', expected for example two")],
+    ShapeError: [
+        (home(0.0), A_HOME),
+        (home(0.0, 0.0, 0.0), A_HOME),
+        (home(0.0, math.nan), A_HOME),
+        (home(math.inf, 0.0), A_HOME),
+        (home(), A_HOME),
+        (lambda _: usual_effort(PLANAR, [0.1]), r"home position \[0.1\] must be 2 finite joint positions"),
+        (straight([0.0]), "2 finite joint positions"),
+        (straight([math.nan, 0.0]), "2 finite joint positions"),
+        (margins(*[(3, 6)] * 3), r"expected three times \(N, 7\)"),
+        (margins(*[(7,)] * 3), r"expected three times \(N, 7\)"),
+        (margins((3, 7), (2, 7), (3, 7)), r"expected three times \(N, 7\)"),
+        (margins(*[(1, 3, 7)] * 3), r"expected three times \(N, 7\)"),
+        (margins((1, 7), (1, 7), (1, 7), (1, 6)), "expected four times"),
+        (margins(*[(1, 7)] * 3, arm=limited(ARM, ["jerk"])), "jerk of .* is limited: margins need it"),
+        (checked(Trajectory(2), (1, 2, 6, 2)), "trajectories of 2 joints for an arm of 7"),
+        (checked(Trajectory(8), (1, 8, 6, 2)), "trajectories of 8 joints for an arm of 7"),
+        (checked(Trajectory(7), (1, 7, 5, 2)), r"expected \(B, 7, 6, 2\)"),
+        (checked(Trajectory(7), (2, 7, 6, 2), math.inf), "trajectory 1 are not finite"),
+    ],
+}
+CASES = [(error, case, words) for error, cases in REFUSED.items() for case, words in cases]
+
+
+@pytest.mark.parametrize(("error", "case", "words"), CASES, ids=[words for *_, words in CASES])
+def test_is_refused(error, case, words, tmp_path):
+    with pytest.raises(error, match=re.compile(words, re.DOTALL)):
+        case(tmp_path)
