@@ -13,7 +13,6 @@ from sidegan.errors import ArtifactError, ShapeError, SideganError, StorageError
 
 if TYPE_CHECKING:  # pyarrow and torch are slow to import, and `--help` must not wait for them
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
 
 @contextmanager
@@ -146,26 +145,10 @@ def read_parquet(path: Path) -> "pa.Table":
     Raises:
         ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
     """
-    with opened_parquet(path) as file:
-        return file.read()
-
-
-@contextmanager
-def opened_parquet(path: Path, metadata: "pq.FileMetaData | None" = None) -> "Iterator[pq.ParquetFile]":
-    """A Parquet file to read parts of, its page checksums verified where it has them.
-
-    Args:
-        path: the file.
-        metadata: its own, where it is known: to read that of a large file takes longer than to read a part.
-
-    Raises:
-        ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
-    """
     import pyarrow.parquet as pq
 
-    options: dict[str, Any] = {"metadata": metadata, "page_checksum_verification": True}
-    with reading(path, "Parquet"), pq.ParquetFile(path, **options) as file:
-        yield file
+    with reading(path, "Parquet"), pq.ParquetFile(path, page_checksum_verification=True) as file:
+        return file.read()
 
 
 @contextmanager

@@ -11,11 +11,9 @@ from torch import Tensor
 
 from sidegan.base.storage import read_parquet, write_parquet
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.library.parquet import MARGIN, OPTIONS, Content, Family, content_of, table_of
+from sidegan.library.parquet import MARGIN, OPTIONS, Family, content_of, table_of
 
 if TYPE_CHECKING:
-    import pyarrow as pa
-
     from sidegan.robot import Arm
 
 
@@ -93,13 +91,9 @@ class Library:
         source = [name for other in (self, *others) for name in other.source]
         return replace(self, **_fields(columns), source=source)
 
-    def table(self) -> "pa.Table":
-        """What the library's file, or a part of it, holds."""
-        return table_of(self.family(), self.columns(), self.source)
-
     def save(self, path: Path) -> None:
         """Write one Parquet file, a row per trajectory, whole or not at all; an empty library has no row."""
-        write_parquet(path, self.table(), **OPTIONS)
+        write_parquet(path, table_of(self.family(), self.columns(), self.source), **OPTIONS)
 
     @classmethod
     def load(cls, path: Path, arm: "Arm | None" = None) -> "Library":
@@ -108,17 +102,10 @@ class Library:
         Raises:
             ArtifactError: when the file is missing, damaged, of an unknown format, or for another arm.
         """
-        content = content_of(path, read_parquet(path))
-        family = content[0]
+        family, columns, source = content_of(path, read_parquet(path))
         if arm is not None and arm.digest != family.digest:
             made_for = f"{family.robot} (digest {family.digest})"
             raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
-        return cls.of(path, content)
-
-    @classmethod
-    def of(cls, path: Path, content: Content) -> "Library":
-        """Library of what was read from ``path``; errors as of ``load``."""
-        family, columns, source = content
         shared = {name: getattr(family, name) for name in ("robot", "digest", "period", "home")}
         try:
             return cls(**_fields(columns), **shared, source=source)

@@ -86,18 +86,16 @@ def draw_valid(
     count: int,
     batch: int,
     most: int,
-    spare: int | None = None,
     report: Report | None = None,
 ) -> Draws:
     """Draw trajectories (B, J, H, 2) until ``count`` are valid, or ``most`` are drawn, ``batch`` at once.
 
-    With ``spare``, no more at once than are missing and so many. The report is given (done, total).
+    The report is given (done, total).
     """
     kept: list[Tensor] = []
     drawn = valid = 0
     while valid < count and drawn < most:
-        few = batch if spare is None else min(batch, spare + count - valid)
-        c = sample(min(few, most - drawn))
+        c = sample(min(batch, most - drawn))
         verdict = check(c)
         kept.append(c[verdict.valid])
         drawn, valid = drawn + len(c), valid + len(kept[-1])

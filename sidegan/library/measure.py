@@ -4,12 +4,10 @@ from torch import Tensor
 
 from sidegan.design.excitation import Excitation, diversity, excite
 from sidegan.library.collection import Library
-from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
-_POWER_RATE = 50.0  # [Hz]
 _AT_ONCE = 250  # trajectories
 
 
@@ -46,12 +44,3 @@ def summary(library: Library) -> dict[str, float]:
         "diagonal_ratio": float(library.diagonal_fitness.median()),
         **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
     }
-
-
-def effort(body: RigidBody, trajectory: Trajectory, c: Tensor) -> tuple[Tensor, Tensor]:
-    """Mechanical energy ∫ Σ |τ dq| dt [J] and largest share of a velocity limit, (N,) each."""
-    times = trajectory.grid(round(trajectory.period * _POWER_RATE))
-    _, q, dq, ddq = trajectory.roll_out(c, times)
-    power = (body.torque(q, dq, ddq) * dq).abs().sum(2)
-    speed = (dq.abs() / body.arm.velocity_limit).amax((1, 2))
-    return power.mean(1) * trajectory.period, speed

@@ -49,9 +49,6 @@ class Family:
         }
 
 
-Content = tuple[Family, dict[str, Tensor], list[str]]
-
-
 def table_of(family: Family, columns: dict[str, Tensor], source: list[str]) -> "pa.Table":
     """Table of a library's columns, (N, …) each; what is not (N,) becomes a list per row."""
     import pyarrow as pa
@@ -62,8 +59,8 @@ def table_of(family: Family, columns: dict[str, Tensor], source: list[str]) -> "
     return table.replace_schema_metadata({METADATA_KEY: metadata})
 
 
-def content_of(path: Path, table: "pa.Table") -> Content:
-    """Family, columns and sources of a library's table, or of some of its rows, that was read from ``path``.
+def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Tensor], list[str]]:
+    """Family, columns and sources of a library's table that was read from ``path``.
 
     Raises:
         ArtifactError: when it is of an unknown format, or lacks a column.

@@ -47,12 +47,6 @@ def test_no_more_than_the_most_are_drawn():
     assert draws.faults == {"torque of wrist": 2} and draws.last == 2
 
 
-def test_what_is_spare_bounds_a_batch():
-    source = Source(2)
-    assert source.draw(10, 8, 100, spare=1).valid >= 10
-    assert source.sizes == [8, 7, 4, 2]
-
-
 def test_the_share_of_the_most_is_reported_where_it_is_larger():
     steps = []
     Source(10).draw(4, 20, 60, report=lambda *step: steps.append(step))

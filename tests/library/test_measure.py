@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from sidegan.design.excitation import diversity, excite
-from sidegan.library.measure import RATE, effort, measured, summary
+from sidegan.library.measure import RATE, measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
@@ -40,13 +40,3 @@ def test_a_summary_has_shares_medians_and_diversity(pool):
     assert facts["count"] == len(c) and 0 < facts["valid"] < 1
     assert facts["condition"] == pytest.approx(float(excitation.eigenvalue_fitness.median()))
     assert {key: facts[key] for key in diversity(c, excitation)} == pytest.approx(diversity(c, excitation))
-
-
-def test_effort_is_work_and_speed(pool):
-    constraints, family, c = pool
-    energy, speed = effort(constraints.body, family, c[:4])
-    double, faster = effort(constraints.body, family, 2 * c[:4])
-    torch.testing.assert_close(faster, 2 * speed)
-    assert (energy > 0).all() and (double > energy).all()
-    peak = family.roll_out(c[:4], family.times(500.0)).velocity.abs() / constraints.arm.velocity_limit
-    torch.testing.assert_close(speed, peak.amax((1, 2)), rtol=0.02, atol=0)
