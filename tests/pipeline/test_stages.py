@@ -1,11 +1,15 @@
+"""A whole tiny experiment: what every stage leaves, and what is made anew after a change."""
+
 import json
 import math
 
 import pandas as pd
 import pytest
 
-from sidegan.errors import ArtifactError, InfeasibleError, RobotError
+from experiments.artifacts import comparison
+from sidegan.errors import ArtifactError
 from sidegan.gan import TrajectoryGenerator
+from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stage import finite, words
 from sidegan.pipeline.stages import stage
@@ -19,7 +23,7 @@ from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.robot import load_robot
 from sidegan.validity import check
-from tests.tiny import tiny
+from tests.tiny import TINY, tiny
 
 
 @pytest.fixture(scope="module")
@@ -52,13 +56,13 @@ def test_every_stage_leaves_its_artifacts(made, outputs):
     assert counts == {
         "seeds": 1,
         "surrogates": 2,  # with the generator whose output they learn from
-        "gan": 3,
-        "library": 3,
+        "gan": 4,
+        "library": 4,
         "random": 1,
         "long": 2,
-        "selection": 5,
-        "identification": 7,
-        "plant": 7,
+        "selection": 6,
+        "identification": 8,
+        "plant": 8,
         "table": 0,
     }
     for part in artifacts(made).values():
@@ -77,9 +81,18 @@ def test_the_experiment_leaves_table_1_and_its_figures(once):
         "seeds + vanilla",
         "seeds + eigen",
         "seeds + diagonal",
+        "seeds + exact",
     ]
     assert table.loc["Simulator"].str.contains("±").all()
-    for name in ("table1.md", "joints.csv", "sets.csv", "generators.md", "training.png", "nmse.png"):
+    for name in (
+        "table1.md",
+        "joints.csv",
+        "sets.csv",
+        "generators.md",
+        "results.csv",
+        "training.png",
+        "nmse.png",
+    ):
         assert (once / name).stat().st_size > 0
 
 
@@ -130,25 +143,6 @@ def test_the_sets_last_equally_long_in_the_facts(made):
     assert (facts[facts["set"].str.startswith("long")].duration == made.cfg.long.period).all()
 
 
-@pytest.mark.parametrize(
-    ("stage", "missing"),
-    [
-        ("surrogates", "seeds/planar2-gradient-seed0"),
-        ("gan", "seeds/planar2-gradient-seed0"),
-        ("library", "gan/planar2-vanilla-seed0-training0"),
-        ("selection", "random/planar2-random-seed0"),
-        ("identification", "long/planar2-gradient5-32s-3h-seed0"),
-        ("table", "identification/planar2-long-3-seed0"),
-    ],
-)
-def test_a_stage_without_its_inputs_names_what_is_missing(stage, missing, tmp_path):
-    config = tiny(f"outputs={tmp_path}", f"stages=[{stage}]")
-    with pytest.raises(ArtifactError) as error:
-        run_stages(config, tmp_path / "run", "alone")
-    assert f"there is no {missing}" in str(error.value)
-    assert f"run stage {missing.split('/')[0]} first" in str(error.value)
-
-
 def test_a_changed_seed_set_is_named_as_the_difference(made, outputs, tmp_path):
     config = tiny(f"outputs={outputs}", "stages=[selection]", "seeds.attempts=7")
     with pytest.raises(ArtifactError, match=r"settings\.seeds\.attempts is \d+, not 7"):
@@ -169,13 +163,6 @@ def test_a_library_that_stays_short_is_told(made, outputs, tmp_path, caplog):
     assert "in 10 draws, 40 were wanted" in caplog.text
 
 
-def test_a_home_that_is_not_feasible_is_refused_before_any_work(tmp_path):
-    config = tiny(f"outputs={tmp_path}", "stages=[seeds]", "trajectory.home=[0, 3.1]")
-    with pytest.raises(InfeasibleError, match="home position"):
-        run_stages(config, tmp_path / "run", "home")
-    assert not list(tmp_path.glob("seeds/*"))
-
-
 def test_reports_hold_only_what_json_can_say():
     row = finite({"a": math.nan, "b": math.inf, "c": 1.5, "d": 2, "e": "x"})
     assert row == {"a": None, "b": None, "c": 1.5, "d": 2, "e": "x"}
@@ -183,32 +170,18 @@ def test_reports_hold_only_what_json_can_say():
     assert words({"condition": 28864.2}) == "condition 28860"
 
 
-EXACT = ("gan=exact", "gan.exact.exact.samples=20")
-
-
-def test_an_exact_variant_needs_no_surrogates_and_gets_its_rows(made, outputs, tmp_path):
-    exact = task(outputs, *EXACT, "library.draws=3000")
-    run_stages(exact.cfg, tmp_path, "exact")
-    assert not artifacts(exact)["surrogates"]
-    table = pd.read_csv(tmp_path / "table1.csv", index_col=0)
-    assert any("exact" in column for column in table.columns)
-    (folder,) = artifacts(exact)["gan"]
+def test_an_exact_variant_learns_from_no_seeds(made):
+    (folder,) = (one for one in artifacts(made)["gan"] if one.name.startswith("planar2-exact"))
     assert "seeds" not in json.loads((folder / "stamp.json").read_text())["inputs"]
+    assert not artifacts(task(made.store.root, "gan=exact", "stages=[surrogates]"))["surrogates"]
 
 
-def test_polished_libraries_are_better(outputs, tmp_path):
-    median = {}
-    for steps in (0, 15):
-        polish = (f"library.polish={steps}", "library.count=20")
-        exact = task(outputs, *EXACT, "stages=[gan,library]", *polish)
-        run_stages(exact.cfg, tmp_path, "polish")
-        median[steps] = exact.load(library(exact, "exact", 0)).fitness.median()
-    assert median[15] < 0.7 * median[0]
-
-
-def test_an_arm_that_cannot_exist_is_refused_before_any_work(tmp_path, planar):
-    urdf = tmp_path / "arm.urdf"
-    urdf.write_text(planar.urdf.read_text().replace('ixx="0.045"', 'ixx="-5"'))
-    with pytest.raises(RobotError, match="not physically consistent: link 'upper_arm'"):
-        run_stages(tiny(f"outputs={tmp_path}", f"robot.name={urdf}"), tmp_path / "run", "run")
-    assert not (tmp_path / "seeds").exists()
+def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
+    words = "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
+    for name in ("ours", "ours_second"):
+        one = composed(*words, f"condition={name}")
+        run_stages(one, tmp_path / name, name)
+    both = composed(*words, "conditions=[ours,ours_second]")
+    ((group, parts),) = comparison(Task(both, Store(outputs), words)).items()
+    seeds = parts.seeds("condition")
+    assert group == "ours" and list(seeds.index) == ["ours", "ours_second"] and seeds.nunique() == 2

@@ -5,45 +5,29 @@ plausible files; nothing else than these tests would notice.
 """
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 import torch
 
-from sidegan.base.storage import read_json
 from sidegan.identification import study
 from sidegan.library import Library
 from sidegan.library.measure import measured
-from sidegan.pipeline.graph import Build
-from sidegan.pipeline.stages import optimised as optimising
+from sidegan.pipeline.stages import density as densities
 from sidegan.pipeline.stages import plant as plants
+from sidegan.pipeline.stages import timing
+from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.plant import plant
 from sidegan.pipeline.stages.pools import ExcitationSet, Pool
 from sidegan.pipeline.stages.random import random_set, random_valid
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import selection
-from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import LIBRARY, REPORT, Task
-from sidegan.seeds.result import SeedBatch
+from sidegan.pipeline.task import LIBRARY, RESULTS, Task
 from sidegan.validity import check
-from tests.tiny import tiny
 
 TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall that random motions hit
-
-
-@pytest.fixture
-def task(tmp_path):
-    def made(*overrides, **options):
-        return Task(tiny(f"outputs={tmp_path}", *overrides, **options), Store(tmp_path))
-
-    return made
-
-
-@pytest.fixture
-def build(tmp_path):
-    folder = tmp_path / "made"
-    folder.mkdir()
-    return Build(folder, tmp_path / "made.work", lambda done, total: None)
 
 
 def drawn(task, count, seed=5, reach=0.8):
@@ -122,15 +106,6 @@ def test_torque_limits_bind_what_is_optimised(task, build):
     assert (peak(Library.load(build.folder / LIBRARY, weak.arm).coefficients) <= limits).all()
 
 
-def test_the_valid_share_of_what_is_optimised_is_that_of_its_starts(task, build, monkeypatch):
-    made = task(experiment="beyond")
-    c = random_valid(made, 6, "made").coefficients
-    batch = SeedBatch(c, torch.ones(6, dtype=torch.float64), attempts=8, failed=2)
-    monkeypatch.setattr(optimising, "make_seeds", lambda *_: batch)
-    optimising.optimised(made).make(build)
-    assert read_json(build.folder / REPORT)["valid_share"] == len(c) / batch.attempts
-
-
 @pytest.fixture
 def executed(task, monkeypatch):
     """A task in a tight workspace, and a set of valid motions that a model is to be identified from."""
@@ -166,24 +141,39 @@ def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, bu
 def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, build, monkeypatch):
     made, one, learned = executed
     motions, recorded, estimated, scored = [], [], [], []
-    execute, record = plants.executed, plants._recorded
-    estimate, score = plants.estimate, plants.score
+    execute, estimate, score = plants.recorded, plants.estimate, plants.score
 
-    def followed(machine, one, sensors):
-        motions.append(one.coefficients)
-        return execute(machine, one, sensors)
-
-    def watched(*arguments):
-        recorded.append(record(*arguments))
+    def watched(machine, family, c, *rest):
+        motions.append(c)
+        recorded.append(execute(machine, family, c, *rest))
         return recorded[-1]
 
-    monkeypatch.setattr(plants, "executed", followed)
-    monkeypatch.setattr(plants, "_recorded", watched)
+    monkeypatch.setattr(plants, "recorded", watched)
     monkeypatch.setattr(plants, "estimate", lambda m, model, x: estimated.append(x) or estimate(m, model, x))
     monkeypatch.setattr(plants, "score", lambda model, p, x: scored.append(x) or score(model, p, x))
     plant(made, one).make(build)
-    (c, tests), (training, test) = motions[:2], recorded[:2]
-    torch.testing.assert_close(c, learned, rtol=0, atol=0)
-    refuse_tests(made, learned, tests)
-    assert all(len(x) == len(c) for x in recorded[::2]) and all(len(x) == len(tests) for x in recorded[1::2])
-    assert estimated[0] is training and scored[0] is test
+    torch.testing.assert_close(motions[0], learned, rtol=0, atol=0)
+    refuse_tests(made, learned, motions[1])
+    for (*_, torque), data in zip(recorded, (estimated[0], scored[0])):
+        taken = torch.stack([part.torque for part in data])
+        torch.testing.assert_close(taken, torch.as_tensor(torque), rtol=0, atol=0)
+
+
+def test_a_rate_is_that_of_all_but_the_first(monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+
+    def work():
+        clock.now += 0.125 if clock.now else 60.0  # the first one compiles
+        return 7
+
+    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    assert timing._rate(work) == pytest.approx(7 / 0.125)
+
+
+def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(task, build, monkeypatch):
+    made = task("discussion.bandwidths=[1e-6,1]", "discussion.draws=20", experiment="reproduction")
+    c = drawn(made, 40, reach=0.5)
+    monkeypatch.setattr(densities, "training_seeds", lambda task: SimpleNamespace(coefficients=c))
+    density(made).make(build)
+    narrow, wide = pd.read_parquet(build.folder / RESULTS).from_seed / torch.pdist(c.flatten(1)).min().item()
+    assert narrow < 1e-4 and 0.1 < wide < 10
