@@ -39,14 +39,7 @@ def trajectories(joints, batch=6):
 
 
 def assert_slopes(function, c, random, **near):
-    """A gradient is that of central differences along a random direction; the value.
-
-    Args:
-        function: value, one or one for each trajectory, and gradient at coefficients.
-        c: coefficients.
-        random: draws the direction.
-        near: tolerances.
-    """
+    """The gradient (…) of value (B,) or () is that of central differences; the value."""
     direction = torch.randn(c.shape, generator=random, dtype=torch.float64)
     up, down = (function(c + step * direction)[0] for step in (1e-6, -1e-6))
     value, gradient = function(c)

@@ -7,8 +7,10 @@ import torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import HIGHER
 from sidegan.seeds import Gradient
 from sidegan.validity import Constraints
+from tests.validity.critical import limited
 
 
 def test_length_is_the_mean_square_of_the_shares_of_the_limits(planar_problem, random):
@@ -33,10 +35,22 @@ def test_the_gradient_is_pulled_back(planar_problem, random):
 
 
 @pytest.mark.parametrize("reach", [0.2, 0.6])
-def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach):
-    coordinates = Coordinates.of(planar_problem)
-    c = coordinates.coefficients(coordinates.start(planar_problem, 5, random, reach))
-    torch.testing.assert_close(planar_problem.limit_use(c), torch.full((5, 2), reach, dtype=torch.float64))
+@pytest.mark.parametrize("names", [[], ["acceleration", "jerk"]])
+def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach, names):
+    """Of its tightest limit, accelerations and jerks among them, which also make points longer."""
+    arm, trajectory = limited(planar_problem.constraints.arm, names, 0.05), planar_problem.trajectory
+    problem = replace(planar_problem, constraints=Constraints(arm))
+    coordinates = Coordinates.of(problem)
+    c = coordinates.coefficients(coordinates.start(problem, 20, random, reach))
+    torch.testing.assert_close(problem.limit_use(c), torch.full((20, 2), reach, dtype=torch.float64))
+    limits = {0: arm.position_upper, 1: arm.velocity_limit}
+    limits |= {HIGHER[name]: limit for name, limit in arm.higher_limits.items()}
+    grid, expected = trajectory.grid(4000), torch.full((20, 2), reach, dtype=torch.float64)
+    used = [(trajectory.derivative(c, grid, k).abs() / limit).amax(1) for k, limit in limits.items()]
+    torch.testing.assert_close(torch.stack(used).amax(0), expected, rtol=0.1, atol=0)
+    x = torch.randn(4, 12, generator=random, dtype=torch.float64)
+    wider = coordinates.points(Coordinates.of(planar_problem).coefficients(x))
+    assert not names or (wider**2).sum() > (x**2).sum()
 
 
 def test_a_long_trajectory_of_many_harmonics_becomes_well_conditioned(lwr_problem):
@@ -53,15 +67,3 @@ def test_a_joint_may_go_as_far_as_its_limits_on_either_side_of_home(planar):
     expected = torch.maximum(away.amax(1) / (0.3 * high), -away.amin(1) / (1.7 * high))
     slow = replace(planar, velocity_limit=torch.full_like(high, 1e9))
     torch.testing.assert_close(replace(problem, constraints=Constraints(slow)).limit_use(c), expected)
-
-
-def test_coefficients_at_the_limits_of_an_arm_that_rests_beside_the_middle_are_not_made_smaller(planar):
-    high = planar.position_upper
-    problem = Problem(Constraints(planar), Trajectory(2, 3, 200.0, (0.5 * high).tolist()), 24)
-    c = torch.zeros(2, 2, 3, 2, dtype=torch.float64)
-    c[0, :, 0, 1], c[1, :, 0, 1] = 1e-3, -1e-3
-    c = c / problem.limit_use(c)[:, :, None, None]
-    q = problem.trajectory.derivative(c, problem.finer_grid, 0)
-    torch.testing.assert_close(
-        torch.maximum(q.amax(1)[0] / high, -q.amin(1)[1] / high), torch.ones(2).double()
-    )

@@ -1,7 +1,6 @@
 import itertools
 import math
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -9,8 +8,11 @@ from hypothesis import strategies as st
 
 from sidegan.design import optimal
 from sidegan.design.criteria import DETERMINANT, variance
-from sidegan.design.information import Information
+from sidegan.design.excitation import excite
+from sidegan.design.greedy import greedy
+from sidegan.design.information import Information, information_of
 from sidegan.design.optimal import a_optimal, ceiling, d_optimal
+from sidegan.design.selection import Selection, choose
 
 seeds = st.integers(0, 2**32 - 1)
 ranks = st.integers(1, 6)
@@ -63,23 +65,16 @@ def largest(criterion, matrices, count, prior):
 @settings(deadline=None, max_examples=50)
 @given(seeds, kinds, ranks, st.integers(1, 40), st.booleans(), st.data())
 def test_lazy_is_plain(seed, kind, rank, number, few, data):
-    """Also when few are evaluated at once."""
-    count = data.draw(st.integers(1, min(number, 10)))
-    matrices, prior = candidates(seed, number, rank=rank), prior_of()
+    """Also when few are evaluated at once, and, where one trajectory excites everything, by any prior."""
+    count, anything = data.draw(st.integers(1, min(number, 10))), kind == "determinant" and rank > 4
+    prior = prior_of(share=data.draw(st.floats(1e-12, 1e3)) if anything else 0.05)
+    matrices = candidates(seed, number, rank=rank)
     with pytest.MonkeyPatch.context() as patch:
         if few:
             patch.setattr(optimal, "_FIRST", 1)
             patch.setattr(optimal, "_MOST", 2)
         found = pick_of[kind](Information.of(matrices), count, prior)
     assert found.tolist() == plain(CRITERIA[kind], matrices, count, prior)
-
-
-@settings(deadline=None, max_examples=20)
-@given(seeds, st.floats(1e-12, 1e3))
-def test_lazy_is_plain_whatever_the_prior(seed, share):
-    matrices, prior = candidates(seed, 30, rank=5), prior_of(share=share)
-    found = d_optimal(Information.of(matrices), 6, prior)
-    assert found.tolist() == plain(DETERMINANT, matrices, 6, prior)
 
 
 def test_few_candidates_are_evaluated(monkeypatch):
@@ -117,12 +112,6 @@ def test_every_choice_gains_and_the_determinants_gains_shrink(seed, kind):
         assert all(b <= a + 1e-8 for a, b in itertools.pairwise(gains))
 
 
-@pytest.mark.parametrize("pick", pick_of.values())
-def test_a_shorter_pick_is_the_beginning_of_a_longer_one(pick):
-    information = Information.of(candidates(1, 200))
-    assert torch.equal(pick(information, 5), pick(information, 20)[:5])
-
-
 @settings(deadline=None, max_examples=40)
 @given(seeds, kinds, ranks, st.integers(1, 4))
 def test_no_set_is_above_the_ceiling(seed, kind, rank, count):
@@ -139,9 +128,10 @@ def test_the_ceiling_of_equal_candidates_is_reached():
     assert most == pytest.approx(reached) == pytest.approx(3 * math.log(2.05))
 
 
-@settings(deadline=None, max_examples=25)
-@given(seeds)
-def test_the_basis_does_not_matter_to_the_determinant_or_to_a_target(seed):
+@settings(deadline=None, max_examples=15)
+@given(seeds, st.sampled_from([2.0**-30, 0.3, 2.0**40]))
+def test_neither_the_basis_nor_the_size_of_the_noise_matters(seed, scale):
+    """The former to the determinant and to a target."""
     matrices = candidates(seed, 40)
     turn = torch.randn(4, 4, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     turn = turn + 3 * torch.eye(4)  # not orthogonal: units and mixtures of parameters
@@ -149,31 +139,20 @@ def test_the_basis_does_not_matter_to_the_determinant_or_to_a_target(seed):
     one, two = Information.of(matrices), Information.of((turned + turned.mT) / 2)
     assert_greedy(DETERMINANT, one, d_optimal(two, 10).tolist(), matrices)
     assert_greedy(variance(one.mean), one, a_optimal(two, 10, target=two.mean).tolist(), matrices)
+    scaled = Information.of(scale * matrices)
+    for kind, pick in pick_of.items():
+        assert_greedy(CRITERIA[kind], one, pick(scaled, 8).tolist(), matrices)
     reached, other = (ceiling(x, torch.arange(5))[0] for x in (one, two))
     assert reached == pytest.approx(other - 2 * float(turn.slogdet()[1]), abs=1e-6)
 
 
-@settings(deadline=None, max_examples=25)
-@given(seeds, kinds, st.sampled_from([2.0**-30, 0.3, 2.0**40]))
-def test_the_size_of_the_noise_does_not_matter(seed, kind, scale):
-    matrices = candidates(seed, 40)
-    pick = pick_of[kind]
-    chosen = pick(Information.of(scale * matrices), 8).tolist()
-    assert_greedy(CRITERIA[kind], Information.of(matrices), chosen, matrices)
-
-
-def test_the_size_of_parameters_matters_to_their_variances():
+def test_units_and_a_target_say_what_must_be_certain():
+    """1 / 9.05 + 1 / 1.05 < 1 / 1.05 + 1 / 2.05, until the first parameter's part is hardly any."""
     matrices = torch.diag_embed(torch.tensor([[9.0, 1.0], [1.0, 2.0]], dtype=torch.float64))
     units = torch.diag(torch.tensor([100.0, 1.0], dtype=torch.float64))
-    # 1 / 9.05 + 1 / 1.05 is less than 1 / 1.05 + 1 / 2.05, until the first parameter's part is hardly any.
-    assert a_optimal(Information.of(matrices), 1, prior_of(2)).tolist() == [0]
-    scaled = Information.of(units @ matrices @ units)
-    assert a_optimal(scaled, 1, units @ prior_of(2) @ units).tolist() == [1]
-
-
-def test_a_target_says_what_must_be_certain():
-    matrices = torch.diag_embed(torch.tensor([[9.0, 1.0], [1.0, 2.0]], dtype=torch.float64))
-    for wanted in (0, 1):
+    for turn, wanted in ((torch.eye(2).double(), 0), (units, 1)):
+        scaled = Information.of(turn @ matrices @ turn)
+        assert a_optimal(scaled, 1, turn @ prior_of(2) @ turn).tolist() == [wanted]
         target = torch.diag(torch.nn.functional.one_hot(torch.tensor(wanted), 2).double())
         assert a_optimal(Information.of(matrices), 1, prior_of(2), target).tolist() == [wanted]
 
@@ -182,17 +161,10 @@ def test_a_target_says_what_must_be_certain():
 def test_the_first_of_equals_wins_and_no_one_is_chosen_twice(pick):
     information = Information.of(candidates(0, 1).expand(150, 4, 4))
     assert pick(information, 7, prior_of()).tolist() == list(range(7))
-    twice = candidates(6, 20).repeat(2, 1, 1)
-    order = pick(Information.of(twice), 10).tolist()
+    twice = Information.of(candidates(6, 20).repeat(2, 1, 1))
+    order = pick(twice, 10).tolist()
+    assert pick(twice, 4).tolist() == order[:4]  # a shorter pick is the beginning of a longer one
     assert all(i < 20 or i - 20 in order[: order.index(i)] for i in order)
-
-
-def test_candidates_may_lie_in_a_file(tmp_path):
-    information = Information.of(candidates(8, 300))
-    kept = np.memmap(tmp_path / "packed", np.float64, "w+", shape=tuple(information.packed.shape))
-    kept[:] = information.packed.numpy()
-    mapped = Information(torch.from_numpy(kept))
-    assert torch.equal(d_optimal(mapped, 8), d_optimal(information, 8))
 
 
 def test_it_follows_the_device(device):
@@ -201,3 +173,14 @@ def test_it_follows_the_device(device):
     chosen = d_optimal(there, 8)
     assert chosen.device.type == device.type
     assert chosen.tolist() == d_optimal(Information.of(matrices), 8).tolist()
+
+
+@pytest.mark.parametrize("noise", [None, [3.0, 0.5]])
+@pytest.mark.parametrize("pick", [d_optimal, a_optimal])
+def test_the_configured_pick_is_that_of_the_function_it_names(planar_problem, random, pick, noise):
+    of = planar_problem.body, planar_problem.trajectory, planar_problem.start(40, random)
+    deviation = None if noise is None else torch.tensor(noise, dtype=torch.float64)
+    chosen = choose(Selection(5, pick.__name__, noise), *of, torch.zeros(0, 0))
+    assert chosen.tolist() == pick(information_of(*of, deviation=deviation), 5).tolist()
+    diagonal = excite(*of).diagonal
+    assert choose(Selection(5, "greedy", None), *of, diagonal).tolist() == greedy(diagonal, 5).tolist()

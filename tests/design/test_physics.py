@@ -1,6 +1,7 @@
 """Exact physics that gradients pass through: finite differences, sums of Gram matrices, true excitation."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -10,10 +11,8 @@ from sidegan.design.excitation import excite
 from sidegan.design.objectives import Term
 from sidegan.design.penalty import Penalty
 from sidegan.design.physics import SetInformation
-from sidegan.design.problem import Problem
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints, Plane
 
 from .conftest import assert_slopes, by_autograd
 
@@ -21,13 +20,8 @@ OBJECTIVES = (*objectives.SPECTRAL, "diagonal_ratio")
 
 
 @pytest.fixture(scope="module")
-def problem(planar):
-    return Problem(Constraints(planar), Trajectory(2, 3, 8.0), 24)
-
-
-@pytest.fixture(scope="module")
-def arm_problem(arm):
-    return Problem(Constraints(arm, [Plane((0, 0, 1), 0.1)]), Trajectory(7, 4, 8.0), 24)
+def arm_problem(lwr_problem):
+    return replace(lwr_problem, trajectory=Trajectory(7, 4, 8.0), samples=24)
 
 
 def test_the_spectrum_is_that_of_the_excitation_and_its_ends_are_its_ends(arm_problem, random):
@@ -42,12 +36,11 @@ def test_the_spectrum_is_that_of_the_excitation_and_its_ends_are_its_ends(arm_pr
     )
 
 
-def test_the_spectrum_of_a_set_is_that_of_the_sum(problem, random):
-    c = problem.start(6, random)
-    grams = gram(problem.body, problem.trajectory, c, problem.samples).unflatten(0, (2, 3)).sum(1)
-    subspace = problem.body.base.subspace
-    expected = torch.linalg.eigvalsh(subspace.T @ grams @ subspace)
-    found = physics.spectrum(SetInformation(problem, 3), c)
+def test_the_spectrum_of_a_set_is_that_of_the_sum(planar_problem, random):
+    c, body = planar_problem.start(6, random), planar_problem.body
+    grams = gram(body, planar_problem.trajectory, c, planar_problem.samples).unflatten(0, (2, 3)).sum(1)
+    expected = torch.linalg.eigvalsh(body.base.subspace.T @ grams @ body.base.subspace)
+    found = physics.spectrum(SetInformation(planar_problem, 3), c)
     torch.testing.assert_close(found, expected, rtol=1e-8, atol=1e-12)
 
 
@@ -70,49 +63,49 @@ def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_proble
     assert assert_slopes(by_autograd(squares), c, random, rtol=1e-4, atol=1e-6) > 1e-3
 
 
-def test_joints_count_by_their_noise(problem, random):
+def test_joints_count_by_their_noise(planar_problem, random):
     """Equally where it is equal; with the first joint's torque useless, the second joint's remains."""
-    c = problem.start(3, random)
-    plain, halved = (physics.spectrum(SetInformation(problem, 1, x), c) for x in (None, (2.0, 2.0)))
+    c = planar_problem.start(3, random)
+    plain, halved = (physics.spectrum(SetInformation(planar_problem, 1, x), c) for x in (None, (2.0, 2.0)))
     torch.testing.assert_close(4 * halved, plain, rtol=1e-8, atol=1e-10)
-    y = problem.body.base_regressor(*problem.motion(c)[1:])[:, :, 1]
-    found = SetInformation(problem, 1, (1e9, 1.0)).grams(c)
-    torch.testing.assert_close(found, y.transpose(1, 2) @ y / problem.samples)
+    y = planar_problem.body.base_regressor(*planar_problem.motion(c)[1:])[:, :, 1]
+    found = SetInformation(planar_problem, 1, (1e9, 1.0)).grams(c)
+    torch.testing.assert_close(found, y.transpose(1, 2) @ y / planar_problem.samples)
 
 
-def test_objectives_are_what_their_names_say(problem, random):
+def test_objectives_are_what_their_names_say(planar_problem, random):
     """Smooth extremes are outside of the true ones, by at most log(number) / 6 each."""
-    c = problem.start(6, random)
-    exact = excite(problem.body, problem.trajectory, c, problem.samples)
-    spectrum = physics.spectrum(SetInformation(problem), c)
+    c = planar_problem.start(6, random)
+    exact = excite(planar_problem.body, planar_problem.trajectory, c, planar_problem.samples)
+    spectrum = physics.spectrum(SetInformation(planar_problem), c)
     torch.testing.assert_close(objectives.d_optimal(spectrum), -spectrum.log().mean(1))
     torch.testing.assert_close(objectives.a_optimal(spectrum), (1 / spectrum).mean(1).log())
     ratios = {"log_condition": exact.eigenvalue_fitness, "diagonal_ratio": exact.diagonal_fitness}
     means = {name: float(ratio.log().mean()) for name, ratio in ratios.items()}
     assert means["log_condition"] > means["diagonal_ratio"] + math.log(6) / 6
     for name, mean in means.items():
-        assert -1e-9 <= float(Term(name)(problem, c)) - mean <= math.log(6) / 6
+        assert -1e-9 <= float(Term(name)(planar_problem, c)) - mean <= math.log(6) / 6
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("together, whole", [(1, 8), (3, 6), (5, 5)])
-def test_a_set_that_a_batch_does_not_fill_is_left_out(problem, random, objective, together, whole):
-    term, c = Term(objective, together=together), problem.start(8, random)
-    value = float(term(problem, c))
-    assert value == pytest.approx(float(term(problem, c[:whole])), rel=1e-12)
-    parts = [float(term(problem, part)) for part in c[:whole].split(together)]
+def test_a_set_that_a_batch_does_not_fill_is_left_out(planar_problem, random, objective, together, whole):
+    term, c = Term(objective, together=together), planar_problem.start(8, random)
+    value = float(term(planar_problem, c))
+    assert value == pytest.approx(float(term(planar_problem, c[:whole])), rel=1e-12)
+    parts = [float(term(planar_problem, part)) for part in c[:whole].split(together)]
     assert value == pytest.approx(sum(parts) / len(parts), rel=1e-9)
 
 
-def test_a_set_is_at_least_as_informative_as_its_members(problem, random):
-    c = problem.start(8, random)
-    alone, together = (physics.spectrum(SetInformation(problem, k), c) for k in (1, 8))
+def test_a_set_is_at_least_as_informative_as_its_members(planar_problem, random):
+    c = planar_problem.start(8, random)
+    alone, together = (physics.spectrum(SetInformation(planar_problem, k), c) for k in (1, 8))
     for objective in (objectives.d_optimal, objectives.a_optimal):
         assert objective(together) < objective(alone).min()
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-def test_single_precision_and_rest_have_finite_values_and_slopes(problem, random, objective):
-    for c in (problem.start(4, random).float(), torch.zeros(2, *problem.trajectory.shape)):
-        value, slope = by_autograd(lambda x: Term(objective)(problem, x))(c)
+def test_single_precision_and_rest_have_finite_values_and_slopes(planar_problem, random, objective):
+    for c in (planar_problem.start(4, random).float(), torch.zeros(2, *planar_problem.trajectory.shape)):
+        value, slope = by_autograd(lambda x: Term(objective)(planar_problem, x))(c)
         assert slope.dtype == torch.float32 and torch.isfinite(value) and torch.isfinite(slope).all()

@@ -1,12 +1,14 @@
 """What the room refuses, each by the words that tell what was expected."""
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
 
 from sidegan.base.typed import build
-from sidegan.design.criteria import criteria_of, variance
+from sidegan.design.criteria import DETERMINANT, criteria_of, variance
 from sidegan.design.excitation import effective_rank, excite, mean_distance, nearest_distance
 from sidegan.design.greedy import greedy
 from sidegan.design.information import Information, information_of
@@ -16,10 +18,11 @@ from sidegan.design.physics import SetInformation, spectrum
 from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 
 from .conftest import semidefinite, trajectories
 
-NAN = math.nan
+NAN, INF = math.nan, math.inf
 SIX, NONE = Information.of(semidefinite(0, 6)), Information(torch.ones(0, 10))
 FLAT = Information.of(torch.diag_embed(torch.tensor([[1.0, 2.0, 0.0, 1.0]] * 6, dtype=torch.float64)))
 SKEW = torch.eye(4, dtype=torch.float64) + torch.tensor([0.0, 0.01, 0.0, 0.0])
@@ -31,67 +34,42 @@ def spoilt(shape, where, value):
     return x
 
 
-MATRICES = [
-    *((lambda x=x: criteria_of(x), r"expected \(q, q\)") for x in map(torch.ones, [(3,), (2, 3), (0, 0)])),
-    (lambda: criteria_of(torch.full((2, 2), NAN)), "not finite"),
-    *((lambda x=x: variance(x), "target is") for x in (torch.ones(3), torch.ones(2, 3))),
-    (lambda: variance(torch.full((2, 2), math.inf)), "target is"),
-    (lambda: variance(-torch.eye(2)), "semidefinite"),
-    (lambda: variance(torch.zeros(2, 2)), "semidefinite"),
-    (lambda: variance(torch.tensor([[1.0, 0.5], [0.0, 1.0]])), "semidefinite"),
-    (lambda: variance(torch.eye(3)).value(semidefinite(0)), "3 parameters for information on 4"),
-    (lambda: variance(torch.eye(3)).tangent(semidefinite(0)[0]), "3 parameters for information on 4"),
-    *(
-        (lambda shape=shape: Information.of(torch.ones(shape)), r"expected \(N, q, q\)")
-        for shape in [(3, 3), (2, 3, 4), (2, 0, 0)]
-    ),
-    *(
-        (lambda x=x: Information(x), r"q \+ 1")
-        for x in (torch.ones(3), torch.ones(3, 5), torch.ones(3, 0), torch.ones(2, 3).int())
-    ),
-    *(
-        (lambda x=x: Information.of(spoilt((5, 4, 4), 2, x)), "information of trajectory 2 is not finite")
-        for x in (NAN, math.inf)
-    ),
-    *(
-        (lambda x=x: SIX.stacked(torch.tensor(x)), "indices are")
-        for x in ([], [6], [-1], [0.5], [True], [[1]])
-    ),
-    (lambda: Information(torch.ones(0, 6)).prior(), "no trajectories"),
-    (lambda: Information.of(semidefinite(0, 1, rank=3)).prior(), "no trajectory excites some direction"),
-]
-PICKS = [
-    *((lambda n=n: d_optimal(SIX, n), f"{n} of 6") for n in (0, -1, 7)),
-    *((lambda n=n: a_optimal(SIX, n), f"{n} of 6") for n in (0, -1, 7)),
-    *((lambda pick=pick: pick(NONE, 1), "of 0") for pick in (d_optimal, a_optimal)),
-    *(
-        (lambda x=x, work=work: work(x), "prior is")
-        for x in (torch.eye(3), torch.ones(4), -torch.eye(4), torch.zeros(4, 4), NAN * torch.eye(4))
-        for work in (
-            lambda x: d_optimal(SIX, 2, x),
-            lambda x: a_optimal(SIX, 2, x),
-            lambda x: ceiling(SIX, torch.arange(2), prior=x),
-        )
-    ),
-    (lambda: d_optimal(SIX, 2, SKEW), "symmetric"),
-    (lambda: d_optimal(FLAT, 2), "give a prior"),
-    *(
-        (lambda x=x: ceiling(SIX, torch.tensor(x)), "indices are")
-        for x in ([], [0, 6], [-1], [1, 1], [0.0, 1.0])
-    ),
-    (lambda: a_optimal(SIX, 2, target=torch.eye(3)), "target of 3"),
-    *((lambda n=n: greedy(torch.ones(3, 2), n), f"{n} of 3") for n in (0, -1, 4)),
-    *((lambda x=x: greedy(torch.ones(x), 1), r"\(N, p\)") for x in [(3,), (3, 2, 2), (3, 0)]),
-    *((lambda x=x: greedy(spoilt((4, 2), (2, 1), x), 2), "trajectory 2") for x in (NAN, math.inf, -1e-3)),
-    (lambda: greedy(torch.ones(0, 2), 1), "of 0"),
-    *(
-        (lambda measure=measure: measure(torch.zeros(1, 7, 6, 2)), "at least 2 rows, got 1")
-        for measure in (mean_distance, nearest_distance, effective_rank)
-    ),
+def each(work, words, *values):
+    """The work with each of some values, and the words by which it is refused."""
+    return [(partial(work, x), words) for x in values]
+
+
+DIVERSITY = (mean_distance, nearest_distance, effective_rank)
+PRIORS = (torch.eye(3), torch.ones(4), -torch.eye(4), torch.zeros(4, 4), NAN * torch.eye(4), SKEW)
+NUMBERS = [
+    *each(criteria_of, r"expected \(q, q\)", torch.ones(3), torch.ones(2, 3), torch.ones(0, 0)),
+    *each(criteria_of, "not finite", torch.full((2, 2), NAN)),
+    *each(variance, "target is", torch.ones(3), torch.ones(2, 3), torch.full((2, 2), math.inf)),
+    *each(variance, "semidefinite", -torch.eye(2), torch.zeros(2, 2), SKEW),
+    *each(variance(torch.eye(3)).value, "3 parameters for information on 4", semidefinite(0)),
+    *each(variance(torch.eye(3)).tangent, "3 parameters for information on 4", semidefinite(0)[0]),
+    *each(Information.of, r"expected \(N, q, q\)", *map(torch.ones, [(3, 3), (2, 3, 4), (2, 0, 0)])),
+    *each(Information.of, "trajectory 2 is not finite", spoilt((5, 4, 4), 2, NAN), spoilt((5, 4, 4), 2, INF)),
+    *each(Information, r"q \+ 1", *map(torch.ones, [(3,), (3, 5), (3, 0)]), torch.ones(2, 3).int()),
+    *each(SIX.stacked, "indices are", *map(torch.tensor, [[], [6], [-1], [0.5], [True], [[1]]])),
+    *each(Information.prior, "no trajectories", Information(torch.ones(0, 6))),
+    *each(Information.prior, "no trajectory excites some direction", FLAT),
+    *each(partial(d_optimal, SIX), " of 6", 0, -1, 7),
+    *each(partial(d_optimal, count=1), "of 0", NONE),
+    *each(partial(d_optimal, SIX, 2), "prior is", *PRIORS),
+    *each(partial(ceiling, SIX, torch.arange(2), DETERMINANT), "prior is", *PRIORS),
+    *each(partial(d_optimal, count=2), "give a prior", FLAT),
+    *each(partial(ceiling, SIX), "indices are", *map(torch.tensor, [[], [0, 6], [-1], [1, 1], [0.0, 1.0]])),
+    *each(partial(a_optimal, SIX, 2, None), "target of 3", torch.eye(3)),
+    *each(partial(greedy, torch.ones(3, 2)), " of 3", 0, -1, 4),
+    *each(partial(greedy, count=1), r"\(N, p\)", *map(torch.ones, [(3,), (3, 2, 2), (3, 0)])),
+    *each(partial(greedy, count=2), "trajectory 2", *(spoilt((4, 2), (2, 1), x) for x in (NAN, INF, -1e-3))),
+    *each(partial(greedy, count=1), "of 0", torch.ones(0, 2)),
+    *((partial(x, torch.zeros(1, 7)), "at least 2 rows") for x in DIVERSITY),
 ]
 
 
-@pytest.mark.parametrize(("work", "words"), [*MATRICES, *PICKS])
+@pytest.mark.parametrize(("work", "words"), NUMBERS)
 def test_numbers_that_cannot_be_are_refused(work, words):
     with pytest.raises(ShapeError, match=words):
         work()
@@ -110,7 +88,7 @@ def test_coefficients_that_cannot_be_are_refused(planar, measure):
 @pytest.mark.parametrize(
     ("deviation", "words"),
     [
-        *((torch.tensor([1.0, x]), "finite and positive") for x in (0.0, -2.0, NAN, math.inf)),
+        *((torch.tensor([1.0, x]), "finite and positive") for x in (0.0, -2.0, NAN, INF)),
         *((torch.ones(x), r"expected \(2,\) or \(6, 2\)") for x in [(), (1,), (3,), (5, 2), (6, 1)]),
     ],
 )
@@ -133,8 +111,13 @@ def test_settings_that_cannot_be_are_refused(make, words):
         make()
 
 
-def test_sets_that_cannot_be_are_refused(planar_problem, random):
+def test_sets_and_samples_that_cannot_be_are_refused(planar_problem, random):
     with pytest.raises(ShapeError, match="expected 2 positive deviations"):
         SetInformation(planar_problem, 1, (1.0,))
     with pytest.raises(ShapeError, match="batch of 5 trajectories does not fall into sets of 2"):
         spectrum(SetInformation(planar_problem, 2), planar_problem.start(5, random))
+    for harmonics in (1, 2, 6, 9):
+        problem = partial(replace, planar_problem, trajectory=Trajectory(2, harmonics))
+        assert problem(samples=2 * harmonics + 1).samples
+        with pytest.raises(ShapeError, match=f"cannot see {harmonics} harmonics"):
+            problem(samples=2 * harmonics)
