@@ -12,7 +12,7 @@ from sidegan.identification.accuracy import inflation_of
 from sidegan.robot import load_robot
 from tests.identification.recordings import Fixed, at_once, model_of, multisine, recorded, truth_of, white
 
-DRAWS = 100
+DRAWS = 50
 
 
 def errors_over_draws(model, samples, colour, method):

@@ -33,11 +33,6 @@ def found(noisy):
     return {pull: fitted("consistent", *noisy, pull=pull) for pull in ("logdet", "euclid")}
 
 
-def test_links_of_the_built_in_arms_exist(arm, planar):
-    for one in (arm, planar):
-        assert (least_eigenvalues(one.inertial_parameters, one) > 0).all()
-
-
 class TestFit:
     @pytest.mark.parametrize("pull", ["logdet", "euclid"])
     def test_every_link_can_exist_where_least_squares_gives_some_that_cannot(self, noisy, found, pull):
@@ -86,7 +81,7 @@ class TestFit:
 
     def test_intervals_hold_the_truth_and_know_of_the_description(self, arm):
         model, shares, ratios = model_of(arm), [], []
-        for seed in range(4):
+        for seed in range(3):
             random = np.random.default_rng(seed)
             factors = torch.from_numpy(random.uniform(0.7, 1.3, (7, 1)))
             other = model_of(replace(arm, inertial_parameters=factors * arm.inertial_parameters))
@@ -100,10 +95,10 @@ class TestFit:
         ratio = torch.cat(ratios)
         assert float(ratio.max()) < 1.1 and float((ratio < 0.5).double().mean()) > 0.1
 
-    @pytest.mark.parametrize("mass", [10.0, 25.0])  # less and more than the description has
-    def test_the_total_mass_is_kept(self, noisy, mass):
-        model, data = noisy
-        found = fitted("consistent", model, data, total_mass=mass)
+    @pytest.mark.parametrize("share", [0.6, 1.6])
+    def test_the_total_mass_is_kept(self, planar, share):
+        model, mass = model_of(planar), share * float(planar.inertial_parameters[:, 0].sum())
+        found = fitted("consistent", model, recorded(model, 200, noise=1.0), total_mass=mass)
         assert float(links_of(model, found)[:, 0].sum()) == pytest.approx(mass, rel=1e-5)
 
     def test_misfit_and_pull_balance_at_the_best_point(self, planar):

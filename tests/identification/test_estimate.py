@@ -34,9 +34,6 @@ def close(found, expected, rtol=1e-8):
 
 
 class TestClosedForms:
-    def test_ols(self, rows):
-        close(fitted("ols", rows, prior=1e12).parameters, np.linalg.lstsq(*flat(rows), rcond=None)[0])
-
     def test_weighted_is_a_fixed_point_of_its_weights(self, rows):
         found = fitted("weighted", rows, prior=1e12)
         close(found.parameters, np.linalg.lstsq(*flat(rows, found.weights.numpy()), rcond=None)[0])

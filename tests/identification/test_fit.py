@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from sidegan.identification.fit import least_squares, recursive
 from sidegan.identification.gather import gather
@@ -89,17 +87,6 @@ class TestOracles:
         # A = 0.5 · 1 + 4 + 0.25 / 2 and b = 0.5 · 3 + 16.
         forgetful = fed(y, tau, prior=2.0, forgetting=0.5)
         assert forgetful.parameters.tolist() == pytest.approx([17.5 / 4.625], rel=1e-14)
-
-
-class TestLaws:
-    @settings(max_examples=30, deadline=None)
-    @given(st.integers(1, 60), st.integers(1, 300), st.sampled_from([0.9, 1.0]))
-    def test_the_size_of_the_pieces_does_not_matter(self, size, count, forgetting):
-        random = np.random.default_rng(0)
-        y, tau = (torch.from_numpy(random.normal(size=s)) for s in ((count, 2, 4), (count, 2)))
-        one, other = (fed(y, tau, s, forgetting=forgetting) for s in (size, count))
-        assert_close(one.parameters, other.parameters, 1e-10)
-        assert_close(one.inverse, other.inverse, 1e-10)
 
 
 class TestPoorData:

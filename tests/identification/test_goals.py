@@ -18,8 +18,7 @@ from sidegan.identification.designed import designed
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques
 from sidegan.identification.loaded import Loaded
 from sidegan.identification.model import states_within
-from sidegan.identification.uncertain import unmeasured, usual_torque, wanted_of
-from sidegan.motion.dynamics import RigidBody
+from sidegan.identification.uncertain import unmeasured
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
 from tests.identification.recordings import GOAL, model_of, multisine
@@ -163,27 +162,3 @@ def test_where_nothing_can_be_proven_that_is_told(planar):
     problem = Problem(Constraints(planar, [Plane(normal=(1, 0, 0), offset=-0.3)]), behind)
     with pytest.raises(InfeasibleError, match="at home, keep_out of"):
         for_goal(problem, aim_of(problem, "all"), 1)
-
-
-def test_settings_become_goals(planar):
-    usual, model = usual_torque(RigidBody(planar)), model_of(planar)
-    unit = torch.ones(model.count).double()
-
-    def goal(wanted):
-        return wanted_of(replace(GOAL, wanted=wanted), usual, identified=True)(model, unit)
-
-    kinds = {"condition": Everything, "all": Everything, "payload": Tool, "prediction": Torques}
-    assert all(isinstance(goal(name), kind) for name, kind in kinds.items())
-    assert isinstance(goal(["forearm"]), OfLinks)
-    np.testing.assert_allclose(replace(GOAL, noise=0.1).deviation(usual), 0.1 * usual)
-    assert replace(GOAL, noise=[0.3, 0.2]).deviation(usual).tolist() == [0.3, 0.2]
-
-
-def test_what_is_not_told_of_a_tool_is_named(arm):
-    model = model_of(arm)
-    tool, before = Tool(model, torch.ones(model.count).double(), True), torch.ones(10).double()
-    deviations = 1e-3 * torch.tensor([5, 3, 3, 3, 4, 4, 4, 4, 4, 4]).double()
-    assert tool.said(deviations, before) == "a tool is told to ± 0.005 kg, ± 0.003 kg·m, ± 0.004 kg·m²"
-    deviations[[2, 9]] = 0.9
-    assert tool.said(deviations, before).endswith("± 0.003 kg·m, ± 0.004 kg·m² but for my, Izz")
-    assert tool.said(before, before).startswith("a tool is told to nothing but for m, mx")

@@ -74,13 +74,6 @@ def test_repeats_and_seeds_draw_different_noise(body, families):
     assert (results.nmse != other.nmse).all()
 
 
-def test_more_noise_gives_more_error(body, families):
-    errors = [
-        compare(body, families, noise=replace(NOISE, level=level))[0].nmse.mean() for level in (0.01, 0.3)
-    ]
-    assert errors[0] < errors[1]
-
-
 def test_a_short_period_does_not_hide_its_harmonics_from_the_condition(body):
     """At a fixed rate one second of six harmonics would be aliased."""
     random = torch.Generator().manual_seed(1)
@@ -109,7 +102,8 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
 
 @pytest.mark.parametrize("kind", ["multiplicative", "additive"])
 def test_errors_over_many_draws_are_those_expected(body, families, kind):
-    sets, tests = families
+    sets, (trajectory, c) = families
+    tests = trajectory, c[:1]
     settings = study_settings(noise=replace(NOISE, kind=kind, torque=True, state=False), repeats=150)
     drawn, _ = study.compare(body, {"seeds": sets["seeds"]}, tests, settings, np.random.SeedSequence(1))
     nmse = drawn.groupby(["weighted", "joint"]).nmse

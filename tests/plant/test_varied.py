@@ -9,6 +9,7 @@ import torch
 from omegaconf import OmegaConf
 
 from sidegan.base.typed import build
+from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.compiled import compiled
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -139,3 +140,10 @@ def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, corre
     for below, above in pairwise(exact[:3]):
         slope = torch.gradient(below, spacing=1 / sensors.rate, dim=1)[0]
         assert (slope - above)[:, 50:-50].abs().max() < 0.02 * above.abs().max()
+
+
+def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, settings, motion, motions):
+    with pytest.raises(InfeasibleError, match="do not follow"):
+        plant(planar, replace(settings, tolerance=1e-9)).follow(motion)
+    with pytest.raises(ShapeError, match="500 Hz"):
+        plant(planar, settings).follow(motions(planar, rate=100.0))

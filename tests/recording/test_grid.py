@@ -32,7 +32,7 @@ def test_the_grid_is_uniform_and_the_signal_the_same():
     np.testing.assert_allclose(resampled, signal(time), atol=5e-4)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(CUTS, st.integers(0, 20))
 def test_neither_pieces_nor_duplicates_make_a_difference(cuts, duplicates):
     time = np.sort(np.concatenate([stamps(), stamps()[50 : 50 + duplicates]]))
@@ -40,7 +40,7 @@ def test_neither_pieces_nor_duplicates_make_a_difference(cuts, duplicates):
         np.testing.assert_allclose(a, b, atol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(CUTS, st.integers(10, 380))
 def test_a_gap_is_not_crossed(cuts, at):
     time = stamps()
@@ -54,7 +54,7 @@ def test_a_gap_is_not_crossed(cuts, at):
         assert (index == np.arange(len(index))).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(CUTS, st.integers(1, 60), st.integers(1, 200))
 def test_windows_give_every_point_once_with_its_neighbours(cuts, halo, least):
     time = stamps()
