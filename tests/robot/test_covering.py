@@ -3,8 +3,7 @@
 Links are cut further where their hulls are in the way, and nowhere else.
 """
 
-from collections import Counter
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from sidegan.robot.capsule_fit import fit, from_segment, hull_volume, volume
 from sidegan.robot.covering import _Cutter, cover, subdivided
 from sidegan.robot.hull import thinned
 from sidegan.robot.kept import save_shapes
-from sidegan.robot.refining import Refining
 from sidegan.robot.splitting import cut_further, split
 from sidegan.validity import Constraints, default_home
 from sidegan.validity.hulls import apart
@@ -194,39 +192,38 @@ def assert_same_shapes(one, other):
         assert torch.equal(getattr(one.capsules.pieces, name), getattr(other.capsules.pieces, name))
 
 
+COARSE = Setup(pieces=2, finer=2)
+
+
 class TestCache:
     def test_gives_back_what_was_made(self, arm_file, monkeypatch):
-        made = load_robot(arm_file)
+        made = load_robot(arm_file, COARSE)
         monkeypatch.setattr(covers, "make", None)  # nothing is made again
-        assert_same_shapes(load_robot(arm_file), made)
+        assert_same_shapes(load_robot(arm_file, COARSE), made)
 
     def test_that_is_broken_is_made_again(self, arm_file, cache):
-        made = load_robot(arm_file)
+        made = load_robot(arm_file, COARSE)
         (file,) = cache.iterdir()
         for content in (b"", b"PK\x03\x04", file.read_bytes()[:200]):
             file.write_bytes(content)
-            assert_same_shapes(load_robot(arm_file), made)
+            assert_same_shapes(load_robot(arm_file, COARSE), made)
 
     def test_that_cannot_be_written_costs_time_only(self, arm_file, monkeypatch):
         monkeypatch.setenv(covers.VARIABLE, str(arm_file))
-        assert load_robot(arm_file).capsules.names
+        assert load_robot(arm_file, COARSE).capsules.names
 
     def test_knows_other_meshes_other_pieces_and_other_ways(self, arm_file, monkeypatch):
-        digests = [load_robot(arm_file).digest]
+        arm = load_robot(arm_file, COARSE)
+        digests = [arm.digest, load_robot(arm_file, Setup(pieces=1, finer=2)).digest]
         monkeypatch.setattr(covers, "VERSION", covers.VERSION + 1)
-        digests.append(load_robot(arm_file).digest)
+        digests.append(load_robot(arm_file, COARSE).digest)
         trimesh.creation.box((0.1, 0.2, 0.8)).export(arm_file.with_name("box.stl"))
-        digests.append(load_robot(arm_file).digest)
+        digests.append(load_robot(arm_file, COARSE).digest)
         arm_file.write_text(arm_file.read_text().replace('xyz="0.1 0 0"', 'xyz="0.2 0 0"'))
-        digests.append(load_robot(arm_file).digest)
-        assert len({*digests}) == 4
-
-    def test_digest_does_not_depend_on_the_numbers_of_the_fit(self, arm_file):
-        arm = load_robot(arm_file)
-        some, numbers = arm.capsules, {"axis": arm.axis}
-        shaken = type(some)(
-            some.link, some.a + 0.01, some.b, 2 * some.radius, some.names, some.owners, some.pieces
-        )
+        digests.append(load_robot(arm_file, COARSE).digest)
+        assert len({*digests}) == 5
+        some, numbers = arm.capsules, {"axis": arm.axis}  # numbers of the fit do not count
+        shaken = replace(some, a=some.a + 0.01, radius=2 * some.radius)
         assert digest_of(numbers, some) == digest_of(numbers, shaken)
 
 
@@ -234,17 +231,17 @@ class TestKept:
     """Shapes in a file stand for meshes that are gone."""
 
     def test_make_the_same_arm(self, arm_file, tmp_path, caplog):
-        arm = load_robot(arm_file)
+        arm = load_robot(arm_file, COARSE)
         assert save_shapes(arm, tmp_path / "shapes.npz")
         (tmp_path / "box.stl").unlink()
         assert load_robot(arm_file).capsules.names == ()
         assert "mesh files are missing" in caplog.text
         caplog.clear()
-        assert_same_shapes(load_robot(arm_file, Setup(shapes=str(tmp_path / "shapes.npz"))), arm)
+        assert_same_shapes(load_robot(arm_file, replace(COARSE, shapes=str(tmp_path / "shapes.npz"))), arm)
         assert caplog.text == ""
 
     def test_are_refused_where_they_are_elsewhere_or_not_there_or_none(self, arm_file, tmp_path):
-        save_shapes(load_robot(arm_file), tmp_path / "shapes.npz")
+        save_shapes(load_robot(arm_file, COARSE), tmp_path / "shapes.npz")
         (tmp_path / "box.stl").unlink()
         arm_file.write_text(arm_file.read_text().replace('xyz="0.1 0 0"', 'xyz="0.1 0 0.02"', 1))
         cases = {
@@ -283,30 +280,6 @@ def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free_and_that_is_kept(ring_
     assert len({fine.digest, *(load_robot(ring_file, setup).digest for setup in others)}) == 3
     monkeypatch.setattr("sidegan.robot.refining._Scene", None)  # nothing is looked for again
     assert_same_shapes(load_robot(ring_file, Setup(pieces=2)), fine)
-
-
-class Blaming:
-    """A scene of few configurations, most of whose refusals one link is to blame for, and one another."""
-
-    pairs = 10**9
-
-    def __init__(self, *_) -> None:
-        pass
-
-    def refused(self, q):
-        return list(range(20)) if len(q) > 20 else [], len(q)
-
-    def blamed(self, q, rows):
-        return Counter(often=19, once=1)
-
-
-def test_a_link_that_is_in_the_way_once_is_not_cut_further(monkeypatch):
-    monkeypatch.setattr("sidegan.robot.refining._Scene", Blaming)
-    monkeypatch.setattr("sidegan.robot.refining.shapes_of", lambda *_: [])
-    model = SimpleNamespace(names=["universe", "turn"])
-    description = SimpleNamespace(limits={"turn": SimpleNamespace(lower=-1.0, upper=1.0)})
-    shapes = [SimpleNamespace(owner=name, digest=name) for name in ("often", "once")]
-    assert Refining(model, None, description, pieces=2, most=8)._search(shapes) == {"often": 4}
 
 
 def test_cuts_leave_out_what_is_empty():

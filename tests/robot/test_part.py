@@ -187,50 +187,31 @@ class TestLimits:
             "  second: {max_velocity: 1.2, max_effort: 7, min_position: !degrees -90, max_position: 1}\n"
             "  finger: {max_velocity: 0.1}\n"
         )
-        own = Limits(velocity={"second": 0.7}, jerk={"first": 50.0})
+        own = Limits(velocity={"second": 0.7}, effort={"first": 41.0}, jerk={"first": 50.0})
         arm = load(two_joints(), Setup(limits_file=str(file), limits=own))
         assert arm.velocity_limit.tolist() == [1.1, 0.7]
-        assert arm.torque_limit.tolist() == [40, 7]
+        assert arm.torque_limit.tolist() == [41, 7]
         assert arm.position_lower.tolist() == [-1.5, -math.pi / 2]
         assert arm.acceleration_limit.tolist() == [3.5, math.inf]
         assert arm.jerk_limit.tolist() == [50, math.inf]
         assert "joint_limits.yaml limits finger, which is not there" in arm.told
         assert "position of second -1.571 to 1 instead of -1.5 to 2 rad" in caplog.text
-        assert "velocity of" not in caplog.text and "effort of" not in caplog.text
+        assert "effort of first 41 instead of 40 N·m" in caplog.text and "velocity of" not in caplog.text
         file.write_text("joint_limits: {secnd: {max_velocity: 1}, first: {max_velocity: 1}, hand: {}}")
         told = load(two_joints(), Setup(limits_file=str(file))).told[-1]
         assert "limits secnd, hand, which are not there; did you mean second?" in told
 
-    def test_limits_wider_than_the_descriptions_are_told_with_both_numbers(self, load, caplog):
-        wide = Limits(velocity={"second": 90.0}, effort={"first": 41.0}, position={"first": (-1.5, 2.5)})
-        load(two_joints(), Setup(limits=wide))
-        (told,) = [record.getMessage() for record in caplog.records]
-        assert "velocity of second 90 instead of 2.5 rad/s" in told
-        assert "effort of first 41 instead of 40 N·m" in told
-        assert "position of first -1.5 to 2.5 instead of -1.5 to 2 rad" in told
-        caplog.clear()
-        load(two_joints(), Setup(limits=Limits(velocity={"second": 2.5}, effort={"first": 3.0})))
-        assert not caplog.records
-
     def test_higher_limits_are_in_the_digest_where_there_are_any(self, load):
-        bare, same = (load(two_joints()) for _ in range(2))
-        assert bare.digest == same.digest and bare.higher_limits == {}
-        three = {"first": 3.0}
-        given = [
-            Limits(acceleration=three),
-            Limits(acceleration={"first": 3.5}),
-            Limits(acceleration={"second": 3.0}),
-            Limits(jerk=three),
-            Limits(acceleration=three, jerk=three),
-        ]
-        arms = [load(two_joints(), Setup(limits=limits)) for limits in given]
-        assert len({bare.digest, *(arm.digest for arm in arms)}) == 1 + len(given)
-        again = load(two_joints(), Setup(limits=given[-1]))
-        assert again.digest == arms[-1].digest
-        assert list(again.higher_limits) == ["acceleration", "jerk"]
-        assert again.higher_limits["jerk"].tolist() == [3, math.inf]
-        gentle = with_effort(again, 0.5)
-        assert gentle.higher_limits == again.higher_limits and gentle.digest != again.digest
+        three, four = {"first": 3.0}, {"first": 3.5}
+        kinds = [(three, None), (four, None), ({"second": 3.0}, None), (None, three), (three, three)]
+        given = [Setup(limits=Limits(acceleration=one, jerk=other)) for one, other in kinds]
+        bare, *arms = (load(two_joints(), setup) for setup in (None, *given))
+        assert len({bare.digest, *(arm.digest for arm in arms)}) == 6 and bare.higher_limits == {}
+        assert load(two_joints(), given[-1]).digest == arms[-1].digest
+        assert list(arms[-1].higher_limits) == ["acceleration", "jerk"]
+        assert arms[-1].higher_limits["jerk"].tolist() == [3, math.inf]
+        gentle = with_effort(arms[-1], 0.5)
+        assert gentle.higher_limits == arms[-1].higher_limits and gentle.digest != arms[-1].digest
 
     def test_only_a_share_of_speed_and_torque_is_used(self, planar):
         gentle = with_effort(planar, 0.5)

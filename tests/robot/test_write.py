@@ -20,7 +20,6 @@ from sidegan.robot import (
     Setup,
     built_in_robots,
     load_robot,
-    pinocchio_model,
     write_mjcf,
     write_urdf,
 )
@@ -29,6 +28,7 @@ from sidegan.robot.write_usd import write_usd
 from tests.chains import random_states, real_links
 
 from .test_looks import file  # noqa: F401
+from .test_models import DATA
 from .urdf import INERTIA, joint, link, more, one_joint, robot
 
 
@@ -38,17 +38,18 @@ def drives(joints):
 
 
 def assert_written(arm, path, seed=0):
-    """The file's torques, by us and by Pinocchio, are those of the arm with other links."""
-    parameters = real_links(arm.joints, seed)
+    """An arm's torques are its file's by Pinocchio, and with other links those of what is written."""
+    parameters, states = real_links(arm.joints, seed), random_states(arm, 50)
     write_urdf(arm, parameters, path)
-    states = random_states(arm, 50)
-    wanted = RigidBody(arm).torque(*states, parameters)
     read = load_robot(path)
-    torch.testing.assert_close(RigidBody(read).torque(*states), wanted, rtol=0, atol=1e-9)
-    model = pinocchio_model(read)
-    data = model.createData()
-    for row, *state in zip(wanted.numpy(), *(x.numpy() for x in states)):
-        np.testing.assert_allclose(pin.rnea(model, data, *state), row, rtol=0, atol=1e-9)
+    torch.testing.assert_close(
+        RigidBody(read).torque(*states), RigidBody(arm).torque(*states, parameters), rtol=0, atol=1e-9
+    )
+    for one in (arm, read):
+        model, torque = pin.buildModelFromUrdf(str(one.urdf)), RigidBody(one).torque(*states).numpy()
+        data = model.createData()
+        for row, *state in zip(torque, *(x.numpy() for x in states)):
+            np.testing.assert_allclose(pin.rnea(model, data, *state), row, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", built_in_robots())
@@ -62,14 +63,39 @@ def test_what_is_written_reads_back_to_the_same_torques_and_only_inertias_change
     assert tags == {"<mass", "<origin", "<inertia", "iyy"}
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
-@given(st.lists(st.sampled_from(["revolute", "prismatic", "fixed"]), min_size=1, max_size=6), st.data())
-def test_any_chain_with_fixed_joints_and_links_without_inertia(load, tmp_path, kinds, data):
-    kinds = [*kinds, "revolute"]
-    inertias = st.sampled_from(["", INERTIA, "<!-- > -->"])
-    bodies = [link(f"l{i}", data.draw(inertias)) for i in range(len(kinds) + 1)]
-    joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}", kind) for i, kind in enumerate(kinds)]
-    assert_written(load(robot(*bodies, *joints)), tmp_path / "out.urdf")
+numbers = st.floats(-2, 2, allow_subnormal=False)
+vectors = st.tuples(numbers, numbers, numbers)
+kinds = st.sampled_from(["revolute", "prismatic", "fixed"])
+axes = vectors.filter(lambda v: np.linalg.norm(v) > 0.1)
+inertias = st.sampled_from([INERTIA, "", "<!-- > -->"])
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(
+    st.lists(st.tuples(kinds, vectors, vectors, axes, inertias), min_size=1, max_size=9).filter(
+        lambda chain: any(kind != "fixed" for kind, *_ in chain)
+    )
+)
+def test_any_chain_is_what_pinocchio_reads_and_is_written_as_it_is(load, tmp_path, chain):
+    def words(v):
+        return " ".join(map(repr, v))
+
+    parts = [link("l0", "")]
+    for i, (kind, xyz, rpy, axis, inertia) in enumerate(chain):
+        origin, axis = f'xyz="{words(xyz)}" rpy="{words(rpy)}"', f'<axis xyz="{words(axis)}"/>'
+        parts += [joint(f"j{i}", f"l{i}", f"l{i + 1}", kind, origin, axis), link(f"l{i + 1}", inertia)]
+    arm = load(robot(*parts))
+    moving = [kind for kind, *_ in chain if kind != "fixed"]
+    assert arm.prismatic.tolist() == [kind == "prismatic" for kind in moving]
+    torch.testing.assert_close(arm.axis.norm(dim=1), torch.ones(arm.joints, dtype=torch.float64))
+    assert_written(arm, tmp_path / "out.urdf")
+
+
+def test_a_real_arm_is_written_as_it_is(tmp_path):
+    path = DATA / "ur10e" / "reference.urdf"
+    if not path.is_file():
+        pytest.skip(f"the UR10e is not at {path}; set SIDEGAN_DATA")
+    assert_written(load_robot(path), tmp_path / "out.urdf")
 
 
 @pytest.mark.parametrize("empty", ['<link name="arm"/>', "<link name='arm' />", '<link name="arm"></link>'])

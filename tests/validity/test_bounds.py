@@ -5,12 +5,15 @@ from functools import partial
 
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from torch import Tensor
 from torch.autograd.functional import jvp
 
+from sidegan.motion.compiled.formulas import drift
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
+from sidegan.robot import HIGHER, Arm
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.bounds import (
     CellMotion,
@@ -214,3 +217,26 @@ def test_no_point_of_a_capsule_moves_faster_than_its_reach(chain: Arm) -> None:
         assert (fastest <= reach[:, joint] + ROUNDING).all()
         own = arm.capsules.link == joint  # one joint away the bound is exact
         torch.testing.assert_close(fastest[own], reach[own, joint])
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    order=st.sampled_from(sorted(HIGHER.values())),
+    seed=st.integers(0, 1000),
+    harmonics=st.integers(1, 8),
+    half=st.sampled_from([0.1, 0.02, 1e-3]),
+    centre=st.floats(0, 1),
+)
+def test_no_derivative_drifts_further_in_a_cell_than_its_bound(
+    order: int, seed: int, harmonics: int, half: float, centre: float
+) -> None:
+    trajectory = Trajectory(3, harmonics, 3.0)
+    c = drawn(trajectory, 6, seed)
+    middle = half + centre * (3.0 - 2 * half)
+    times = middle + half * torch.linspace(-1, 1, 41, dtype=torch.float64)
+    times = times.clamp(0, 3.0)
+    x = trajectory.derivative(c, times, order)
+    change = (x - x[:, 20:21]).abs().amax(1)
+    bound = derivative_bound(trajectory, c, order + 2)
+    rate = trajectory.derivative(c, times[20:21], order + 1)[:, 0]
+    assert (change <= drift(rate, bound, half) * (1 + 1e-9) + 1e-9).all()

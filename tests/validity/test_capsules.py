@@ -1,4 +1,4 @@
-"""Capsules and their distances: coal and exact geometry in extended precision as oracles."""
+"""Capsules, their distances and nearest points: coal and exact geometry in extended precision as oracles."""
 
 from dataclasses import replace
 
@@ -11,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from sidegan.robot import Arm, capsule_geometry, pinocchio_model
-from sidegan.validity import Constraints
+from sidegan.robot import Arm, capsule_geometry, load_robot, pinocchio_model
+from sidegan.validity import Box, Constraints, Plane
 from sidegan.validity.capsules import capsule_axes, place_points, segment_distance
+from sidegan.validity.closest import closest
 from tests.chains import lenient, random_chain, random_states
+from tests.robot.urdf import INERTIA, collision, joint, link, robot
 
 Quad = tuple[Tensor, Tensor, Tensor, Tensor]
 
@@ -104,8 +106,8 @@ def test_points_are_where_pinocchio_puts_them(joints: int, seed: int) -> None:
     a, b = capsule_axes(arm, q.T.contiguous())
     for n in range(len(q)):
         pin.forwardKinematics(model, data, q[n].numpy())
-        for k, link in enumerate(arm.capsules.link.tolist()):
-            placement = data.oMi[link + 1]
+        for k, carrier in enumerate(arm.capsules.link.tolist()):
+            placement = data.oMi[carrier + 1]
             np.testing.assert_allclose(a[:, k, n], placement.act(arm.capsules.a[k].numpy()), atol=1e-13)
             np.testing.assert_allclose(b[:, k, n], placement.act(arm.capsules.b[k].numpy()), atol=1e-13)
 
@@ -116,8 +118,8 @@ def test_points_of_the_base_are_in_the_world(planar: Arm) -> None:
     assert placed[:, 0].T.tolist() == [[1.0, 2.0, 3.0]] * 4
 
 
-def coal_distances(arm: Arm, constraints: Constraints, q: Tensor) -> np.ndarray:
-    """Signed distances [m] of the constraints' pairs, (N, P)."""
+def coal_results(arm: Arm, constraints: Constraints, q: Tensor) -> list[list[tuple]]:
+    """Signed distances [m] of pairs, and from one nearest point to the other, at each position."""
     model, geometry = pinocchio_model(arm), capsule_geometry(arm)
     for first, second in constraints.pairs.tolist():
         geometry.addCollisionPair(pin.CollisionPair(first, second))
@@ -125,11 +127,12 @@ def coal_distances(arm: Arm, constraints: Constraints, q: Tensor) -> np.ndarray:
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
     places.distanceRequests[:] = [request] * len(constraints.pairs)
-    distances = np.zeros((len(q), len(constraints.pairs)))
-    for n, position in enumerate(q.numpy()):
+    found = []
+    for position in q.numpy():
         pin.computeDistances(model, data, geometry, places, position)
-        distances[n] = [result.min_distance for result in places.distanceResults]
-    return distances
+        results = places.distanceResults
+        found.append([(x.min_distance, x.getNearestPoint1() - x.getNearestPoint2()) for x in results])
+    return found
 
 
 @pytest.mark.parametrize("thicker", [0.0, 0.05, 0.15])
@@ -138,7 +141,8 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     arm = lenient(replace(arm, capsules=replace(arm.capsules, radius=arm.capsules.radius + thicker)))
     constraints = Constraints(arm)
     q = random_states(arm, 1_000, seed=7)[0]
-    ours, theirs = constraints.clearances(q)["collision"].numpy(), coal_distances(arm, constraints, q)
+    ours, results = constraints.clearances(q)["collision"].numpy(), coal_results(arm, constraints, q)
+    theirs = np.array([[distance for distance, _ in row] for row in results])
     apart, deep = theirs > 1e-6, theirs < -1e-6
     assert apart.sum() > 1000 and (thicker < 0.1 or deep.sum() > 1000)
     np.testing.assert_allclose(ours[apart], theirs[apart], atol=1e-9)
@@ -149,3 +153,77 @@ def test_gradients_of_clearances_agree_with_finite_differences(arm: Arm) -> None
     constraints = Constraints(replace(arm, torque_limit=torch.full((7,), torch.inf)))
     q = random_states(arm, 3, seed=8)[0].requires_grad_(True)
     assert torch.autograd.gradcheck(lambda q: constraints.clearances(q)["collision"], (q,), fast_mode=True)
+
+
+def test_the_closest_pair_and_its_points_are_coals(arm):
+    constraints, q = Constraints(arm), random_states(arm, 60)[0]
+    found, places = closest(constraints, q), coal_results(arm, constraints, q)
+    names, apart = constraints.labels["collision"], 0
+    for k, results in enumerate(places):
+        distance, between = min(results, key=lambda one: one[0])
+        assert float(found.distance[k]) == pytest.approx(distance, abs=1e-6)
+        if distance < 0.01:
+            continue  # coal's points of what overlaps are others
+        apart += 1
+        assert found.names[int(found.which[k])] == names[[one for one, _ in results].index(distance)]
+        one, other = found.points[k].numpy()
+        assert np.linalg.norm(one - other) == pytest.approx(float(found.distance[k]), abs=1e-9)
+        assert np.linalg.norm(one - other) == pytest.approx(np.linalg.norm(between), abs=1e-5)
+    assert apart > 20
+
+
+def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
+    """Two plates that turn about axes askew: capsules around them touch long before they do."""
+    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path))
+    box = collision('<box size="0.5 0.4 0.02"/>'), collision('<box size="0.3 0.01 0.2"/>', 'xyz="0 0.1 0.2"')
+    first = joint("j0", "l0", "l1", origin='xyz="0 0 0.15"', axis='<axis xyz="1 0.3 0"/>')
+    second = joint("j1", "l1", "l2", origin='xyz="0.05 0 0.1"', axis='<axis xyz="0 1 1"/>')
+    links = link("l0", box[0]), link("l1"), link("l2", INERTIA + box[1])
+    file = tmp_path / "plates.urdf"
+    file.write_text(robot(*links, first, second))
+    arm = load_robot(file)
+    constraints, q = Constraints(arm), random_states(arm, 200)[0]
+    assert bool(constraints.pieces.finer.all())
+    found = closest(constraints, q)
+    whole = pin.buildModelFromUrdf(str(file))
+    geometry = pin.buildGeomFromUrdf(whole, str(file), pin.GeometryType.COLLISION)
+    geometry.addCollisionPair(pin.CollisionPair(0, 1))
+    data, shapes = whole.createData(), geometry.createData()
+    apart = 0
+    for k, position in enumerate(q.numpy()):
+        pin.computeDistances(whole, data, geometry, shapes, position)
+        theirs = shapes.distanceResults[0].min_distance
+        if theirs < 1e-3:
+            continue
+        apart += 1
+        one, other = found.points[k].numpy()
+        assert np.linalg.norm(one - other) == pytest.approx(theirs, abs=1e-6)
+        assert float(found.distance[k]) == pytest.approx(theirs, abs=1e-6)
+        for point, body in ((one, 0), (other, 1)):
+            local = shapes.oMg[body].actInv(point)
+            half = np.array([[0.25, 0.2, 0.01], [0.15, 0.005, 0.1]][body])
+            assert (np.abs(local) <= half + 1e-9).all() and np.isclose(np.abs(local), half).any()
+    assert apart > 60
+
+
+def test_points_at_regions_lie_on_their_surfaces(planar):
+    box = Box((0.5, -0.1, 0.0), (0.9, 0.1, 0.3))
+    constraints = Constraints(planar, [Plane((0.0, 0.0, 1.0), -0.2), box])
+    found = closest(constraints, random_states(planar, 400)[0])
+    ours = {name: found.which == k for k, name in enumerate(found.names)}
+    desk = ours["forearm in region 0"]
+    assert desk.sum() > 5
+    torch.testing.assert_close(found.points[desk][:, 1, 2], torch.full_like(found.distance[desk], -0.2))
+    boxed = ours["forearm in region 1"] & (found.distance > 0)
+    assert boxed.sum() > 20
+    lower, upper = torch.tensor(box.lower), torch.tensor(box.upper)
+    touched = found.points[boxed][:, 1]
+    torch.testing.assert_close(touched, touched.clamp(lower, upper), atol=1e-6, rtol=0)
+    gap = (found.points[boxed][:, 0] - touched).norm(dim=1)
+    torch.testing.assert_close(gap, found.distance[boxed], atol=1e-9, rtol=0)
+
+
+def test_nothing_is_closest_where_nothing_is_checked(planar):
+    alone = Constraints(planar)
+    alone.labels.pop("collision")
+    assert closest(alone, random_states(planar, 3)[0]) is None

@@ -11,7 +11,7 @@ from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import lenient, random_states
 
-from .critical import BENT, DESK, only, thick
+from .critical import BENT, DESK, limited, only, thick
 
 
 def test_pair_that_the_description_names_is_excepted(arm: Arm) -> None:
@@ -31,37 +31,23 @@ def test_excepted_pair_touches_wherever_the_arm_is(arm: Arm) -> None:
     assert (every.clearances(random_states(arm, 5_000)[0])["collision"] < 0).all()
 
 
-def test_what_is_checked_and_what_is_not_is_said(arm: Arm) -> None:
+def test_what_is_excepted_is_said(arm: Arm) -> None:
     constraints = Constraints(arm, [DESK])
-    assert constraints.excepted["collision"] == ("link_5 – link_7",)
-    assert constraints.excepted["keep_out"] == ("link_1 in region 0",)
+    assert constraints.excepted == {"collision": ("link_5 – link_7",), "keep_out": ("link_1 in region 0",)}
     said = constraints.described()
-    assert "position and velocity of 7 joints, torque of 7; " in said
-    assert f"{len(constraints.pairs)} of {len(constraints.pairs) + 1} pairs of links" in said
     assert "(may touch: link_5 – link_7 (the wrist, touch in 100 %))" in said
     assert "6 of 7 links in 1 regions (never out: link_1 in region 0)" in said
-    assert not constraints.doubtful
     bare = replace(arm, capsules=only(arm.capsules, torch.arange(4)))
     assert "links without a shape are not checked" in Constraints(bare).described()
-
-
-def test_shapes_that_are_too_large_are_doubted_once_they_are_named(arm: Arm) -> None:
     large = Constraints(lenient(thick(arm, 3.0)))
-    assert large.doubtful and len(large.excepted["collision"]) > 5
-    assert " more)" in large.described()
+    assert large.doubtful and not constraints.doubtful and len(large.excepted["collision"]) > 5
 
 
-def test_links_that_cannot_leave_the_desk_are_exempt(arm: Arm) -> None:
+def test_links_that_cannot_leave_a_region_are_exempt_from_it_alone(arm: Arm) -> None:
     """The base does not move, and link 1 only turns in place."""
-    constraints = Constraints(arm, [DESK])
-    names = [arm.capsules.names[k] for k in constraints.guarded[:, 1].tolist()]
-    assert names == [f"link_{i}" for i in range(2, 8)]
-    assert constraints.labels["keep_out"][0] == "link_2 in region 0"
-
-
-def test_each_region_has_its_own_exemptions(arm: Arm) -> None:
     constraints = Constraints(arm, [DESK, Box((1.0, -0.1, 0.0), (1.2, 0.1, 0.4))])
     assert constraints.guarded.tolist() == [[0, k] for k in range(2, 8)] + [[1, k] for k in range(1, 8)]
+    assert constraints.labels["keep_out"][0] == "link_2 in region 0"
 
 
 def test_margins_of_limits_are_what_is_left(planar: Arm) -> None:
@@ -157,3 +143,20 @@ def test_shares_of_limits_are_numbers_where_only_some_joints_state_a_torque_limi
     assert (shares["torque"][:, 1] == 1.0).all()
     torch.testing.assert_close(shares["keep_out"], margins["keep_out"] / 0.1)
     assert all(torch.isfinite(share).all() for share in shares.values())
+
+
+def test_limits_of_acceleration_and_jerk_are_constraints_where_there_are_any(arm: Arm) -> None:
+    constraints = Constraints(limited(arm, ["acceleration", "jerk"]))
+    said = constraints.described()
+    assert said.startswith("position and velocity of 7 joints, acceleration of 5, jerk of 5, torque of 7; ")
+    assert list(constraints.labels)[:4] == ["position", "velocity", "acceleration", "jerk"]
+    still = torch.zeros(1, 7, dtype=torch.float64)
+    margins = constraints.margins(still, still, 1 - still, -2 - still)
+    assert margins["acceleration"][0, 0] == pytest.approx(8 * float(arm.velocity_limit[0]) - 1)
+    assert margins["jerk"][0, 1] == pytest.approx(60 * float(arm.velocity_limit[1]) - 2)
+    assert margins["jerk"][0, 2] == torch.inf
+    shares = constraints.relative(margins, 1.0)
+    assert shares["jerk"][0, 2] == 1 and shares["acceleration"][0, 0] < 1
+    constraints.refuse_home(BENT)
+    none = torch.full((7,), torch.inf, dtype=torch.float64)
+    assert Constraints(replace(arm, acceleration_limit=none, jerk_limit=none)).higher == {}

@@ -12,7 +12,7 @@ from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
-from sidegan.validity.home import _nowhere, refuse_degrees
+from sidegan.validity.home import refuse_degrees
 from sidegan.validity.straight import require_straight
 
 
@@ -53,15 +53,6 @@ def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same(be
     middle, half = (bent.position_lower + bent.position_upper) / 2, bent.position_upper - bent.position_lower
     assert ((torch.tensor(home) - middle).abs() / half).max() < 0.15
     assert default_home(Constraints(bent, regions)) == home
-
-
-def test_it_is_told_in_how_many_positions_a_constraint_fails_by_however_little(planar):
-    rooms = {
-        "position": torch.tensor([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0], [-0.5, 1.0]]),
-        "torque": torch.tensor([[1.0, -0.5], [1.0, -2.0], [-0.5, -0.5], [1.0, 1.0]]),
-    }
-    told = _nowhere(Constraints(planar), rooms)
-    assert "none of 4 others is: torque of elbow does not hold in 75% of them" in told
 
 
 @pytest.mark.parametrize("positions", [[0.0, -90.0, 90.0, 0.0, 45.0, 0.0, 0.0], [120.0] + 6 * [0.0]])

@@ -18,7 +18,7 @@ from sidegan.validity.straight import require_straight
 from .critical import DESK, limited, thick
 from .test_home import bent_arm
 from .test_pairs import chain
-from .test_scene import NEW, OLD
+from .test_regions import NEW, OLD
 
 ARM, PLANAR = load_robot("kuka_lwr4"), load_robot("planar2")
 WALL = Plane((1, 0, 0), -0.5)
