@@ -1,39 +1,85 @@
-"""Numbers for people."""
+"""Numbers and progress for people."""
 
+import io
+import logging
 import math
+import sys
+import time
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sidegan.base import progress
 from sidegan.base.names import plain
+from sidegan.base.progress import ConsoleHandler, bar, duration, speed
+
+NUMBERS = [
+    (131.6, ".2g", "130"),
+    (-99950.0, ".3g", "-100000"),
+    (999_600.0, ".3g", "1e6"),
+    (8.951e12, ".3g", "8.95e12"),
+    (3.6e-7, ".2g", "3.6e-7"),
+    (0.00047, ".3g", "0.00047"),
+    (0.123, ".0%", "12%"),
+    (1234.5, ",.0f", "1,234"),
+    (math.inf, ".3g", "inf"),
+    (math.nan, ".3g", "nan"),
+]
 
 
 @pytest.mark.parametrize(
-    ("value", "form", "text"),
+    ("found", "words"),
     [
-        (177.4, ".3g", "177"),
-        (131.6, ".2g", "130"),
-        (7940.4, ".3g", "7940"),
-        (-99950.0, ".3g", "-100000"),
-        (999_400.0, ".3g", "999000"),
-        (999_600.0, ".3g", "1e6"),
-        (8.951e12, ".3g", "8.95e12"),
-        (3.6e-7, ".2g", "3.6e-7"),
-        (1e-10, ".3g", "1e-10"),
-        (0.00047, ".3g", "0.00047"),
-        (0.0, ".3g", "0"),
-        (0.123, ".0%", "12%"),
-        (1234.5, ",.0f", "1,234"),
-        (12.0, "+.1f", "+12.0"),
-        (math.inf, ".3g", "inf"),
-        (math.nan, ".3g", "nan"),
+        *((plain(value, form), words) for value, form, words in NUMBERS),
+        *zip(map(duration, (0.04, 12.4, 200, 50_400)), ("0.0 s", "12 s", "3 min 20 s", "14 h 0 min")),
+        *zip(map(speed, (0, 0.2, 31, 310_000)), ("", "12/min", "31/s", "310,000/s")),
     ],
 )
-def test_numbers_have_no_exponent_where_they_are_short(value: float, form: str, text: str) -> None:
-    assert plain(value, form) == text
+def test_numbers_durations_and_rates_in_words(found, words):
+    assert found == words
 
 
 @given(st.floats(allow_nan=False), st.integers(1, 6))
-def test_a_plain_number_is_the_number_that_its_format_says(value: float, digits: int) -> None:
+def test_a_plain_number_is_the_number_that_its_format_says(value, digits):
     assert float(plain(value, f".{digits}g")) == float(format(value, f".{digits}g"))
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(
+    ("seconds", "lines"), [(0.1, []), (1.0, ["15 of 40, 1/s, 25 s", "30 of 40, 1/s, 10 s"])]
+)
+def test_without_a_terminal_a_long_loop_logs_now_and_then(caplog, monkeypatch, seconds, lines):
+    caplog.set_level(logging.INFO)
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with bar("long", 40) as one:
+        for done in range(41):
+            now[0] = seconds * done
+            one(done)
+    assert [record.message for record in caplog.records] == [f"long: {line} left" for line in lines]
+
+
+def test_on_a_terminal_bars_are_live_may_nest_and_go_away(monkeypatch, caplog):
+    caplog.set_level(logging.INFO)
+    terminal, words = Terminal(), ("outer", "inner", "1/2", "2/3")
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with pytest.raises(KeyboardInterrupt), bar("outer", 2) as outer, bar("inner", 3) as inner:
+        outer(1)
+        inner(2)
+        end = time.monotonic() + 60  # a thread of its own draws ten times a second, when it has its turn
+        while not (drawn := all(word in terminal.getvalue() for word in words)) and time.monotonic() < end:
+            time.sleep(0.05)
+        raise KeyboardInterrupt
+    assert drawn and sys.stderr is terminal and caplog.text == ""
+
+
+def test_log_lines_go_to_standard_error_as_it_is_now(monkeypatch):
+    handler, later = ConsoleHandler(), io.StringIO()
+    monkeypatch.setattr(sys, "stderr", later)
+    handler.emit(logging.makeLogRecord({"msg": "a line"}))
+    assert later.getvalue() == "a line\n"
