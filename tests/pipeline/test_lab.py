@@ -1,4 +1,4 @@
-"""Payload, drive gains and the check of a known model, through their commands."""
+"""Payload, drive gains, and sets designed for what a known model lacks, through their commands."""
 
 import json
 import re
@@ -11,9 +11,11 @@ import torch
 
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.known import known_model
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from sidegan.recording.recording import Recording
+from sidegan.robot import load_robot
 from tests.identification.test_drive_gains import TRUE
 from tests.identification.test_payload import CENTRE, MASS, load, runs  # noqa: F401
 from tests.recording.files import frame
@@ -70,77 +72,51 @@ def test_the_gains_command_tells_a_setting(files, tmp_path):
     assert (error < 5 * np.array(found["deviation"]) + 0.01 * TRUE.numpy()).all()
 
 
-def test_the_recheck_command_tells_another_tool(files, tmp_path):
-    held = f"validation=[{files / 'again.csv'}]"
-    known = ran(tmp_path, "identify", "model=motor_current", f"recordings=[{files / 'free.csv'}]", held)
-    for name, verdict in (("again", "still right"), ("laden", "changed")):
-        folder = ran(tmp_path, "recheck", f"known={known}", f"recordings=[{files / f'{name}.csv'}]")
-        found = json.loads((folder / "recheck.json").read_text())
-        assert found["verdict"] == verdict, found["reasons"]
-    assert found["change"]["what"] == "load" and found["change"]["clear"][0][0] == "mass [kg]"
-    assert abs(found["change"]["clear"][0][1] - MASS) < 0.1
+def test_gains_by_a_load_that_was_not_there_are_no_setting(files, tmp_path, caplog):
+    free, again = (files / f"{name}_current.csv" for name in ("free", "again"))
+    words = f"recordings=[{free}]", f"loaded=[{again}]", "load.mass=1", "load.centre=[0.05,0,0]"
+    with pytest.raises(RecordingError, match="the load is not seen in the currents"):
+        ran(tmp_path, "gains", *words)
+    assert "robot.gains=[" not in caplog.text and not list(tmp_path.rglob("gains.json"))
 
 
-def test_the_compare_command_tells_chance_from_change(files, planar, tmp_path):
-    folders = []
-    for k, (seed, viscous) in enumerate(((1, 1.0), (2, 1.0), (3, 1.4))):
-        made = moved(planar, np.arange(3000) / 100, viscous, 0.5, torch.Generator().manual_seed(seed))
-        frame(made).to_csv(tmp_path / f"{k}.csv", index=False)
-        file = f"recordings=[{tmp_path / f'{k}.csv'}]"
-        folders.append(ran(tmp_path / str(k), "identify", "robot=planar2", "model.sign_width=0.03", file))
-    for other, differ in ((folders[1], False), (folders[2], True)):
-        where = f"known={folders[0]}", f"other={other}"
-        folder = ran(tmp_path, "compare", "robot=planar2", *where)
-        found = json.loads((folder / "compare.json").read_text())
-        assert found["differ"] == differ
-    assert {name for name, *_ in found["clear"]} >= {"fv1", "fv2"}
-    with pytest.raises(ConfigError, match="expected the folder of a run of"):
-        ran(tmp_path, "compare", "robot=planar2", where[0])
-    longer = tmp_path / "longer.urdf"
-    text = planar.urdf.read_text()
-    assert '<origin xyz="0 0 0.4"/>' in text  # from shoulder to elbow
-    longer.write_text(text.replace('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.45"/>', 1))
-    with pytest.raises(ConfigError, match="is of another arm than planar2: its links are placed otherwise"):
-        ran(tmp_path, "compare", "robot=unnamed", f"robot.name={longer}", *where)
-
-
-def test_what_to_do_next_is_a_command_that_designs_for_it(planar, tmp_path):
+def test_what_to_do_next_is_a_command_that_designs_for_it(arm, planar, tmp_path):
     """From a recording in which the elbow hardly moves, to trajectories that move it."""
     time = np.arange(20 * 100) / 100
-    still = moved(planar, time, 1.0, 0.5, torch.Generator().manual_seed(1))
-    q = still.position * torch.tensor([1.0, 0.01])
-    v = still.velocity * torch.tensor([1.0, 0.01])
-    torque = (
-        RigidBody(planar).torque(q, v, torch.gradient(v, spacing=0.01, dim=0)[0])
-        + v
-        + 0.5 * torch.tanh(v / 0.03)
-    )
+    whole = moved(planar, time, 1.0, 0.5, torch.Generator().manual_seed(1))
+    q, v = (x * torch.tensor([1.0, 0.01]) for x in (whole.position, whole.velocity))
+    torque = RigidBody(planar).torque(q, v, torch.gradient(v, spacing=0.01, dim=0)[0])
+    torque += v + 0.5 * torch.tanh(v / 0.03)
     noisy = torque + 0.2 * torch.randn(torque.shape, generator=torch.Generator().manual_seed(2)).double()
-    frame(Recording("poor", planar.joint_names, still.time, q, v, torque=noisy)).to_csv(
-        tmp_path / "poor.csv", index=False
-    )
+    poor = Recording("poor", planar.joint_names, whole.time, q, v, torque=noisy)
+    frame(poor).to_csv(tmp_path / "poor.csv", index=False)
     known = ran(tmp_path, "identify", "robot=planar2", f"recordings=[{tmp_path / 'poor.csv'}]")
     report = (known / "report.html").read_text()
     assert "+experiment=excite robot.name=planar2" in report and "known=FOLDER" in report
-    small = (
-        "workspace=free",
-        "selection.count=2",
-        "trajectory.harmonics=3",
-        "trajectory.period=8",
-        "controllers.rate=50",
-    )
-    folder = ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={known}", *small)
+    small = "workspace=free", "trajectory.harmonics=3", "trajectory.period=8", "controllers.rate=50"
+    words = "robot=planar2", "stages=[excite]", f"known={known}", "selection.count=2", *small
+    folder = ran(tmp_path, "excite", *words)
     said = (folder / "set.md").read_text()
     left = float(re.search(r"deviations fall to (\d+)%", said)[1])
     assert 0 < left < 50
     table = pd.read_csv(folder / "trajectories" / "1.csv")
     assert np.ptp(table.q_elbow) > 5 * np.ptp(q[:, 1].numpy())
-    with pytest.raises(ConfigError, match="expected the folder of a run of"):
-        ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={tmp_path}", *small)
+
+    other = tmp_path / "longer.urdf"
+    text = planar.urdf.read_text()
+    assert '<origin xyz="0 0 0.4"/>' in text  # from shoulder to elbow
+    other.write_text(text.replace('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.45"/>', 1))
+    for path, stranger, said in (
+        (known, load_robot(other), "of another arm than planar2: its links are placed otherwise"),
+        (known, arm, "is of an arm with joints"),
+        (tmp_path, planar, "expected the folder of a run of"),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            known_model(path, stranger)
 
     def expected(*noise):
         goal = "goal.wanted=all", *noise
-        folder = ran(tmp_path, "excite", "robot=planar2", "stages=[excite]", f"known={known}", *small, *goal)
+        folder = ran(tmp_path, "excite", *words, *goal)
         return pd.read_csv(folder / "goal.csv", index_col=0)["with the set"]
 
     as_before, alike, louder = expected(), expected(*SAME), expected(*ONE_LOUDER)
@@ -160,17 +136,3 @@ def test_a_set_for_a_tool_says_how_well_it_will_be_told(tmp_path):
     assert table.index[0] == "tool m" and len(table) == 10
     assert (table["with the set"] <= table["before"]).all()
     assert table["with the set"]["tool m"] < 0.01 * table["before"]["tool m"]
-    with pytest.raises(ConfigError, match=r"goal\.wanted names hand, expected some of the links that move"):
-        ran(tmp_path, "excite", *common, "goal.wanted=[hand]")
-
-
-def test_what_is_missing_is_asked_for(files, tmp_path):
-    free = f"recordings=[{files / 'free.csv'}]"
-    with pytest.raises(ConfigError, match=r"loaded is empty, expected files with the load"):
-        ran(tmp_path, "payload", free)
-    with pytest.raises(ConfigError, match=r"load\.mass is 0, expected the mass of the known load"):
-        ran(tmp_path, "gains", free, free.replace("recordings", "loaded"))
-    with pytest.raises(RecordingError, match=r"holds samples of free\.csv"):
-        ran(tmp_path, "payload", free, free.replace("recordings", "loaded"))
-    with pytest.raises(ConfigError, match="expected the folder of a run of"):
-        ran(tmp_path, "recheck", free, f"known={tmp_path}")
