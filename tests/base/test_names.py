@@ -50,9 +50,10 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize(
-    ("seconds", "lines"), [(0.1, []), (1.0, ["15 of 40, 1/s, 25 s", "30 of 40, 1/s, 10 s"])]
-)
+LINES = ["15 of 40, 1/s, 25 s", "30 of 40, 1/s, 10 s", "40 of 40, 1/s, 0.0 s"]
+
+
+@pytest.mark.parametrize(("seconds", "lines"), [(0.1, []), (1.0, LINES)])
 def test_without_a_terminal_a_long_loop_logs_now_and_then(caplog, monkeypatch, seconds, lines):
     caplog.set_level(logging.INFO)
     now = [0.0]
