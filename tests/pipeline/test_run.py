@@ -19,37 +19,19 @@ from sidegan.pipeline.run import run_name
 from sidegan.pipeline.stage import Stage
 
 
+def write_seeds(build):
+    (build.folder / "seeds.txt").write_text("seeds")
+
+
 def seeds_of(task):
     """A small artifact in the place of the seed set."""
     settings = {"count": task.cfg.seeds.count}
     return Artifact("seeds", task.cfg.robot.name, "seeds", settings, {}, task.cfg.seed, write_seeds, print)
 
 
-def write_seeds(build):
-    (build.folder / "seeds.txt").write_text("seeds")
-
-
-def make_seeds(task, tracker):
-    folder = task.store.produce(seeds_of(task))
-    (task.store.run_folder / "table.txt").write_text(folder.name)
-    tracker.log_history({"fitness": [3.0, 2.0]})
-
-
-def use_seeds(task, tracker):
-    task.store.require(seeds_of(task))
-
-
 def fail_on_odd_seeds(task, tracker):
     if task.cfg.seed % 2:
         raise InfeasibleError(f"no start became valid with seed {task.cfg.seed}")
-
-
-def interrupt(task, tracker):
-    raise KeyboardInterrupt
-
-
-def terminate(task, tracker):
-    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def lose_the_interrupt(task, tracker):
@@ -60,31 +42,38 @@ def lose_the_interrupt(task, tracker):
         raise RuntimeError("no compiled object yet") from None
 
 
-def break_down(task, tracker):
-    raise ZeroDivisionError("a bug")
+def fails(error):
+    """A stage that raises."""
+
+    def show(task, tracker):
+        raise error
+
+    return show
 
 
-def fill_disk(task, tracker):
-    raise OSError(28, "No space left on device", "table.csv")
-
-
-SHOWN = {
-    "seeds": make_seeds,
-    "use": use_seeds,
+FAILURES = {  # by stage: what it raises, the exit code, and a word of what is told
+    "config": (ConfigError("mine"), 2, "error: mine"),
+    "storage": (StorageError("no room"), 1, "error: no room"),
+    "denied": (PermissionError(13, "denied", "x"), 1, "denied"),
+    "full": (OSError(28, "No space left on device", "x"), 1, "No space left on device"),
+    "bug": (ZeroDivisionError("a bug"), 1, "error: unexpected ZeroDivisionError"),
+}
+STAGES = {
+    "seeds": lambda task, tracker: task.store.produce(seeds_of(task)),
+    "use": lambda task, tracker: task.store.require(seeds_of(task)),
     "odd": fail_on_odd_seeds,
-    "interrupt": interrupt,
-    "terminate": terminate,
+    "interrupt": fails(KeyboardInterrupt),
+    "terminate": lambda task, tracker: os.kill(os.getpid(), signal.SIGTERM),
     "lost": lose_the_interrupt,
-    "break": break_down,
-    "fill": fill_disk,
+    **{name: fails(error) for name, (error, *_) in FAILURES.items()},
 }
 
 
 @pytest.fixture(autouse=True)
 def small_stages(monkeypatch):
     """Stages that do one thing each, in place of the real ones."""
-    monkeypatch.setattr(run, "STAGES", SHOWN)
-    monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=SHOWN[name]))
+    monkeypatch.setattr(run, "STAGES", STAGES)
+    monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=STAGES[name]))
 
 
 def statuses(folder):
@@ -92,48 +81,37 @@ def statuses(folder):
 
 
 def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_path, capsys):
-    assert command("stages=[seeds,use]") == 0
+    elsewhere = f"outputs={tmp_path / 'else' / 'where'}"
+    assert command("stages=[seeds,use]", elsewhere) == 0
     first = capsys.readouterr().err
     assert first.index("seeds: made") < first.index("seeds: done in") < first.index("use: done in")
-    assert command("stages=[seeds,use]") == 0
-    assert "seeds: reused from outputs/seeds/kuka_lwr4-" in capsys.readouterr().err
-    runs = sorted((tmp_path / "outputs" / "runs" / "exp1").iterdir())
-    assert len(runs) == 2
+    assert command("stages=[seeds,use]", elsewhere) == 0
+    assert "else/where/seeds/kuka_lwr4-" in capsys.readouterr().err.partition("seeds: reused from")[2]
+    assert [path.name for path in tmp_path.iterdir()] == ["else"]
+    runs = sorted((tmp_path / "else" / "where" / "runs" / "exp1").iterdir())
     for folder in runs:
-        assert {"run.log", "status.json", "table.txt", ".hydra"} <= {path.name for path in folder.iterdir()}
+        assert {"run.log", "status.json", ".hydra"} <= {path.name for path in folder.iterdir()}
     assert statuses(tmp_path) == [{"code": 0, "error": None}] * 2
-    assert "use: done in" in next(runs[0].glob("*.log")).read_text()
+    assert "use: done in" in (runs[0] / "run.log").read_text()
 
 
-def test_a_stage_that_needs_another_one_says_so(command, capsys):
-    assert command("stages=[use]") == 1
-    error = capsys.readouterr().err
-    assert "error: there is no seeds/kuka_lwr4 for this configuration, run stage seeds first" in error
-    assert "Traceback" not in error
+@pytest.mark.parametrize("stage", FAILURES)
+def test_what_a_stage_refuses_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_path, stage):
+    error, code, words = FAILURES[stage]
+    assert command(f"stages=[{stage}]") == code
+    told = capsys.readouterr().err
+    (line,) = [line for line in told.splitlines() if "error:" in line]
+    assert words in line and ("Traceback" in told) == (stage == "bug")
+    assert statuses(tmp_path) == [{"code": code, "error": f"{type(error).__name__}: {error}"}]
 
 
-def test_whoever_starts_elsewhere_finds_the_results_there(command, tmp_path):
-    assert command("stages=[seeds]", f"outputs={tmp_path / 'else' / 'where'}", "seed=7") == 0
-    assert len([*tmp_path.glob("else/where/seeds/kuka_lwr4-*/seeds.txt")]) == 1
-    assert not (tmp_path / "outputs").exists()
+def test_a_status_that_cannot_be_written_hides_nothing(command, monkeypatch, capsys):
+    def full(path, content):
+        raise StorageError("no space left")
 
-
-BUG = "error: unexpected ZeroDivisionError"
-
-
-@pytest.mark.parametrize(
-    ("stage", "words"),
-    [("odd", "no start became valid with seed 1"), ("break", BUG), ("fill", "No space left on device")],
-)
-def test_what_a_stage_refuses_is_one_line_and_a_bug_has_its_traceback(
-    command, capsys, tmp_path, stage, words
-):
-    assert command(f"stages=[{stage}]", "seed=1") == 1
-    error = capsys.readouterr().err
-    (line,) = [line for line in error.splitlines() if "error:" in line]
-    assert words in line and ("Traceback" in error) == (words == BUG)
-    (status,) = statuses(tmp_path)
-    assert status["code"] == 1 and status["error"]
+    monkeypatch.setattr(run, "write_json", full)
+    assert command("stages=[odd]", "seed=1") == 1
+    assert "no start became valid" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("multirun", [[], ["-m"]])
@@ -144,10 +122,11 @@ def test_outputs_that_cannot_be_written_are_one_line(command, capsys, tmp_path, 
     assert "error: the outputs cannot be written" in error and "Traceback" not in error
 
 
-@pytest.mark.parametrize("stage", ["interrupt", "terminate", "lost"])
-@pytest.mark.parametrize("multirun", [[], ["-m"]])
-def test_an_interrupt_says_how_to_go_on(command, capsys, tmp_path, stage, multirun):
-    assert command(*multirun, f"stages=[{stage}]") == 130
+@pytest.mark.parametrize(
+    "words", ["stages=[interrupt]", "stages=[terminate]", "stages=[lost]", "-m stages=[terminate]"]
+)
+def test_an_interrupt_says_how_to_go_on(command, capsys, tmp_path, words):
+    assert command(*words.split()) == 130
     assert "the same command again goes on where it was" in capsys.readouterr().err
     assert statuses(tmp_path) == [{"code": 130, "error": "interrupted"}]
 
@@ -168,11 +147,8 @@ def test_a_job_that_was_killed_before_it_could_tell_counts_as_failed(tmp_path):
         (tmp_path / name).mkdir()
     (tmp_path / "0_a" / "status.json").write_text('{"code": 0}')
     (tmp_path / "2_b" / "status.json").write_text('{"co')
-    assert {folder.name: code for folder, code in job_codes(tmp_path).items()} == {
-        "0_a": 0,
-        "2_b": 1,
-        "10_c": 1,
-    }
+    codes = {folder.name: code for folder, code in job_codes(tmp_path).items()}
+    assert codes == {"0_a": 0, "2_b": 1, "10_c": 1}
 
 
 @pytest.mark.parametrize("code", [0, 1])
@@ -186,19 +162,14 @@ def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, c
     assert ("there is no table in job 0" in capsys.readouterr().err) == bool(code)
 
 
-def test_threads_are_set_before_numpy_is_imported(command, monkeypatch):
+@pytest.mark.parametrize(("name", "kind"), [("loky", "Loky"), ("dask", "Dask")])
+def test_stages_run_on_the_configured_engine_and_threads(command, monkeypatch, name, kind):
     for library in ("OMP", "OPENBLAS", "MKL"):
         monkeypatch.setenv(f"{library}_NUM_THREADS", "7")
-    assert command("stages=[odd]", "parallel.threads=1") == 0
-    assert os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
-
-
-@pytest.mark.parametrize(("name", "kind"), [("loky", "Loky"), ("dask", "Dask")])
-def test_stages_run_on_the_configured_engine(command, monkeypatch, name, kind):
     seen = []
-    monkeypatch.setitem(SHOWN, "engine", lambda *_: seen.append(type(parallel._engine).__name__))
-    assert command("stages=[engine]", f"parallel={name}") == 0
-    assert seen == [kind]
+    monkeypatch.setitem(STAGES, "engine", lambda *_: seen.append(type(parallel._engine).__name__))
+    assert command("stages=[engine]", f"parallel={name}", "parallel.threads=1") == 0
+    assert seen == [kind] and os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 
 @pytest.mark.parametrize(
@@ -212,33 +183,6 @@ def test_stages_run_on_the_configured_engine(command, monkeypatch, name, kind):
 )
 def test_runs_have_names_for_people(overrides, name):
     assert run_name("exp1", overrides, {"gan": "eigen", "scale": "paper"}, 3) == name
-
-
-@pytest.mark.parametrize(
-    ("error", "code"),
-    [(ConfigError, 2), (StorageError, 1), (PermissionError(13, "denied", "x"), 1), (OSError, 1)],
-)
-def test_every_error_has_its_exit_code(command, monkeypatch, error, code):
-    def stage(task, tracker):
-        raise error
-
-    monkeypatch.setitem(SHOWN, "error", stage)
-    assert command("stages=[error]") == code
-
-
-def test_a_status_that_cannot_be_written_hides_nothing(command, monkeypatch, capsys):
-    def full(path, content):
-        raise StorageError("no space left")
-
-    monkeypatch.setattr(run, "write_json", full)
-    assert command("stages=[odd]", "seed=1") == 1
-    assert "no start became valid" in capsys.readouterr().err
-
-
-def python(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, *arguments], cwd=cwd, capture_output=True, text=True, timeout=6000, check=False
-    )
 
 
 def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
@@ -276,14 +220,9 @@ HEAVY = {
 
 
 def test_the_configuration_is_shown_without_a_heavy_import(tmp_path):
-    done = python("-X", "importtime", "-m", "sidegan.run", "--cfg", "job", "+experiment=exp1", cwd=tmp_path)
+    command = [sys.executable, "-X", "importtime", "-m", "sidegan.run", "+experiment=exp1", "--cfg", "job"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=6000, check=False)
     assert done.returncode == 0 and "experiment: exp1" in done.stdout
     imported = set(re.findall(r"\|\s+(\w+)$", done.stderr, re.MULTILINE))
     assert "omegaconf" in imported and not imported & HEAVY
-
-
-def test_a_typo_ends_the_command_with_its_code(tmp_path):
-    done = python("-m", "sidegan.run", "+experiment=exp1", "seeds.cuont=3", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr == "error: seeds.cuont: there is no such setting; did you mean seeds.count?\n"
     assert list(tmp_path.iterdir()) == []

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, InfeasibleError
-from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
+from sidegan.errors import InfeasibleError
 from sidegan.pipeline.workspace import Region, Workspace
 from sidegan.robot import load_robot
 from sidegan.robot.load import _MODELS
@@ -21,132 +19,100 @@ from tests.tiny import tiny
 
 SCENE = "(noname)+++\n* ball\n1\nsphere\n0.1\n0.9 0 0.2\n0 0 0 1\n0 0 0 0\n.\n"
 DESK = {"plane": {"normal": (0.0, 0.0, 1.0), "offset": 0.1}, "box": None}
+BALL = "{sphere: {centre: [2, 0, 0], radius: 0.1}}"
+PLANAR = (_MODELS / "planar2.urdf").read_text()
 
 
-def tetrahedron(path: Path, corners: np.ndarray) -> Path:
-    """An OBJ file of four corners."""
+def workspace(*regions, choice="free"):
+    return tiny(f"workspace={choice}", f"workspace.regions=[{','.join(regions)}]").workspace
+
+
+def tetrahedron(path: Path, scale: float = 1.0) -> str:
+    """A region: the mesh, at a tenth of its size, of an OBJ file of four corners."""
+    corners = scale * np.vstack([np.zeros(3), np.eye(3)])
     lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4"]
     path.write_text("\n".join(lines) + "\n")
-    return path
+    return f"{{mesh: {{file: {path}, position: [0, 0, 2], rpy: [0, 0, 0], scale: 0.1}}}}"
 
 
 @pytest.fixture
 def stranger(tmp_path):
     """The planar arm as a file, on a box that reaches 30 cm below z = 0."""
-    text = (_MODELS / "planar2.urdf").read_text()
     foot = '<visual><origin xyz="0 0 0.1"/><geometry><box size="0.3 0.3 0.8"/></geometry></visual>'
-    (tmp_path / "mine.urdf").write_text(text.replace('<link name="base">', f'<link name="base">{foot}'))
+    (tmp_path / "mine.urdf").write_text(PLANAR.replace('<link name="base">', f'<link name="base">{foot}'))
     return tmp_path / "mine.urdf"
 
 
 def test_regions_of_all_kinds(tmp_path, planar):
-    file = tetrahedron(tmp_path / "wedge.obj", np.vstack([np.zeros(3), np.eye(3)]))
-    workspace = tiny(
-        "workspace.regions=[{sphere: {centre: [1, 0, 0], radius: 0.2}},"
-        "{cylinder: {lower: [1, 0, 0], upper: [1, 0, 1], radius: 0.1}},"
-        f"{{mesh: {{file: {file}, position: [0, 0, 2], rpy: [0, 0, 0], scale: 0.1}}}}]"
-    ).workspace
-    ball, rod, wedge = workspace.shapes(planar)
-    assert isinstance(ball, Sphere) and ball.radius == 0.2
-    assert isinstance(rod, Convex)
+    regions = (
+        "{plane: {normal: [0, 0, 1], offset: 0.1}}",
+        "{box: {lower: [0, 0, 0], upper: [1, 1, 1]}}",
+        BALL,
+        "{cylinder: {lower: [1, 0, 0], upper: [1, 0, 1], radius: 0.1}}",
+        tetrahedron(tmp_path / "wedge.obj"),
+    )
+    plane, box, ball, rod, wedge = workspace(*regions).shapes(planar)
+    assert plane == Plane((0.0, 0.0, 1.0), 0.1) and tuple(box.upper) == (1, 1, 1)
+    assert isinstance(ball, Sphere) and ball.radius == 0.1 and isinstance(rod, Convex)
     np.testing.assert_allclose([rod.points.min(0)[2], rod.points.max(0)[2]], [0, 1], atol=1e-9)
     np.testing.assert_allclose(wedge.points.max(0), [0.1, 0.1, 2.1], atol=1e-9)
 
 
-def test_a_mesh_is_known_by_what_is_in_its_file(tmp_path, planar):
-    corners = np.vstack([np.zeros(3), np.eye(3)])
-    words = "workspace.regions=[{{mesh: {{file: {}, position: [0, 0, 2], rpy: [0, 0, 0], scale: 1}}}}]"
-    one = tiny(words.format(tetrahedron(tmp_path / "a.obj", corners))).workspace
-    same = tiny(words.format(tetrahedron(tmp_path / "b.obj", corners))).workspace
-    other = tiny(words.format(tetrahedron(tmp_path / "c.obj", 2 * corners))).workspace
-    assert one.stamped(planar) == same.stamped(planar) != other.stamped(planar)
-
-
-def test_a_mesh_that_is_not_convex_is_told(tmp_path, planar, caplog):
+def test_a_mesh_is_known_by_what_is_in_its_file_and_told_where_it_is_not_convex(tmp_path, planar, caplog):
     import trimesh
 
-    ring = trimesh.creation.annulus(0.3, 0.5, 0.1)
-    ring.export(tmp_path / "ring.stl")
-    tiny(f"workspace.regions=[{{mesh: {{file: {tmp_path}/ring.stl}}}}]").workspace.shapes(planar)
+    made = {"a": 1.0, "b": 1.0, "c": 2.0}
+    one, same, other = (
+        workspace(tetrahedron(tmp_path / f"{name}.obj", scale)) for name, scale in made.items()
+    )
+    assert one.stamped(planar) == same.stamped(planar) != other.stamped(planar)
+    trimesh.creation.annulus(0.3, 0.5, 0.1).export(tmp_path / "ring.stl")
+    workspace(f"{{mesh: {{file: {tmp_path}/ring.stl}}}}").shapes(planar)
     assert "% of its hull, all of which is kept out of" in caplog.text
 
 
-def test_a_mesh_that_is_none_is_refused(tmp_path, planar):
-    (tmp_path / "broken.stl").write_text("no mesh")
-    for name in ("broken.stl", "lost.stl"):
-        with pytest.raises(ConfigError, match=f"mesh file .*{name} cannot be read"):
-            tiny(f"workspace.regions=[{{mesh: {{file: {tmp_path}/{name}}}}}]").workspace.shapes(planar)
-
-
-def test_a_scene_comes_beside_the_desk(tmp_path, planar):
+def test_a_scene_comes_beside_the_desk_and_built_in_arms_are_known_as_ever(tmp_path, planar):
     (tmp_path / "my.scene").write_text(SCENE)
-    workspace = tiny("workspace=desk", f"workspace.scene={tmp_path}/my.scene").workspace
-    desk, ball = workspace.shapes(planar)
+    scene = tiny("workspace=desk", f"workspace.scene={tmp_path}/my.scene").workspace
+    desk, ball = scene.shapes(planar)
     assert isinstance(desk, Plane) and isinstance(ball, Sphere)
-    stamped = workspace.stamped(planar)
+    stamped = scene.stamped(planar)
     assert stamped["regions"] == [DESK] and len(stamped["scene"]) == 64
-
-
-def test_artifacts_of_built_in_arms_are_known_as_ever(planar):
     assert tiny("workspace=desk").workspace.stamped(planar) == {"torque": True, "regions": [DESK]}
     assert tiny("workspace=free").workspace.stamped(planar) == {"torque": True, "regions": []}
 
 
-def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(stranger, tmp_path, caplog):
-    task = Task(tiny("workspace=desk", f"robot.name={stranger}"), Store(tmp_path))
-    (floor,) = task.constraints.regions
-    assert floor == Plane((0.0, 0.0, 1.0), -0.3)
+def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(task, stranger, caplog):
+    made = task("workspace=desk", f"robot.name={stranger}")
+    assert made.constraints.regions == (Plane((0.0, 0.0, 1.0), -0.3),)
     with caplog.at_level(logging.INFO):
-        task.tell_checks()
+        made.tell_checks()
     assert "floor at z = -0.3 m, which planar2 stands on; workspace=free drops it" in caplog.text
-    free = tiny("workspace=free", f"robot.name={stranger}")
-    assert Task(free, Store(tmp_path)).constraints.regions == ()
+    assert task("workspace=free", f"robot.name={stranger}").constraints.regions == ()
 
 
-def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(stranger):
-    arm, ball = load_robot(stranger), "{sphere: {centre: [2, 0, 0], radius: 0.1}}"
-    obstacle = tiny("workspace=desk", f"workspace.regions=[{ball}]").workspace
+def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(stranger, planar):
+    arm, obstacle = load_robot(stranger), workspace(BALL, choice="desk")
     floor, sphere = obstacle.shapes(arm)
     assert floor == Plane((0.0, 0.0, 1.0), -0.3) and isinstance(sphere, Sphere)
     assert "workspace=free drops it" in obstacle.told(arm)
-    wall = tiny("workspace=desk", "workspace.regions=[{plane: {normal: [1, 0, 0], offset: -3}}]").workspace
-    assert len(wall.shapes(arm)) == 2
-    own = tiny(
-        "workspace=desk", f"workspace.regions=[{{plane: {{normal: [0, 0, 2], offset: -1}}}}, {ball}]"
-    ).workspace
-    lower, _ = own.shapes(arm)
-    assert lower.offset == -1 and own.told(arm) == ""
-    alone = tiny("workspace=free", f"workspace.regions=[{ball}]").workspace
+    assert len(workspace("{plane: {normal: [1, 0, 0], offset: -3}}", choice="desk").shapes(arm)) == 2
+    own = workspace("{plane: {normal: [0, 0, 2], offset: -1}}", BALL, choice="desk")
+    assert own.shapes(arm)[0].offset == -1 and len(own.shapes(arm)) == 2 and own.told(arm) == ""
+    alone = workspace(BALL)
     assert [type(one) for one in alone.shapes(arm)] == [Sphere] and alone.told(arm) == ""
-    desk, _ = obstacle.shapes(load_robot("planar2"))
-    assert desk == Plane((0.0, 0.0, 1.0), 0.1)
+    assert obstacle.shapes(planar)[0] == Plane((0.0, 0.0, 1.0), 0.1)
 
 
-def test_an_arm_that_hangs_has_no_floor(planar, tmp_path):
-    text = (_MODELS / "planar2.urdf").read_text()
-    text = text.replace('lower="-2.6" upper="2.6"', 'lower="2.4" upper="3.8"')
+def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(planar, tmp_path):
+    text = PLANAR.replace('lower="-2.6" upper="2.6"', 'lower="2.4" upper="3.8"')
     text = text.replace('lower="-2.9" upper="2.9"', 'lower="-0.3" upper="0.3"')
     (tmp_path / "hanging.urdf").write_text(text)
-    hanging = load_robot(tmp_path / "hanging.urdf")
-    assert floor_under(hanging) is None
-    assert tiny("workspace=desk").workspace.shapes(hanging) == []
-    assert "no floor" in tiny("workspace=desk").workspace.told(hanging)
-
-
-def test_a_base_without_shape_stands_at_zero(planar):
-    capsules = planar.capsules
-    bare = replace(
-        planar,
-        urdf=Path("lost.urdf"),
-        capsules=replace(
-            capsules,
-            link=capsules.link[1:],
-            a=capsules.a[1:],
-            b=capsules.b[1:],
-            radius=capsules.radius[1:],
-            names=capsules.names[1:],
-        ),
-    )
+    hanging, desk = load_robot(tmp_path / "hanging.urdf"), tiny("workspace=desk").workspace
+    assert floor_under(hanging) is None and desk.shapes(hanging) == []
+    assert "no floor" in desk.told(hanging)
+    parts = {name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "names")}
+    bare = replace(planar, urdf=Path("lost.urdf"), capsules=replace(planar.capsules, **parts))
     assert floor_under(bare).offset == 0
 
 
