@@ -14,17 +14,14 @@ from sidegan.design.problem import Problem
 from sidegan.designer import Designer, DesignerSettings, Situation
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from tests.chains import random_chain
 from tests.validity.critical import limited
 from tests.validity.test_pieces import filled
 
 CONF = Path(sidegan.__file__).parents[1] / "conf" / "experiment" / "excite.yaml"
 DESK, BALL = Plane((0, 0, 1), 0.1), Sphere((0.4, 0.2, 0.5), 0.15)
 BOX, BEHIND = Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)), Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))
-BODY, POLE = (
-    Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1),
-    Convex.between((0.5, -0.5, 0.1), (0.5, -0.5, 0.8), 0.05),
-)
+BODY = Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1)
+POLE = Convex.between((0.5, -0.5, 0.1), (0.5, -0.5, 0.8), 0.05)
 WALLS = (Plane((1, 0, 0), -0.8), Plane((-1, 0, 0), -0.8), Plane((0, 1, 0), -0.8))
 HOME = (0.1, 0.2, -0.1, 0.5, 0.2, 0.1, 0.0)
 
@@ -53,6 +50,8 @@ CASES = {  # of the LWR
     "walls": lambda arm: (Constraints(arm, [DESK, *WALLS]), _lwr(12.0, None)),
     "all": lambda arm: (Constraints(slow(arm, 0.7, 0.8), [DESK, BOX, *WALLS, BEHIND]), _lwr(20.0)),
     "bodies": lambda arm: (Constraints(arm, [DESK, BOX, BALL, BODY, POLE], clearance=0.02), _lwr()),
+    "pieces": lambda arm: (Constraints(full(arm), [DESK, BALL]), Trajectory(7)),
+    "pieces apart": lambda arm: (Constraints(full(arm), [DESK, BALL], clearance=0.01), Trajectory(7)),
     "acceleration": lambda arm: (Constraints(limited(arm, ["acceleration"], 0.1), [DESK, BOX]), _lwr(5.0)),
     "jerk": lambda arm: (Constraints(limited(arm, ["jerk"], 0.1), [DESK, BOX]), _lwr(5.0)),
     "both": lambda arm: (Constraints(limited(arm, ["acceleration", "jerk"], 0.1), [DESK, BOX]), _lwr()),
@@ -80,19 +79,6 @@ def designer(designer_of):
 def problem_of(arm):
     """The problem of a case."""
     return cache(lambda name: Problem(*CASES[name](arm), samples=40))
-
-
-@pytest.fixture(scope="session")
-def planar_case(planar):
-    return Constraints(planar, [Plane((0, 0, 1), 0.1), Box((0.4, -1, 0), (1, 1, 1))]), Trajectory(2, 3, 8.0)
-
-
-def sliding(joints, seed):
-    """A random arm of which some joints slide."""
-    arm = random_chain(joints, seed)[0]
-    assert arm.prismatic.any() and not arm.prismatic.all()
-    constraints = Constraints(arm, [Plane((0, 0, 1), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4))])
-    return constraints, Trajectory(joints, 3, 8.0)
 
 
 def scene_of(numbers):
