@@ -4,9 +4,11 @@ import json
 import multiprocessing
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,11 +26,15 @@ from sidegan.untracked import send_kept
 from tests.pipeline.conftest import NOWHERE, client_of
 from tests.tiny import TINY
 
+FORK = multiprocessing.get_context("fork")
+
 
 @pytest.fixture
 def start(root, tmp_path):
-    def started(**more):
-        return Tracker(root, tmp_path, "exp1", more.pop("name", "exp1 eigen seed=1"), **more)
+    """A run whose own folder is the test's."""
+
+    def started(folder=tmp_path, name="exp1 eigen seed=1", **more):
+        return Tracker(root, folder, "exp1", name, **more)
 
     return started
 
@@ -38,53 +44,58 @@ def untracked(folder):
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
-def runs_called(root, name):
+def called(root, name):
+    """The runs of a name."""
     return client_of(root).search_runs(["1"], f"attributes.run_name = '{name}'")
 
 
+def warnings(caplog):
+    return [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
+
+
+def record(tracker, folder):
+    """Some of everything, as a run records it."""
+    (folder / "plots").mkdir(exist_ok=True)
+    (folder / "plots" / "loss.svg").write_text("<svg/>")
+    tracker.log_params(
+        {"seed": 1, "gan": {"eigen": {"epochs": 3}}, "stages": ["seeds"], "long": "x" * 10_000}
+    )
+    tracker.log_history({"loss": [3.0, 2.0]}, steps=[10, 20])
+    tracker.log_history({"many": [float(i) for i in range(2500)]})
+    tracker.log_metrics({"R² of λ_1, spectrum": 0.9})
+    tracker.log_artifact(folder / "plots", "figures")
+    tracker.log_table(pd.DataFrame({"nmse": [0.1]}, index=pd.Index(["seeds"], name="set")), "table1")
+    for note in ("**Table I**", "x" * 8000, "the end"):
+        tracker.log_note(note)
+
+
 def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, tmp_path):
-    (tmp_path / "table.csv").write_text("a,b")
-    (tmp_path / "plots").mkdir()
-    (tmp_path / "plots" / "loss.svg").write_text("<svg/>")
-    table = pd.DataFrame({"nmse": [0.1, 0.2]}, index=pd.Index(["seeds", "both"], name="set"))
-    with start() as tracker:
-        tracker.log_params({"seed": 1, "gan": {"eigen": {"weights": {"fitness": 0.1}}}, "stages": ["seeds"]})
-        tracker.log_history({"loss": [3.0, 2.0, 1.0], "valid share": [0.1, 0.5, 0.9]})
-        tracker.log_history({"late": [1.0, 2.0]}, steps=[10, 20])
-        tracker.log_metrics({"R² of λ_1, spectrum": 0.9})
-        tracker.log_artifact(tmp_path / "table.csv")
-        tracker.log_artifact(tmp_path / "plots", "figures")
-        tracker.log_table(table, "table1")
-    client = client_of(root)
-    run = client.get_run(tracker.run_id)
-    assert run.info.status == "FINISHED"
-    assert run.info.run_name == "exp1 eigen seed=1"
-    assert client.get_experiment(run.info.experiment_id).name == "exp1"
-    assert run.info.artifact_uri.startswith(root.as_uri())
-    assert run.data.params == {"seed": "1", "gan.eigen.weights.fitness": "0.1", "stages": "['seeds']"}
-    assert run.data.metrics["R² of λ_1_ spectrum"] == 0.9
-    steps = {
-        name: [(m.step, m.value) for m in client.get_metric_history(tracker.run_id, name)]
-        for name in ("loss", "late")
+    with start(name="sweep") as parent, start(name="whole", parent=parent.run_id) as tracker:
+        record(tracker, tmp_path)
+    refuse_incomplete(root, "whole")
+    whole = client_of(root).get_run(tracker.run_id)
+    assert whole.data.tags["mlflow.parentRunId"] == parent.run_id
+    assert whole.info.artifact_uri.startswith(root.as_uri()) and untracked(tmp_path) == []
+
+
+def refuse_incomplete(root, name):
+    """The run of a name must have all that ``record`` records."""
+    client, (found,) = client_of(root), called(root, name)
+    assert found.info.status == "FINISHED" and found.data.params.pop("long")
+    assert found.data.params == {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']"}
+    assert found.data.metrics["R² of λ_1_ spectrum"] == 0.9
+    assert (
+        found.data.tags["mlflow.note.content"] == "**Table I**\n\nthe end\n\n"
+    )  # as much as there is room for
+    loss = client.get_metric_history(found.info.run_id, "loss")
+    assert [(m.step, m.value) for m in loss] == [(10, 3.0), (20, 2.0)]
+    assert len(client.get_metric_history(found.info.run_id, "many")) == 2500
+    (drawn,) = client.list_artifacts(found.info.run_id, "figures")
+    table = json.loads(Path(client.download_artifacts(found.info.run_id, "table1.json")).read_text())
+    assert drawn.path == "figures/loss.svg" and table == {
+        "columns": ["set", "nmse"],
+        "data": [["seeds", 0.1]],
     }
-    assert steps == {"loss": [(0, 3.0), (1, 2.0), (2, 1.0)], "late": [(10, 1.0), (20, 2.0)]}
-    files = [
-        file.path for folder in (None, "figures") for file in client.list_artifacts(tracker.run_id, folder)
-    ]
-    assert {"table.csv", "figures/loss.svg", "table1.json"} <= set(files)
-    shown = json.loads(Path(client.download_artifacts(tracker.run_id, "table1.json")).read_text())
-    assert shown == {"columns": ["set", "nmse"], "data": [["seeds", 0.1], ["both", 0.2]]}
-    assert untracked(tmp_path) == []
-
-
-def test_more_numbers_and_settings_than_mlflow_takes_at_once(root, start):
-    with start() as tracker:
-        tracker.log_history({"loss": [float(i) for i in range(2500)]})
-        tracker.log_params({f"setting{i}": i for i in range(250)})
-        tracker.log_params({"long": "x" * 10_000})
-    client = client_of(root)
-    assert len(client.get_metric_history(tracker.run_id, "loss")) == 2500
-    assert len(client.get_run(tracker.run_id).data.params) == 251
 
 
 @pytest.mark.parametrize(("error", "status"), [(ValueError, "FAILED"), (KeyboardInterrupt, "KILLED")])
@@ -101,7 +112,7 @@ def killed(root, pipe):
 
 def test_a_run_whose_process_was_killed_is_marked_by_the_next_one(root, start):
     mine, theirs = multiprocessing.Pipe()
-    process = multiprocessing.get_context("fork").Process(target=killed, args=(root, theirs))
+    process = FORK.Process(target=killed, args=(root, theirs))
     process.start()
     process.join()
     with start(name="beside") as beside:
@@ -129,7 +140,7 @@ def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path
     def note(connection, record):
         opened.append(connection)
 
-    beside = multiprocessing.get_context("fork").Process(target=recorded, args=(tmp_path, "second"))
+    beside = FORK.Process(target=recorded, args=(tmp_path, "second"))
     event.listen(Engine, "connect", note)
     try:
         beside.start()
@@ -137,50 +148,98 @@ def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path
     finally:
         event.remove(Engine, "connect", note)
         beside.join()
-    assert {run.info.run_name: run.info.status for run in client_of(tmp_path).search_runs(["1"])} == {
-        "first": "FINISHED",
-        "second": "FINISHED",
-    }
+    ended = {one.info.run_name: one.info.status for one in client_of(tmp_path).search_runs(["1"])}
+    assert ended == {"first": "FINISHED", "second": "FINISHED"}
     assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
 
 
-def test_the_description_of_a_run_has_what_there_is_room_for(root, start):
-    with start() as tracker:
-        for note in ("**Table I**\n\n| a |\n| ---: |\n| 1 |", "x" * 8000, "the end"):
-            tracker.log_note(note)
-    note = client_of(root).get_run(tracker.run_id).data.tags["mlflow.note.content"]
-    assert note == "**Table I**\n\n| a |\n| ---: |\n| 1 |\n\nthe end\n\n"
+def test_a_server_that_is_gone_stops_nothing_and_the_run_is_sent_later(root, start, tmp_path, caplog):
+    folder = root / "runs" / "late"
+    folder.mkdir(parents=True)
+    with start(folder, "late", uri=NOWHERE) as tracker:
+        record(tracker, folder)
+    (warning,) = warnings(caplog)
+    assert "tracking stops" in warning and UNTRACKED in warning
+    kept = (folder / UNTRACKED).read_text()
+    first, *_, last = untracked(folder)
+    assert not send_kept(folder, root, NOWHERE) and send_all([str(root), "--uri", NOWHERE]) == 1
+    assert (folder / UNTRACKED).read_text() == kept
+    (folder / UNTRACKED).write_text(kept + '{"time": 1, "ki')  # killed while it wrote
+    (folder / UNTRACKED).rename(folder / "untracked.sending.jsonl")  # killed while it was sent
+    assert send_all([str(root)]) == 0
+    refuse_incomplete(root, "late")
+    (late,) = called(root, "late")
+    times = late.info.start_time, late.info.end_time
+    assert times == (round(1000 * first["time"]), round(1000 * last["time"]))
+    assert [path.name for path in folder.iterdir()] == ["plots"]
+    assert send_kept(folder, root), "nothing is left to send"
 
 
-def test_a_server_that_is_gone_stops_nothing_and_nothing_is_lost(start, tmp_path, caplog):
-    with start(uri=NOWHERE) as tracker:
+def test_what_arrived_before_the_server_went_away_again_is_not_sent_twice(root, start, tmp_path, monkeypatch):
+    with start(name="twice", uri=NOWHERE) as tracker:
+        record(tracker, tmp_path)
+
+    def gone(*arguments):
+        raise ConnectionError("the server is gone")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tracking, "_upload", gone)
+        assert not send_kept(tmp_path, root)
+    kept = untracked(tmp_path)
+    assert [line["kind"] for line in kept] == ["artifact", "table", "note", "note", "status"]
+    (run,) = called(root, "twice")
+    assert {line["run"] for line in kept} == {run.info.run_id} and run.info.status == "RUNNING"
+    assert send_kept(tmp_path, root)
+    refuse_incomplete(root, "twice")
+
+
+@contextmanager
+def server(root):
+    """An MLflow server on the database of the outputs, and how to kill it."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    command = [sys.executable, "-m", "mlflow", "server", "--workers", "1", "--port", str(port)]
+    stores = ["--backend-store-uri", f"sqlite:///{root}/mlflow.db", "--artifacts-destination", str(root)]
+    environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+    with (root / "server.log").open("w") as log:
+        process = subprocess.Popen(
+            [*command, *stores], stdout=log, stderr=log, env=environment, start_new_session=True
+        )
+    uri, until = f"http://127.0.0.1:{port}", time.monotonic() + 300
+
+    def kill():
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+    try:
+        while True:
+            assert process.poll() is None and time.monotonic() < until, "it never became ready"
+            try:
+                urllib.request.urlopen(f"{uri}/health", timeout=1).close()
+                break
+            except OSError:
+                time.sleep(0.2)
+        yield uri, kill
+    finally:
+        if process.poll() is None:
+            kill()
+
+
+@pytest.mark.slow
+def test_a_server_killed_in_the_middle_gets_the_rest_later(root, start, tmp_path, caplog):
+    with server(root) as (uri, kill), start(name="interrupted", uri=uri) as tracker:
+        tracker.log_metrics({"before": 1.0})
+        assert tracker.reached
+        kill()
+        tracker.log_metrics({"after": 2.0})
         tracker.log_params({"seed": 1})
-        tracker.log_metrics({"nmse": 0.5})
-        tracker.log_artifact(tmp_path / "table.csv")
-        tracker.log_table(pd.DataFrame({"a": [1]}), "table1")
-    warnings = [record.message for record in caplog.records if record.name == "sidegan.pipeline.tracking"]
-    assert len(warnings) == 1 and "tracking stops" in warnings[0] and UNTRACKED in warnings[0]
-    kept = untracked(tmp_path)
-    assert [line["kind"] for line in kept] == ["run", "params", "metrics", "artifact", "table", "status"]
-    assert kept[0]["content"]["name"] == "exp1 eigen seed=1"
-    assert kept[2]["content"][0][:2] == ["nmse", 0.5]
-    assert kept[4]["content"]["table"] == {"columns": ["a"], "data": [[1]]}
-
-
-def test_a_server_that_goes_away_in_the_middle_stops_nothing(start, tmp_path, caplog, monkeypatch):
-    with start() as tracker:
-
-        def gone(*arguments, **more):
-            raise ConnectionError("the server is gone")
-
-        tracker.log_metrics({"nmse": 0.5})
-        monkeypatch.setattr(tracker._client, "log_batch", gone)
-        tracker.log_metrics({"nmse": 0.4})
-        tracker.log_metrics({"nmse": 0.3})
-    assert caplog.text.count("the server is gone") == 1
-    kept = untracked(tmp_path)
-    assert [line["kind"] for line in kept] == ["metrics", "metrics", "status"]
-    assert {line["run"] for line in kept} == {tracker.run_id}
+    assert len(warnings(caplog)) == 1
+    client = client_of(root)
+    assert client.get_run(tracker.run_id).info.status == "RUNNING"
+    assert send_kept(tmp_path, root)
+    found = client.get_run(tracker.run_id)
+    assert found.info.status == "FINISHED" and found.data.metrics == {"before": 1.0, "after": 2.0}
 
 
 @contextmanager
@@ -204,24 +263,25 @@ def full_database():
             connection.execute("PRAGMA max_page_count = 1000000")
 
 
-def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(root, start, tmp_path, caplog, capfd):
-    numbers = {f"number {k}": float(k) for k in range(3000)}
+def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(start, tmp_path, caplog, capfd):
     with start() as tracker:
         with full_database():
-            tracker.log_metrics(numbers)
+            tracker.log_metrics({f"number {k}": float(k) for k in range(3000)})
         tracker.log_metrics({"last": 1.0})
-    (warning,) = [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
+    (warning,) = warnings(caplog)
     assert "disk is full" in warning and "\n" not in warning
     assert "Traceback" not in (printed := "".join(capfd.readouterr())) and "SQLAlchemy" not in printed
-    assert [record["kind"] for record in untracked(tmp_path)] == ["metrics", "metrics", "status"]
+    assert [line["kind"] for line in untracked(tmp_path)] == ["metrics", "metrics", "status"]
 
 
-def test_where_nothing_can_be_kept_either_that_is_told_once(root, tmp_path, caplog):
-    folder = tmp_path / "gone"
-    with Tracker(root, folder, "exp1", "x", uri=NOWHERE) as tracker:
+def test_where_nothing_can_be_kept_either_that_is_told_once(root, start, tmp_path, caplog):
+    with start(tmp_path / "gone", uri=NOWHERE) as tracker:
         tracker.log_metrics({"a": 1.0})
-    warnings = [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
-    assert len(warnings) == 2 and "cannot be written (No such file or directory)" in warnings[1]
+    told = warnings(caplog)
+    assert len(told) == 2 and "cannot be written (No such file or directory)" in told[1]
+    with start(tmp_path / "gone", patience=600) as tracker:  # which would be kept until its end
+        tracker.log_metrics({"nmse": 0.5})
+    assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
 
 
 SHORT = """
@@ -246,7 +306,7 @@ def test_a_short_run_is_recorded_when_it_has_ended_by_another_process(root, tmp_
     while len(list(tmp_path.iterdir())) > 1 and time.monotonic() < until:
         time.sleep(0.2)
     assert [path.name for path in tmp_path.iterdir()] == ["table.csv"], "nothing is kept any more"
-    (short,) = runs_called(root, "short")
+    (short,) = called(root, "short")
     assert short.info.status == "FINISHED" and short.data.params == {"seed": "1"}
     assert [file.path for file in client_of(root).list_artifacts(short.info.run_id)] == ["table.csv"]
 
@@ -259,116 +319,18 @@ def test_an_interrupted_short_run_is_recorded_too(root, start, tmp_path, monkeyp
         raise KeyboardInterrupt
     ((command, how),) = asked
     assert how["start_new_session"], "Ctrl-C is for everything that a terminal has started"
-    assert [record["kind"] for record in untracked(tmp_path)] == ["run", "metrics", "status"]
+    assert [line["kind"] for line in untracked(tmp_path)] == ["run", "metrics", "status"]
     assert command[1:3] == ["-m", "sidegan.untracked"] and send_all(command[3:]) == 0
-    (stopped,) = runs_called(root, "stopped")
+    (stopped,) = called(root, "stopped")
     assert stopped.info.status == "KILLED" and stopped.data.metrics == {"nmse": 0.5}
 
 
 def test_a_run_that_takes_longer_is_recorded_as_it_goes(root, start, tmp_path):
     with start(patience=1e-9) as tracker:
-        tracker.log_metrics({"nmse": 0.5})
-        assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
-        tracker.log_metrics({"nmse": 0.4})
-    run = client_of(root).get_run(tracker.run_id)
-    assert run.info.status == "FINISHED" and run.data.metrics == {"nmse": 0.4}
+        for nmse in (0.5, 0.4):
+            tracker.log_metrics({"nmse": nmse})
+            assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": nmse}
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_short_run_whose_folder_cannot_be_written_is_recorded_at_once(root, tmp_path):
-    with Tracker(root, tmp_path / "missing", "exp1", "homeless", patience=600) as tracker:
-        tracker.log_metrics({"nmse": 0.5})
-    assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
-
-
-@pytest.fixture
-def folder(root, request):
-    """Folder of a run below the outputs."""
-    path = root / "runs" / request.node.name
-    path.mkdir(parents=True)
-    return path
-
-
-def record(tracker, folder):
-    (folder / "figure.svg").write_text("<svg/>")
-    tracker.log_params({"seed": 1, "gan": {"eigen": {"epochs": 3}}})
-    tracker.log_history({"loss": [3.0, 2.0]}, steps=[10, 20])
-    tracker.log_artifact(folder / "figure.svg", "figures")
-    tracker.log_table(pd.DataFrame({"a": [1]}), "table1")
-
-
-def test_a_run_that_never_reached_the_server_is_sent_later(root, folder):
-    with Tracker(root, folder, "exp1", "late", NOWHERE) as tracker:
-        record(tracker, folder)
-    first, *_, last = map(json.loads, (folder / UNTRACKED).read_text().splitlines())
-    assert send_kept(folder, root)
-    client, (late,) = client_of(root), runs_called(root, "late")
-    assert late.info.status == "FINISHED"
-    assert late.info.start_time == round(1000 * first["time"])
-    assert late.info.end_time == round(1000 * last["time"])
-    assert late.data.params == {"seed": "1", "gan.eigen.epochs": "3"}
-    history = client.get_metric_history(late.info.run_id, "loss")
-    assert [(m.step, m.value) for m in history] == [(10, 3.0), (20, 2.0)]
-    files = {
-        file.path for part in (None, "figures") for file in client.list_artifacts(late.info.run_id, part)
-    }
-    assert {"figures/figure.svg", "table1.json"} <= files
-    assert [path.name for path in folder.iterdir()] == ["figure.svg"]
-    assert send_kept(folder, root), "nothing is left to send"
-
-
-def test_a_run_whose_server_went_away_is_completed(root, folder, monkeypatch):
-    with Tracker(root, folder, "exp1", "completed") as tracker:
-        tracker.log_metrics({"before": 1.0})
-        monkeypatch.setattr(tracker, "_client", None)
-        monkeypatch.setattr(tracker, "uri", NOWHERE)
-        record(tracker, folder)
-    assert client_of(root).get_run(tracker.run_id).info.status == "RUNNING"
-    assert send_kept(folder, root)
-    run = client_of(root).get_run(tracker.run_id)
-    assert run.info.status == "FINISHED"
-    assert run.data.metrics == {"before": 1.0, "loss": 2.0}
-
-
-def test_what_does_not_arrive_stays_kept(root, folder):
-    with Tracker(root, folder, "exp1", "kept", NOWHERE) as tracker:
-        record(tracker, folder)
-    kept = (folder / UNTRACKED).read_text()
-    assert not send_kept(folder, root, NOWHERE)
-    assert (folder / UNTRACKED).read_text() == kept
-    (folder / "figure.svg").unlink()
-    (folder / UNTRACKED).write_text(kept + '{"time": 1, "ki')  # killed while it wrote
-    (folder / UNTRACKED).rename(folder / "untracked.sending.jsonl")  # killed while it was sent
-    assert send_all([str(root)]) == 0
-    assert list(folder.iterdir()) == []
-    assert runs_called(root, "kept")[0].data.metrics == {"loss": 2.0}
-
-
-def test_what_arrived_before_the_server_went_away_again_is_not_sent_twice(root, folder, monkeypatch):
-    with Tracker(root, folder, "exp1", "twice", NOWHERE) as tracker:
-        record(tracker, folder)
-
-    def gone(*arguments):
-        raise ConnectionError("the server is gone")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(tracking, "_upload", gone)
-        assert not send_kept(folder, root)
-    kept = [json.loads(line) for line in (folder / UNTRACKED).read_text().splitlines()]
-    assert [line["kind"] for line in kept] == ["artifact", "table", "status"]
-    (run,) = runs_called(root, "twice")
-    assert {line["run"] for line in kept} == {run.info.run_id} and run.info.status == "RUNNING"
-    assert send_kept(folder, root)
-    assert runs_called(root, "twice")[0].info.status == "FINISHED"
-
-
-def test_the_command_tells_what_is_still_kept(root, folder, caplog):
-    caplog.set_level("INFO", "sidegan")
-    with Tracker(root, folder, "exp1", "told", NOWHERE):
-        pass
-    assert send_all([str(root), "--uri", NOWHERE]) == 1
-    assert "0 of 1 runs are sent" in caplog.text
-    assert send_all([str(root)]) == 0
 
 
 def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkeypatch):
@@ -381,7 +343,7 @@ def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkey
     monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=fail_on_odd_seeds))
     words = "stages=[odd]", "seed=0,1", "gan=eigen"
     assert command("-m", *words, f"outputs={root}", tracking="local") == 1
-    (parent,) = runs_called(root, f"exp1 sweep {' '.join(words)} tracking=local")
+    (parent,) = called(root, f"exp1 sweep {' '.join(words)} tracking=local")
     assert parent.info.status == "FAILED" and PARENT not in os.environ
     children = client_of(root).search_runs(["1"], f"tags.mlflow.parentRunId = '{parent.info.run_id}'")
     ended = {child.info.run_name: child.info.status for child in children}
@@ -391,11 +353,11 @@ def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkey
         assert child.data.params["gan.eigen.features"] == "spectrum"
 
 
-def left(sweep, number, seed, value, nmse):
+def left(sweep, number, seed, width, nmse):
     """A job's folder, with what it overrides and its results."""
     folder = sweep / f"{number}_job"
     (folder / ".hydra").mkdir(parents=True)
-    lines = [f"seed={seed}", f"gan.eigen.width={value}", "+experiment=exp1", "~trajectory.home"]
+    lines = [f"seed={seed}", f"gan.eigen.width={width}", "+experiment=exp1", "~trajectory.home"]
     (folder / ".hydra" / "overrides.yaml").write_text(json.dumps(lines))
     table = pd.DataFrame({"nMSE": [nmse, 2 * nmse], "rank": [7.0, None]}, index=["seeds", "eigen"])
     table.rename_axis("name").to_csv(folder / "results.csv")
@@ -423,16 +385,12 @@ def test_a_study_is_a_sweep_with_one_table_over_all_jobs(command, root, outputs)
     assert command("-m", *words, *small, f"outputs={outputs}", uri, tracking="local") == 0
     (sweep,) = outputs.glob("runs/exp2/sweep_*")
     table = pd.read_csv(sweep / "sweep.csv")
-    rows = [
-        (reading, name)
-        for reading in ("all", "seeds")
-        for name in ("seeds ×1", "seeds ×4", "seeds ×10", "eigen")
-    ]
+    sets = "seeds ×1", "seeds ×4", "seeds ×10", "eigen"
+    rows = [(reading, name) for reading in ("all", "seeds") for name in sets]
     assert list(zip(table["replication.reading"], table["name"])) == rows
     assert {"nMSE", "‖diag P‖"} <= set(table) and (sweep / "sweep.md").exists()
     client = client_of(root)
-    number = client.get_experiment_by_name("exp2").experiment_id
-    runs = client.search_runs([number])
+    runs = client.search_runs([client.get_experiment_by_name("exp2").experiment_id])
     (parent,) = [one for one in runs if "mlflow.parentRunId" not in one.data.tags]
     children = [one for one in runs if one is not parent]
     assert {one.data.tags["mlflow.parentRunId"] for one in children} == {parent.info.run_id}
