@@ -11,8 +11,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -21,10 +23,10 @@ import torch
 from sidegan.base import parallel
 from sidegan.base.engines import Dask
 from sidegan.base.progress import Lines
+from sidegan.base.storage import read_torch
 from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
 from sidegan.errors import InfeasibleError, SideganError, StorageError
-from sidegan.pipeline.store import Store
 from sidegan.seeds import Gradient
 from tests.pipeline import small_job
 
@@ -38,33 +40,29 @@ def undisturbed(tmp_path_factory):
 
 
 @dataclass(frozen=True)
-class Deadly:
-    """An optimiser whose process is killed, once, at the fourth task."""
+class Watched:
+    """The small job's optimiser; before each task somebody is told its number."""
 
-    marker: Path
+    before: Callable[[int], object]
 
     def optimise(self, problem, count, seed):
-        if seed.spawn_key[-1] == 3 and not self.marker.exists():
-            self.marker.touch()
-            os.kill(os.getpid(), 9)
+        self.before(seed.spawn_key[-1])
         return small_job.METHOD.optimise(problem, count, seed)
 
 
+def die_once(marker, task):
+    """Kill this process at the fourth task."""
+    if task == 3 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
 def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, undisturbed):
-    method = Deadly(tmp_path / "died")
+    deadly, redone = Watched(partial(die_once, tmp_path / "died")), []
     with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*goes on"):
-        small_job.run(tmp_path, method, workers=2)
-    done = {path: path.stat().st_mtime_ns for path in tmp_path.glob("seeds/*.work/seeds-*.pt")}
-    assert done
-    redone = []
-
-    @dataclass
-    class Counting:
-        def optimise(self, problem, count, seed):
-            redone.append(seed.spawn_key[-1])
-            return small_job.METHOD.optimise(problem, count, seed)
-
-    assert small_job.same(small_job.run(tmp_path, Counting()), undisturbed)
+        small_job.run(tmp_path, deadly, workers=2)
+    done = list(tmp_path.glob("seeds/*.work/seeds-*.pt"))
+    assert done and small_job.same(small_job.run(tmp_path, Watched(redone.append)), undisturbed)
     assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
 
 
@@ -126,7 +124,7 @@ def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkey
     cluster = Dask()
     monkeypatch.setattr(parallel, "_engine", cluster)
     try:
-        made = small_job.run(tmp_path, Deadly(tmp_path / "died"), workers=2)
+        made = small_job.run(tmp_path, Watched(partial(die_once, tmp_path / "died")), workers=2)
     finally:
         cluster.close()
     assert (tmp_path / "died").exists()
@@ -139,7 +137,7 @@ def small_disk(folder, kilobytes):
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)]
     if os.getuid() or shutil.which("mount") is None or subprocess.run(mount, check=False).returncode:
-        pytest.skip("a small disk needs root and the right to mount; tests/test_storage.py limits file sizes")
+        pytest.skip("a small disk needs root and the right to mount; tests/base/test_storage.py limits files")
     try:
         yield folder
     finally:
@@ -148,29 +146,23 @@ def small_disk(folder, kilobytes):
 
 def test_a_disk_that_fills_up_is_told_and_the_rerun_goes_on(tmp_path, undisturbed):
     with small_disk(tmp_path / "disk", 1200) as disk:
-        store = Store(disk)
-        ballast = disk / "ballast"
-        free = shutil.disk_usage(disk).free
-        filled = []
+        ballast, free, filled = disk / "ballast", shutil.disk_usage(disk).free, []
 
-        class Filling:
-            def optimise(self, problem, count, seed):
-                if len(filled) == 3:  # others use the disk too
-                    ballast.write_bytes(bytes(shutil.disk_usage(disk).free))
-                filled.append(seed.spawn_key[-1])
-                return small_job.METHOD.optimise(problem, count, seed)
+        def fill(task):
+            if len(filled) == 3:  # others use the disk too
+                ballast.write_bytes(bytes(shutil.disk_usage(disk).free))
+            filled.append(task)
 
         with pytest.raises(StorageError, match=r"cannot write .*seeds-00003\.pt: No space left on device"):
-            small_job.run(disk, Filling())
-        assert sorted(path.name for path in disk.glob("seeds/*.work/*")) == [
-            f"seeds-{number:05d}.pt" for number in range(3)
-        ]
+            small_job.run(disk, Watched(fill))
+        done = sorted(path.name for path in disk.glob("seeds/*.work/*"))
+        assert done == [f"seeds-{number:05d}.pt" for number in range(3)]
         with pytest.raises(StorageError, match=r"output folder .* No space left"):
             small_job.run(disk)
         ballast.unlink()
-        assert small_job.same(small_job.run(disk, Filling()), undisturbed)
+        assert small_job.same(small_job.run(disk, Watched(fill)), undisturbed)
         assert filled == [0, 1, 2, 3, 3, 4, 5]
-        assert shutil.disk_usage(store.root).free > free - 2**16
+        assert shutil.disk_usage(disk).free > free - 2**16
 
 
 def not_a_number(every):
@@ -189,39 +181,34 @@ def not_a_number(every):
 @pytest.mark.parametrize("every", [2, 1])
 def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, monkeypatch, every):
     monkeypatch.setattr(coordinates, "value_and_gradient", not_a_number(every))
-    made = small_job.read_torch(small_job.run(tmp_path) / "seeds.pt")
+    made = read_torch(small_job.run(tmp_path) / "seeds.pt")
     assert len(made["c"]) == small_job.COUNT
     assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()
 
 
-def test_coefficients_that_are_not_numbers_end_with_a_report(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        Gradient, "_descend", lambda self, problem, count, *_: problem_shaped(problem, count) * torch.nan
-    )
-    with pytest.raises(InfeasibleError, match=r"only 0 of 12 seeds .* violate the condition number"):
-        small_job.run(tmp_path)
-
-
-def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (torch.nan, r"only 0 of 12 seeds .* violate the condition number"),
+        (
+            100.0,
+            r"only 0 of 12 seeds became valid in 72 starts; of those that failed, 72 violate \w+ of should",
+        ),
+    ],
+)
+def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path, monkeypatch, found, words):
     rounds = []
 
-    def never(self, problem, count, reach, generator):
+    def never(self, problem, count, *_):
         rounds.append(count)
-        return 100 * problem_shaped(problem, count)
+        return found * torch.ones(count, *problem.trajectory.shape, dtype=torch.float64)
 
     monkeypatch.setattr(Gradient, "_descend", never)
-    with pytest.raises(InfeasibleError) as told:
+    with pytest.raises(InfeasibleError, match=words):
         small_job.run(tmp_path)
     tasks = small_job.COUNT // small_job.BATCH
     assert len(rounds) == 3 * tasks * 2, "three rounds of tasks, and each ends after two barren rounds"
-    told.match(
-        r"only 0 of 12 seeds became valid in 72 starts; of those that failed, 72 violate \w+ of shoulder"
-    )
     assert not list(tmp_path.glob("seeds/planar2-????????"))
-
-
-def problem_shaped(problem, count):
-    return torch.ones(count, *problem.trajectory.shape, dtype=torch.float64)
 
 
 def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undisturbed, monkeypatch, caplog):
