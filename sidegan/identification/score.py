@@ -1,7 +1,6 @@
 """How well parameters predict torques, on samples that come in pieces."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import torch
@@ -65,23 +64,8 @@ def score(model: TorqueModel, parameters: Tensor, measurements: Samples) -> Scor
     return Score(squares / spread, (squares / samples).sqrt())
 
 
-def worst(model: TorqueModel, parameters: Tensor, recordings: Sequence[Measurements], samples: int) -> Tensor:
-    """Largest root mean square error [N·m or N] of each joint, (J,), in any stretch of so many samples.
-
-    What a model lacks shows in some motions and hardly in others: a mean over all of them is no measure of
-    what to expect of one. Recordings that are shorter are stretches as they are.
-    """
-    errors = torch.zeros(model.joints, dtype=torch.float64)
-    for one in recordings:
-        bounds = torch.linspace(0, len(one), max(1, len(one) // samples) + 1).long().tolist()
-        for first, last in pairwise(bounds):
-            squares = [residual_of(model, x, parameters).square().sum(0) for x in pieces(one[first:last])]
-            errors = torch.maximum(errors, (sum(squares) / (last - first)).sqrt())
-    return errors
-
-
 def score_of_sums(sums: Sums, parameters: Tensor) -> Score:
-    """The same from the sums over samples; infinite where a joint's torque is constant."""
+    """Errors from the sums over samples; infinite where a joint's torque is constant."""
     return Score(sums.nmse(parameters), (sums.squares(parameters) / sums.weight).sqrt())
 
 

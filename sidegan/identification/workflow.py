@@ -16,7 +16,7 @@ from sidegan.identification.lacking import Lacks, lacks
 from sidegan.identification.measurements import Measurements, halves_of, joined
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import typical
-from sidegan.identification.score import Score, folds, score, worst
+from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.stribeck import stribeck_velocities
 from sidegan.identification.trust import grams_of, trust
@@ -28,7 +28,6 @@ from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm, Drives, inconsistent_links
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
-_STRETCH = 10.0  # [s] of motion, a short check of an arm
 _AS_GOOD = 1.1  # times the other model's nMSE, up to which the one that can exist is preferred
 
 
@@ -76,17 +75,6 @@ class IdentifiedArm:
         if self.use == CONSISTENT:
             return self.standard
         return nearest_standard(self.model, self.standard, self.used.parameters)
-
-    @cached_property
-    def worst(self) -> Tensor:
-        """Error of the model to use [N·m or N], (J,), in the ten seconds that it predicts worst."""
-        samples = round(_STRETCH * self.training[0].grid.rate)
-        return worst(self.model, self.used.parameters, measurements_of(self.recordings), samples)
-
-    @property
-    def repetitions(self) -> int:
-        """Over how many repetitions of a motion the samples are averaged at most."""
-        return max(one.repetitions[1] for one in self.recordings)
 
     @cached_property
     def drives(self) -> Drives:

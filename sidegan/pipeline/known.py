@@ -22,10 +22,6 @@ class Known:
     """An identified model, read back."""
 
     model: TorqueModel  # what torque is explained with
-    parameters: Tensor  # of the model to use, (P,)
-    worst: Tensor  # its error in the ten seconds that it predicted worst when it was identified, (J,)
-    repetitions: int  # over which the samples of that were averaged at most
-    estimate: Tensor  # parameters as the chosen method gave them, (P,)
     covariance: Tensor  # of their errors, (P, P)
     certainty: Tensor  # one over the deviation of an independent sample's torque, (J,)
     rate: float  # of the samples [Hz]
@@ -50,14 +46,8 @@ def known_model(folder: Path, arm: Arm) -> Known:
         model = TorqueModel(RigidBody(arm), terms, stribeck)
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"])):
             raise ConfigError(f"{path} is of another arm than {arm.name}: its links are placed otherwise")
-        parts = [use["inertial_parameters"], *(use["terms"][kind] for kind in terms.kinds)]
-        standard = torch.cat([_tensor(part).reshape(-1) for part in parts])
         return Known(
             model,
-            parameters=model.mapping @ standard,
-            worst=_tensor(numbers.get("worst", numbers["rmse"])),  # earlier runs kept the mean alone
-            repetitions=int(numbers.get("repetitions", 1)),
-            estimate=_tensor(numbers["parameters"]),
             covariance=_tensor(numbers["covariance"]),
             certainty=_tensor(numbers["certainty"]),
             rate=float(numbers["rate"]),

@@ -232,8 +232,6 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "certainty": certainty(chosen).tolist(),
         "rate": identified.training[0].grid.rate,
         "rmse": identified.tests[identified.use].rmse.tolist(),
-        "worst": identified.worst.tolist(),
-        "repetitions": identified.repetitions,
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
         "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
