@@ -18,15 +18,7 @@ hypothesis.settings.register_profile("usual", hypothesis.settings.get_profile("s
 hypothesis.settings.load_profile("usual")
 
 # Files that take longest: a parallel run begins with them, or one process works at its end while others idle.
-LONGEST = (
-    "experiments/test_reproduction.py",
-    "pipeline/test_faults.py",
-    "base/test_parallel.py",
-    "experiments/test_beyond.py",
-    "benchmarks/",
-    "pipeline/",
-    "motion/",
-)
+LONGEST = ("test_lab_day.py", "experiments/", "hostile/", "pipeline/", "validity/", "base/test_parallel.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

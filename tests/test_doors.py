@@ -46,17 +46,12 @@ ORDER = [
     "plant",
     "recording",
     "identification",
-    "worth",
     "controllers",
     "report",
     "pipeline",
     "run",
 ]
-STRANGERS = [
-    {"gan"},
-    {"plant"},
-    {"recording"},
-]  # side by side: the pipeline hands arrays across
+STRANGERS = [{"gan"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
 
 
 def room_of(path):

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import logging
 import os
 import random
 import shutil
@@ -22,7 +21,6 @@ import torch
 
 from sidegan.base import parallel
 from sidegan.base.engines import Dask
-from sidegan.base.progress import Lines
 from sidegan.base.storage import read_torch
 from sidegan.design import coordinates
 from sidegan.design.objective import value_and_gradient
@@ -186,17 +184,11 @@ def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, mo
     assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()
 
 
-@pytest.mark.parametrize(
-    ("found", "words"),
-    [
-        (torch.nan, r"only 0 of 12 seeds .* violate the condition number"),
-        (
-            100.0,
-            r"only 0 of 12 seeds became valid in 72 starts; of those that failed, 72 violate \w+ of should",
-        ),
-    ],
-)
-def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path, monkeypatch, found, words):
+BARREN = {torch.nan: "violate the condition number", 100.0: r"72 violate \w+ of shoulder"}
+
+
+@pytest.mark.parametrize("found", BARREN)
+def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path, monkeypatch, found):
     rounds = []
 
     def never(self, problem, count, *_):
@@ -204,30 +196,19 @@ def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path
         return found * torch.ones(count, *problem.trajectory.shape, dtype=torch.float64)
 
     monkeypatch.setattr(Gradient, "_descend", never)
-    with pytest.raises(InfeasibleError, match=words):
+    with pytest.raises(InfeasibleError, match=f"only 0 of 12 seeds .*{BARREN[found]}"):
         small_job.run(tmp_path)
     tasks = small_job.COUNT // small_job.BATCH
     assert len(rounds) == 3 * tasks * 2, "three rounds of tasks, and each ends after two barren rounds"
     assert not list(tmp_path.glob("seeds/planar2-????????"))
 
 
-def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undisturbed, monkeypatch, caplog):
-    caplog.set_level(logging.INFO)
+def test_a_clock_that_jumps_changes_neither_results_nor_durations(tmp_path, undisturbed, monkeypatch):
     source = random.Random(0)
     monkeypatch.setattr(time, "time", lambda: source.uniform(0.0, 4e9))
     monkeypatch.setattr(time, "time_ns", lambda: int(1e9 * time.time()))
     began = time.monotonic()
-    progress = Lines("steps", 10)
-    progress(5)
     made = small_job.run(tmp_path)
-    spent = time.monotonic() - began
     assert small_job.same(made, undisturbed)
     costs = json.loads((tmp_path / "costs" / "seeds" / f"{made.name}.json").read_text())
-    assert 0.0 <= costs["seconds"] <= spent + 0.1
-    monkeypatch.setattr("sidegan.base.progress._INTERVAL", 0.0)
-    told = time.monotonic()
-    progress(5)
-    (line,) = (x.message for x in caplog.records if x.message.startswith("steps: 5 of 10"))
-    left = float(line.rpartition(", ")[2].removesuffix(" s left"))
-    assert told - began - 0.1 <= left <= time.monotonic() - began + 0.1
-    assert "seeds: made" in caplog.text
+    assert 0.0 <= costs["seconds"] <= time.monotonic() - began + 0.1

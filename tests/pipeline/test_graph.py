@@ -1,3 +1,5 @@
+"""Stamps and digests of artifacts, what they depend on, and the order in which they are made."""
+
 import dataclasses
 import json
 from pathlib import Path
@@ -24,19 +26,12 @@ values = (
 )
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"maker": "seeds"},
-        {"label": "vanilla"},
-        {"settings": {"epochs": 51, "weights": {"fitness": 0.1}}},
-        {"inputs": {"seeds": "ac"}},
-        {"inputs": {}},
-        {"inputs": {"seeds": artifact({}, "seeds")}},
-        {"seed": 4},
-        {"seed": None},
-    ],
-)
+CHANGES = [{"maker": "seeds"}, {"label": "vanilla"}, {"seed": 4}, {"seed": None}]
+CHANGES += [{"inputs": {"seeds": "ac"}}, {"inputs": {}}, {"inputs": {"seeds": artifact({}, "seeds")}}]
+CHANGES += [{"settings": {"epochs": 51, "weights": {"fitness": 0.1}}}]
+
+
+@pytest.mark.parametrize("change", CHANGES)
 def test_whatever_an_artifact_depends_on_changes_its_digest(change):
     assert dataclasses.replace(EIGEN, **change).digest != EIGEN.digest
 
@@ -70,10 +65,8 @@ def test_a_stamp_does_not_differ_from_what_its_file_holds(settings):
 
 def test_a_difference_names_the_key_and_both_values():
     other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
-    assert difference(EIGEN.stamp, other.stamp) == [
-        "settings.epochs is 20, not 50",
-        "seed is not set, not 3",
-    ]
+    told = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
+    assert difference(EIGEN.stamp, other.stamp) == told
 
 
 def test_waves_are_made_from_those_before_them_alone():

@@ -72,8 +72,7 @@ def test_the_greedy_score_takes_what_excites_most_first_and_then_what_differs(pl
 def test_a_selection_finds_the_trajectories_that_excite(planted, build, method):
     made, pool, places = planted
     made = made.with_settings(selection=replace(made.cfg.selection, method=method))
-    artifact = selection(made, pool)
-    artifact.make(build)
+    selection(made, pool).make(build)
     chosen = Library.load(build.folder / LIBRARY, made.arm).coefficients
     best = pool.library.coefficients[places]
     nearest = torch.cdist(best.flatten(1), chosen.flatten(1)).argmin(1)
