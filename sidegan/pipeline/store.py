@@ -203,8 +203,6 @@ def read_stamp(folder: Path) -> dict[str, Any]:
     stamp = read_json(folder / STAMP)
     if not isinstance(stamp, dict) or not isinstance(files := stamp.pop("files", None), dict):
         raise ArtifactError(f"{folder / STAMP} is not a stamp")
-    if "maker" not in stamp:
-        raise ArtifactError(f"{folder} is of version 0.1")
     for name, digest in files.items():
         path = folder / name
         if not path.is_file():

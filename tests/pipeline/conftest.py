@@ -1,6 +1,5 @@
 """Tasks at a small size, the command within this process, and a tracking database for all tests."""
 
-import logging
 import signal
 import sys
 
@@ -38,7 +37,6 @@ def command(tmp_path, monkeypatch):
     """The command within this process, in a folder of its own: arguments → exit code."""
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     monkeypatch.chdir(tmp_path)
-    handlers, level = logging.root.handlers[:], logging.root.level
     handling = {one: signal.getsignal(one) for one in (signal.SIGTERM, signal.SIGINT)}
 
     def call(*arguments, tracking="off"):
@@ -52,8 +50,6 @@ def command(tmp_path, monkeypatch):
             return leave.code
 
     yield call
-    logging.root.handlers[:] = handlers
-    logging.root.setLevel(level)
     for one, handler in handling.items():
         signal.signal(one, handler)
 
