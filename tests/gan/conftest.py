@@ -67,7 +67,7 @@ def wild(constraints, family):
 @pytest.fixture(scope="session")
 def labelled(constraints, family, seeds, wild):
     """Training and held-out samples."""
-    c = blend(1.15 * seeds, wild, 2400, random(2))
+    c = blend(1.15 * seeds, wild, 1800, random(2))
     return split(label(constraints, family, c, STEPS), random(3))
 
 

@@ -24,9 +24,8 @@ def pretraining(constraints, family, seeds, wild, tmp_path_factory):
 def reports(pretraining):
     """What the trainings tell, whose surrogates are left in the folder of the samples."""
     report = pretraining.train_success(pretraining.work, 0, ignore)
-    for features in ("spectrum", "diagonal"):
-        report |= pretraining.train_features(features, pretraining.work, 0, ignore)
-    return report
+    report |= pretraining.train_features("spectrum", pretraining.work, 0, ignore)
+    return report | pretraining.train_features("diagonal", pretraining.work, 0, ignore)
 
 
 def ignore(done, total):

@@ -33,13 +33,13 @@ def check(x, low=3, high=2):
     torch.testing.assert_close(vectors.mT @ vectors, eye, rtol=0, atol=1e-8)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=20)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=6, max_size=45), st.integers(0, 100))
 def test_ends_of_a_spectrum_are_lapacks(spectrum, seed):
     check(symmetric(spectrum, seed))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=20)
 @given(st.integers(1, 45), st.integers(1, 12), st.integers(0, 100))
 def test_spectra_over_many_orders_of_magnitude(size, orders, seed):
     check(symmetric([10.0 ** (-orders * k / size) for k in range(size)], seed))
