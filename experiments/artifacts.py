@@ -61,7 +61,7 @@ class Artifacts:
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
     random = cached_property(lambda self: self.report(random_set(self.task)))
-    surrogates = cached_property(lambda self: self.report(surrogates(self.task, "broad")))
+    surrogates = cached_property(lambda self: self.report(surrogates(self.task)))
     speed = cached_property(lambda self: self.costs(timing(self.task, "eigen")))
 
     @property

@@ -33,7 +33,7 @@ def durations(artifacts: Artifacts) -> pd.DataFrame:
         "long": ("the single long trajectory, CPU", long),
         "seed": ("one seed, CPU", seeds["cpu_seconds"] / seeds["count"]),
         "seeds": ("the seed set, wall", artifacts.seconds(seed_set(task))),
-        "surrogates": ("the surrogates, wall", artifacts.seconds(surrogates(task, "broad"))),
+        "surrogates": ("the surrogates, wall", artifacts.seconds(surrogates(task))),
         "training": ("one training, wall", float(np.mean(walls))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
         "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),

@@ -1,6 +1,5 @@
 """The surrogates' work in resumable pieces: shares of labelled samples, then one training each."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,7 +13,7 @@ from sidegan.errors import ArtifactError
 from sidegan.gan.labels import Labelled, blend, label
 from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates, SurrogateSettings
-from sidegan.gan.variants import Kind
+from sidegan.gan.variants import Variant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -36,7 +35,6 @@ class Pretraining:
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
-    kind: Kind  # of surrogates
     seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
     negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
     work: Path  # folder of the labelled samples
@@ -47,7 +45,7 @@ class Pretraining:
         if readable(path):
             return
         sources = training_seeds(self.seeds)[0], self.negatives[:-_HELD_OUT_NEGATIVES]
-        samples = blend(*sources, -(-self.samples // SHARES), generator)
+        samples = blend(*sources, -(-self.settings.samples // SHARES), generator)
         steps = self.settings.margin_steps
         write_task(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
 
@@ -61,7 +59,7 @@ class Pretraining:
         data, held, generator = self._begin(seed)
         content = {"sizes": _sizes(self.settings), "names": len(self.constraints.labels)}
         predictor = _predictor(self.constraints.arm, self.trajectory, content)
-        train_predictor(predictor, data, self.epochs, generator, progress)
+        train_predictor(predictor, data, self.settings.epochs, generator, progress)
         write_task(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
@@ -83,20 +81,10 @@ class Pretraining:
         target = getattr(data, features)
         content = {"sizes": _sizes(self.settings), "features": target.shape[1]}
         converter = _converter(self.constraints.arm, self.trajectory, content)
-        train_converter(converter, data.c, target, self.epochs, generator, progress)
+        train_converter(converter, data.c, target, self.settings.epochs, generator, progress)
         write_task(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
         r2 = explained(converter, held.c, getattr(held, features))
         return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
-
-    @property
-    def epochs(self) -> int:
-        """Number of passes over the labelled samples."""
-        return self.settings.epochs
-
-    @property
-    def samples(self) -> int:
-        """Number of labelled samples."""
-        return self.settings.samples
 
     def _share(self, number: int) -> Path:
         return self.work / f"labels-{number}.pt"
@@ -115,25 +103,23 @@ def training_seeds(seeds: Tensor) -> tuple[Tensor, Tensor]:
     return seeds[:cut], seeds[cut:]
 
 
-def negatives_count(kind: Kind, samples: int, seeds: int) -> int:
+def negatives_count(samples: int) -> int:
     """Number of a vanilla GAN's samples to draw: half of the labelled ones, with what is held out."""
     return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
 
 
-def load_surrogates(
-    folders: Mapping[str, Path], features: str, arm: Arm, trajectory: Trajectory
-) -> Surrogates:
-    """Frozen surrogates, each from its folder, as far as there is one: ``predictor``, and ``converter``.
+def load_surrogates(folder: Path | None, variant: Variant, arm: Arm, trajectory: Trajectory) -> Surrogates:
+    """Frozen surrogates that a variant learns from, as far as it does, from their folder.
 
     Raises:
         ArtifactError: when one is missing, damaged, or of another arm.
     """
     predictor = converter = None
-    if folder := folders.get("predictor"):
+    if folder is not None and variant.weights.success > 0:
         content = read_torch(folder / f"{_SUCCESS}.pt")
         predictor = _frozen(_predictor(arm, trajectory, content), content["weights"], folder)
-    if folder := folders.get("converter"):
-        content = read_torch(folder / f"{features}.pt")
+    if folder is not None and variant.features != "none":
+        content = read_torch(folder / f"{variant.features}.pt")
         converter = _frozen(_converter(arm, trajectory, content), content["weights"], folder)
     return Surrogates(predictor, converter)
 

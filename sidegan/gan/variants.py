@@ -8,8 +8,6 @@ from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.schedule import Schedule
 
-Kind = Literal["broad"]  # of surrogates, by what they learn from: samples all around the seeds
-
 
 @dataclass(frozen=True)
 class Weights:
@@ -107,10 +105,9 @@ class Variant:
         return self.exact is None
 
     @property
-    def learned(self) -> dict[str, Kind]:
-        """The kind of each surrogate that the variant needs, ``predictor`` and ``converter``."""
-        needed = {"predictor": self.weights.success > 0, "converter": self.features != "none"}
-        return {name: "broad" for name, needs in needed.items() if needs and self.seeded}
+    def predicted(self) -> bool:
+        """Whether the variant learns from a predictor of success or from a converter."""
+        return self.seeded and (self.weights.success > 0 or self.features != "none")
 
     def schedule(self, seeds: int) -> Schedule:
         """Schedule of a training on so many seeds."""

@@ -14,7 +14,7 @@ def pretraining(constraints, family, seeds, wild, tmp_path_factory):
     sizes = {"samples": 160, "epochs": 2, "width": 16, "margin_steps": 8, "feature_steps": 8}
     settings, work = replace(tiny().surrogates, **sizes), tmp_path_factory.mktemp("work")
     negatives = torch.cat([wild, wild, wild])
-    made = jobs.Pretraining(constraints, family, settings, "broad", seeds, negatives, work)
+    made = jobs.Pretraining(constraints, family, settings, seeds, negatives, work)
     for i in range(jobs.SHARES):
         made.label(i, i, ignore)
     return made
@@ -51,14 +51,16 @@ def test_seeds_are_held_out(seeds):
 
 
 @pytest.mark.parametrize("features", ["spectrum", "diagonal"])
-def test_trained_surrogates_are_loaded_as_they_were(pretraining, reports, planar, family, seeds, features):
-    folders, c = {"predictor": pretraining.work, "converter": pretraining.work}, seeds[:5].float()
-    surrogates, again = (jobs.load_surrogates(folders, features, planar, family) for _ in range(2))
+def test_trained_surrogates_are_loaded_as_they_were(
+    pretraining, reports, planar, family, seeds, full, features
+):
+    variant, c = replace(full, features=features), seeds[:5].float()
+    surrogates, again = (jobs.load_surrogates(pretraining.work, variant, planar, family) for _ in range(2))
     for network, twin in ((surrogates.predictor, again.predictor), (surrogates.converter, again.converter)):
         assert not any(p.requires_grad for p in network.parameters()) and not network.training
         torch.testing.assert_close(network(c), twin(c))
         assert torch.isfinite(network(c)).all()
-    assert jobs.load_surrogates({}, features, planar, family) == jobs.Surrogates()
+    assert jobs.load_surrogates(None, variant, planar, family) == jobs.Surrogates()
     r2, mean = reports[f"r2_{features}"], surrogates.converter.mean
     assert len(r2) == len(mean)
     assert reports[f"r2_{features}_mean"] == pytest.approx(sum(r2) / len(r2), rel=1e-5)

@@ -77,8 +77,8 @@ def room(arm, planar, family, constraints, seeds, vanilla, exact, assembled, tmp
     def limits(room, speed, **inverse):
         return LimitLayer(family, torch.full(room, 1.0), torch.ones(speed), inverse)
 
-    def surrogates(name):
-        return jobs.load_surrogates({name: folder}, "spectrum", planar, family)
+    def surrogates(variant):
+        return jobs.load_surrogates(folder, variant, planar, family)
 
     return SimpleNamespace(**locals())
 
@@ -88,8 +88,8 @@ REFUSALS = {
     "cannot sample -3 trajectories": (ShapeError, lambda r: r.generator.sample(-3)),
     "there is no file": (ArtifactError, lambda r: r.load("none.pt")),
     "planar2 .* not for kuka_lwr4": (ArtifactError, lambda r: r.load("g.pt", r.arm)),
-    r"there is no file .*spectrum\.pt": (ArtifactError, lambda r: r.surrogates("converter")),
-    "a surrogate in .* does not fit this arm": (ArtifactError, lambda r: r.surrogates("predictor")),
+    r"there is no file .*spectrum\.pt": (ArtifactError, lambda r: r.surrogates(r.seeing)),
+    "a surrogate in .* does not fit this arm": (ArtifactError, lambda r: r.surrogates(r.needy)),
     "3 joints for an arm of 2": (ShapeError, lambda r: LimitLayer.of(r.planar, Trajectory(3))),
     r"room \(2, 3\) and speed \(2,\)": (ShapeError, lambda r: r.limits((2, 3), 2)),
     r"expected \(2, 2\) and \(2,\)": (ShapeError, lambda r: r.limits((2, 2), 2, jerk=torch.ones(3))),

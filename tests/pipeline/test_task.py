@@ -28,7 +28,7 @@ def stamps(tmp_path_factory):
     def made(*overrides):
         task = Task(tiny(*overrides), store)
         artifacts = {"seeds": seed_set(task), "random": random_set(task)}
-        artifacts["surrogates"] = surrogates(task, "broad")
+        artifacts["surrogates"] = surrogates(task)
         for name, k in generators(task):
             artifacts[f"gan {name} {k}"] = generator(task, name, k)
             artifacts[f"library {name} {k}"] = library(task, name, k)

@@ -8,7 +8,6 @@ from typing import Any
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import write_json
 from sidegan.gan import Variant
-from sidegan.gan.variants import Kind
 from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import finite
@@ -38,7 +37,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
     """A trained variant; one of the configured ones where none is given."""
     variant = variant or task.cfg.gan[name]
     inputs = {"seeds": seed_set(task)} if variant.seeded else {}
-    inputs |= {name: surrogates(task, kind) for name, kind in variant.learned.items()}
+    inputs |= {"surrogates": surrogates(task)} if variant.predicted else {}
     return task.artifact(
         "gan",
         name,
@@ -52,19 +51,17 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
     )
 
 
-def surrogates(task: Task, kind: Kind) -> Artifact:
-    """Success predictor and converters of a kind (``gan.variants.Learned``)."""
+def surrogates(task: Task) -> Artifact:
+    """Success predictor and converters."""
     settings = {key: x for key, x in asdict(task.cfg.surrogates).items() if key != "negatives"}
     inputs = {"seeds": seed_set(task), "negatives": negatives(task)}
-    make = partial(_pretrain, kind=kind)
-    settings |= {"kind": kind} | taught(task)
-    return task.artifact("surrogates", kind, make, settings, inputs, title=f"surrogates/{kind}", alone=True)
+    settings |= taught(task)
+    return task.artifact("surrogates", "all", _pretrain, settings, inputs, title="surrogates", alone=True)
 
 
 def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]:
     """The surrogates that some variants learn from, and what these learn from."""
-    kinds = sorted({kind for one in variants for kind in one.learned.values()})
-    return [*([negatives(task)] if kinds else []), *(surrogates(task, kind) for kind in kinds)]
+    return [negatives(task), surrogates(task)] if any(one.predicted for one in variants) else []
 
 
 def negatives(task: Task) -> Artifact:
@@ -82,8 +79,8 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     from sidegan.gan.jobs import load_surrogates
     from sidegan.gan.training import Run, train_variant
 
-    folders = {name: task.store.require(surrogates(task, kind)) for name, kind in variant.learned.items()}
-    learnt = load_surrogates(folders, variant.features, task.arm, task.trajectory)
+    folder = task.store.require(surrogates(task)) if variant.predicted else None
+    learnt = load_surrogates(folder, variant, task.arm, task.trajectory)
     run = Run(
         name,
         task.number(f"gan {name}", training),
@@ -109,19 +106,19 @@ def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
     write_json(build.folder / HISTORY, rows)
 
 
-def _pretrain(task: Task, build: Build, kind: Kind) -> None:
+def _pretrain(task: Task, build: Build) -> None:
     from sidegan.gan import TrajectoryGenerator
     from sidegan.gan.jobs import SHARES, Pretraining, negatives_count
 
     settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
     vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)
     seeds = training_seeds(task).coefficients
-    faulty = vanilla.sample(negatives_count(kind, settings.samples, len(seeds)), task.number("negatives"))
-    pretraining = Pretraining(task.constraints, task.trajectory, settings, kind, seeds, faulty, build.work)
+    faulty = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
+    pretraining = Pretraining(task.constraints, task.trajectory, settings, seeds, faulty, build.work)
     labelling: list[Job] = [
         partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)
     ]
-    run_jobs("labels", labelling, workers, pretraining.samples)
+    run_jobs("labels", labelling, workers, settings.samples)
     trainings: list[Job] = [
         partial(pretraining.train_success, build.folder, task.number("success")),
         *(
@@ -129,5 +126,5 @@ def _pretrain(task: Task, build: Build, kind: Kind) -> None:
             for name in ("spectrum", "diagonal")
         ),
     ]
-    parts = run_jobs("surrogates", trainings, workers, pretraining.epochs * len(trainings))
+    parts = run_jobs("surrogates", trainings, workers, settings.epochs * len(trainings))
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
