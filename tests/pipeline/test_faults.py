@@ -64,13 +64,12 @@ def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, und
     assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
 
 
-def nap(report):
-    report(0, 1)
-    time.sleep(0.2)
-
-
 def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monkeypatch):
     threads, failed = [], []
+
+    def nap(report):  # defined here, so that workers need not import what this file does
+        report(0, 1)
+        time.sleep(0.2)
 
     @contextmanager
     def interrupted(*arguments):
@@ -117,16 +116,22 @@ def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     assert (main.returncode, told) == (130, "")
 
 
-def test_dask_finishes_although_a_worker_is_killed(tmp_path, undisturbed, monkeypatch):
+def test_dask_finishes_although_a_worker_is_killed(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    cluster = Dask()
+    marker, cluster = tmp_path / "died", Dask()
+
+    def square(number, report):
+        if number == 3 and not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return number**2
+
     monkeypatch.setattr(parallel, "_engine", cluster)
     try:
-        made = small_job.run(tmp_path, Watched(partial(die_once, tmp_path / "died")), workers=2)
+        made = parallel.run_jobs("squares", [partial(square, k) for k in range(6)], 2)
     finally:
         cluster.close()
-    assert (tmp_path / "died").exists()
-    assert small_job.same(made, undisturbed)
+    assert marker.exists() and made == [k**2 for k in range(6)]
 
 
 @contextmanager
@@ -184,7 +189,7 @@ def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, mo
     assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()
 
 
-BARREN = {torch.nan: "violate the condition number", 100.0: r"72 violate \w+ of shoulder"}
+BARREN = {torch.nan: "violate the condition number", 10.0: r"72 violate \w+ of shoulder"}
 
 
 @pytest.mark.parametrize("found", BARREN)

@@ -39,7 +39,7 @@ def identified(outputs, *overrides, run="run"):
 def write(folder, name, arm, seed):
     """A recording of a random motion of 30 s, with friction and noise."""
     generator = torch.Generator().manual_seed(seed)
-    made = moved(arm, np.arange(30 * 200) / 200, VISCOUS, COULOMB, generator)
+    made = moved(arm, np.arange(30 * 100) / 100, VISCOUS, COULOMB, generator)
     frame(made).to_csv(folder / name, index=False)
     return folder / name
 
@@ -232,7 +232,7 @@ def test_a_check_fits_nothing(files, tmp_path, capsys):
     words = f"outputs={tmp_path}", f"recordings=[{files[0]}]", "stages=[check]"
     run_stages(tiny(*words, experiment="identify"), tmp_path / "check", "check")
     (checked,) = json.loads((tmp_path / "check" / "check.json").read_text())
-    assert checked["samples"] == 6000 and checked["condition"] > 1
+    assert checked["samples"] == 3000 and checked["condition"] > 1
     assert {path.name for path in (tmp_path / "check").iterdir()} == {"check.json"}
     shown = capsys.readouterr().out
     assert all(word in shown for word in ("a.csv", "noise floor", "saturated", "elbow", "base parameter"))

@@ -46,7 +46,9 @@ def untracked(folder):
 
 def called(root, name):
     """The runs of a name."""
-    return client_of(root).search_runs(["1"], f"attributes.run_name = '{name}'")
+    client = client_of(root)
+    number = client.get_experiment_by_name("exp1").experiment_id
+    return client.search_runs([number], f"attributes.run_name = '{name}'")
 
 
 def warnings(caplog):
@@ -345,7 +347,8 @@ def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkey
     assert command("-m", *words, f"outputs={root}", tracking="local") == 1
     (parent,) = called(root, f"exp1 sweep {' '.join(words)} tracking=local")
     assert parent.info.status == "FAILED" and PARENT not in os.environ
-    children = client_of(root).search_runs(["1"], f"tags.mlflow.parentRunId = '{parent.info.run_id}'")
+    number, of_parent = parent.info.experiment_id, f"tags.mlflow.parentRunId = '{parent.info.run_id}'"
+    children = client_of(root).search_runs([number], of_parent)
     ended = {child.info.run_name: child.info.status for child in children}
     assert ended == {"odd eigen seed=0": "FINISHED", "odd eigen seed=1": "FAILED"}
     for child in children:
