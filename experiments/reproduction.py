@@ -15,6 +15,7 @@ from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.stages.long import long_family
+from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, tables
 from sidegan.report.figures import Across, Panel
@@ -30,6 +31,11 @@ _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 Groups = Mapping[str, Group]
 
 collect = comparison
+
+
+def check(task: Task) -> None:
+    """Refuse conditions that are not there, before any work."""
+    comparison(task)
 
 
 def present(groups: Groups, folder: Path, tracker: Tracker) -> None:

@@ -1,14 +1,17 @@
 """The settings of a command, composed by Hydra from ``conf/``."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
-from omegaconf import OmegaConf
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
 
 from sidegan.base.names import folder_name
+from sidegan.errors import ConfigError
 from sidegan.pipeline.stages import STAGES
 
 if TYPE_CHECKING:
@@ -30,10 +33,21 @@ OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 
 def composed(*overrides: str) -> "Config":
-    """The settings that a command with these overrides would have; within a run, by its own search path."""
+    """The settings that a command with these overrides would have; within a run, by its own search path.
+
+    Raises:
+        ConfigError: when an override names what is not there, or a value is refused.
+    """
     from sidegan.pipeline.settings import validate  # and with it every room
 
+    try:
+        return validate(_compose(overrides))
+    except HydraException as error:
+        raise ConfigError(str(error).partition("\n")[0]) from error
+
+
+def _compose(overrides: Sequence[str]) -> DictConfig:
     if GlobalHydra.instance().is_initialized():
-        return validate(hydra.compose("config", overrides=list(overrides)))
+        return hydra.compose("config", overrides=list(overrides))
     with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return validate(hydra.compose("config", overrides=list(overrides)))
+        return hydra.compose("config", overrides=list(overrides))
