@@ -81,11 +81,8 @@ def metrics(groups: Groups) -> dict[str, dict[str, float]]:
         raw, facts = group.frame("errors"), group.frame("whole_facts")
         nmse = raw[~raw.weighted].groupby("set").nmse.mean()
         norms = facts.groupby("set").covariance_norm.mean().rename({"seeds ×1": SEEDS})
-        frame = group.frame("generators")
-        frame = frame.assign(valid=frame.success.fillna(frame.valid) if "valid" in frame else frame.success)
-        for name, part in frame.groupby("name"):
-            mean = part[["valid", "condition", "distance", "rank"]].astype(float).mean()
-            row = mean.to_dict() | {"nMSE": nmse[name], "‖diag P‖ [1e-9]": 1e9 * norms[name]}
+        for name, mean in training.means(group.frame("generators")).to_dict("index").items():
+            row = mean | {"nMSE": nmse[str(name)], "‖diag P‖ [1e-9]": 1e9 * norms[str(name)]}
             rows[f"{group_name}-{name}"] = {
                 str(k): float(f"{x:.4g}") for k, x in row.items() if np.isfinite(x)
             }

@@ -45,11 +45,16 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
 
 def summary(generators: pd.DataFrame) -> pd.DataFrame:
     """Validity, fitness and diversity of every generator, mean over trainings, for the table of a sweep."""
-    frame = generators.assign(valid=generators.success.fillna(generators.get("valid")))
     columns = {"valid": "valid share", "condition": "median cond(YᵀY)", "distance": "mean distance"}
-    columns["rank"] = "effective rank"
-    numbers = frame[list(columns)].astype(float).groupby(frame["name"], sort=False)
-    return numbers.mean().rename(columns=columns)
+    return means(generators).rename(columns={**columns, "rank": "effective rank"})
+
+
+def means(generators: pd.DataFrame) -> pd.DataFrame:
+    """Columns valid, condition, distance and rank, mean over trainings; a row a generator, and the seeds."""
+    valid = generators.success
+    frame = generators.assign(valid=valid.fillna(generators.valid) if "valid" in generators else valid)
+    numbers = frame[["valid", "condition", "distance", "rank"]].astype(float)
+    return numbers.groupby(frame["name"], sort=False).mean()
 
 
 def figure(

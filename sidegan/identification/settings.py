@@ -22,9 +22,8 @@ class StudySettings:
     noise: Noise  # of the simulated measurements; test torques are free of it
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
-    reach: Annotated[
-        float, Bound(">", 0), Bound("≤", 1)
-    ]  # share of its tightest limit that each of them uses
+    # of test trajectories: share of its tightest limit that each of them uses
+    reach: Annotated[float, Bound(">", 0), Bound("≤", 1)]
 
 
 @dataclass(frozen=True)

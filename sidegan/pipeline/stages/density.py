@@ -41,8 +41,8 @@ def _make(task: Task, build: Build) -> None:
         raise ConfigError(
             f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].numel()}"
         )
+    estimate = gaussian_kde(seeds.flatten(1).numpy().T)
     for bandwidth in task.cfg.discussion.bandwidths:
-        estimate = gaussian_kde(seeds.flatten(1).numpy().T)
         estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
         random = np.random.default_rng(task.random(f"density {bandwidth}"))
         drawn = estimate.resample(task.cfg.discussion.draws, random)
