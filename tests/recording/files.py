@@ -52,13 +52,8 @@ def arrays(**changes):
     """A writer of an array of all joints a signal."""
 
     def write(recording, folder):
-        signals = {
-            "t": recording.time,
-            "q": recording.position,
-            "v": recording.velocity,
-            "tau": recording.torque,
-        }
-        np.savez(folder / "a.npz", **signals | changes)
+        signals = {LETTERS[name]: x for name, x in recording.signals().items()}
+        np.savez(folder / "a.npz", **{"t": recording.time, **signals, **changes})
         return folder / "a.npz"
 
     return write

@@ -71,19 +71,9 @@ def test_the_ur10e_is_found_sound_but_for_a_joint_that_does_not_tell():
     path = real("ur10e/recorded_20s8h.csv")
     checked = check_recording(load_recording(path, of_file(), arm.joint_names), arm, of_file(), GAINS)
     assert (checked.agreement.sign[:5] > 0.5).all()
-    assert checked.warnings == [
-        "the motion does not tell whether the sign of the torque of wrist_3_joint is right"
-    ]
+    (warning,) = checked.warnings
+    assert warning == "the motion does not tell whether the sign of the torque of wrist_3_joint is right"
     assert 0.3 < checked.statistics.bandwidth < 0.5 and len(checked.segments) == 1
-
-
-def test_the_lwr_is_found_poorly_excited(arm):
-    path = real("kuka_lwr4/recorded_hw1_50hz.csv")
-    checked = check_recording(load_recording(path, of_file(), arm.joint_names), arm, of_file())
-    assert (checked.agreement.sign[:4] > 0.9).all()
-    warnings = "\n".join(checked.warnings)
-    assert "does not tell whether the sign of the torque of joint_5, joint_6, joint_7 is right" in warnings
-    assert "hardly excited" in warnings and checked.derived == []
 
 
 def test_a_part_of_a_recording_is_held_out(planar, clock):

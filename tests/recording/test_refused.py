@@ -3,6 +3,7 @@
 import math
 import os
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ import torch
 
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.recording.check import check_recording
-from sidegan.recording.segments import preprocess
-from tests.recording.conftest import load_recording, of_file, part_of
+from sidegan.robot import load_robot
+from tests.recording.conftest import load_recording, of_file
 from tests.recording.files import (
     arrays,
     text,
@@ -23,6 +24,7 @@ from tests.recording.files import (
     written,
 )
 
+PLANAR = load_robot("planar2")
 SETTINGS = [
     (r"units\.angle is 'turn', expected one of rad, deg", {"units": {"angle": "turn"}}),
     ("position is None, expected text", {"position": None}),
@@ -40,21 +42,9 @@ def test_settings(words, changes):
         of_file(**changes)
 
 
-def nowhere(_, folder):
-    return folder / "a.csv"
-
-
 def pipe(_, folder):
     os.mkfifo(folder / "a.csv")
     return folder / "a.csv"
-
-
-def folder_alone(_, folder):
-    return folder
-
-
-def other_joints(made, folder):
-    return write_bag(made, folder, names=["x", "y"])
 
 
 def of_text(_, folder):
@@ -73,9 +63,9 @@ def twice(**names):
 ARRAYS = {"position": "q", "torque": "tau"}
 HEADER, NAMELESS = ["t", "q{index}", "qd{index}", "tau{index}"], written(header=False)
 FILES = [
-    ("there is no recording", nowhere, {}),
+    ("there is no recording", lambda _, folder: folder / "a.csv", {}),
     ("neither a file nor a folder", pipe, {}),
-    ("without a bag", folder_alone, {}),
+    ("without a bag", lambda _, folder: folder, {}),
     (r"ends in \.xls, expected \.csv", text("x", "a.xls"), {}),
     ("1 joint names are given, the arm has 2", written(), {"joints": ["a"]}),
     ("without a number, in column tau2", written(lambda table: table.assign(tau2=np.nan)), {}),
@@ -93,7 +83,7 @@ FILES = [
     ("not of the same length: t has 200, q has 3", arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", arrays(q=np.ones((200, 3))), ARRAYS),
     ("array q holds complex128, expected real numbers", arrays(q=1j * np.ones((200, 2))), ARRAYS),
-    ("has no joint 1, 2; it has x, y", other_joints, {}),
+    ("has no joint 1, 2; it has x, y", partial(write_bag, names=["x", "y"]), {}),
     ("has no joint states on /arm, but on /joint_states", write_bag, {"topic": "/arm"}),
     (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
 ]
@@ -141,10 +131,6 @@ def of_elbow(signal, change):
     return but(signal, lambda x: torch.stack([x[:, 0], change(x[:, 1])], 1))
 
 
-def same(recording):
-    return recording
-
-
 def shuffled(time):
     """A sample that is stamped like an earlier one."""
     return torch.where(torch.arange(len(time)) == 100, time[90], time)
@@ -152,79 +138,58 @@ def shuffled(time):
 
 def interrupted(time):
     """A sample that is stamped like the one before it, and two seconds without samples."""
-    return torch.where(torch.arange(len(time)) == 700, time[699], time) + 2.0 * (
-        torch.arange(len(time)) >= 1000
-    )
+    k = torch.arange(len(time))
+    return torch.where(k == 700, time[699], time) + 2.0 * (k >= 1000)
 
 
-DEGREES, GAINS = 180 / math.pi, r"are the gains \(robot\.gains\)"
+def limited(torque):
+    """The planar arm with other limits of torque [N·m]."""
+    return replace(PLANAR, torque_limit=torch.full((2,), torque, dtype=torch.float64))
+
+
+def same(recording):
+    return recording
+
+
+def check(recording, arm=PLANAR, gains=None, angle="rad", **changes):
+    return check_recording(recording, arm, of_file(**changes), gains, angle=angle)
+
+
+DEGREES, GAINS, TWO = 180 / math.pi, r"are the gains \(robot\.gains\)", (2.0, 2.0)
 UNITS = [("ms", "s", 1e3), ("us", "s", 1e6), ("ns", "s", 1e9), ("us", "ms", 1e3), ("ns", "ms", 1e6)]
 DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
+LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
 CHECKED = [
     ("are these degrees", scaled("position", DEGREES), {}),
     ("are these radians", scaled("position", 1 / DEGREES), {"angle": "deg"}),
     ("one of them is in degrees", scaled("velocity", DEGREES), {}),
     *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
-    (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": (2.0, 2.0)}),
-    (GAINS, currents(1e3), {"gains": (2.0, 2.0), "units": {"current": "mA"}}),
+    (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
+    (GAINS, currents(1e3), {"gains": TWO, "units": {"current": "mA"}}),
     (GAINS, currents(), {"gains": (2e5, 2e5)}),
+    ("times what the description's links need", currents(1e3), {"gains": TWO, "arm": limited(torch.inf)}),
     ("is it in N·m, and in this order", scaled("torque", 1e7), {}),
-    ("there is no motion", but("position", torch.ones_like), {}),
     ("hardly moves: no joint by more than 0", scaled("position", 0.005), {}),
     ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
     ("every torque is zero", but("torque", torch.zeros_like), {}),
-    ("torque of elbow is constant", of_elbow("torque", torch.ones_like), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
     *((DEAD, but("velocity", constant), {}) for constant in (torch.ones_like, torch.zeros_like)),
     ("all samples have the same time stamp", but("time", torch.ones_like), {}),
     ("time runs backwards.* after sample 100", but("time", shuffled), {}),
-    ("holds 5 samples", lambda recording: part_of(recording, slice(5)), {}),
+    ("has 2 joints, kuka_lwr4 has 7", same, {"arm": load_robot("kuka_lwr4")}),
+    ("give the drive gains", currents(), {}),
+    ("3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
+    ("reverse names wrist", same, {"reverse": ["wrist"]}),
+    ("no joint is ever faster than 100 rad/s", same, {"still": 100.0}),
+    ("bandwidth is 80 Hz, expected less than half the rate", same, {"bandwidth": 80.0}),
+    *((LOW, same, {name: 1e-11}) for name in ("cutoff", "headroom", "bandwidth")),
 ]
 
 
 @pytest.mark.parametrize(("words", "change", "options"), CHECKED)
-def test_recordings(recording, planar, words, change, options):
-    units = options.get("units", {})
-    others = {name: x for name, x in options.items() if name != "units"}
+def test_recordings(recording, words, change, options):
     with pytest.raises(RecordingError, match=words):
-        check_recording(change(recording), planar, of_file(units=units), **others)
-
-
-def limited(arm, torque):
-    return replace(arm, torque_limit=torch.full_like(arm.torque_limit, torque))
-
-
-def test_recordings_of_an_arm_without_limits(recording, planar):
-    arm = limited(planar, torch.inf)
-    with pytest.raises(RecordingError, match="times what the description's links need"):
-        check_recording(currents(1e3)(recording), arm, of_file(), (2.0, 2.0))
-
-
-def test_limits_that_the_arms_own_links_exceed_are_none(recording, planar):
-    warnings = check_recording(recording, limited(planar, 1e-3), of_file()).warnings
-    assert "the torque of shoulder, elbow is beyond the arm's limit" in "\n".join(warnings)
-
-
-def test_recordings_of_another_arm(recording, arm):
-    with pytest.raises(RecordingError, match="has 2 joints, kuka_lwr4 has 7"):
-        check_recording(recording, arm, of_file())
-
-
-LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
-PREPROCESSED = [
-    ("give the drive gains", currents(), None, {}),
-    ("3 drive gains, the arm has 2 joints", currents(), (1.0, 1.0, 1.0), {}),
-    ("reverse names wrist", same, None, {"reverse": ["wrist"]}),
-    ("no joint is ever faster than 100 rad/s", same, None, {"still": 100.0}),
-    ("bandwidth is 80 Hz, expected less than half the rate", same, None, {"bandwidth": 80.0}),
-    *((LOW, same, None, {name: 1e-11}) for name in ("cutoff", "headroom", "bandwidth")),
-]
-
-
-@pytest.mark.parametrize(("words", "change", "gains", "settings"), PREPROCESSED)
-def test_recordings_that_are_preprocessed(recording, words, change, gains, settings):
-    with pytest.raises(RecordingError, match=words):
-        preprocess(change(recording), of_file(**settings), gains)
+        check(change(recording), **options)
 
 
 WARNED = [
@@ -244,6 +209,11 @@ WARNED = [
 
 
 @pytest.mark.parametrize(("words", "change"), WARNED, ids=[words for words, _ in WARNED])
-def test_warnings(planar, recording, words, change):
-    before, after = (check_recording(x, planar, of_file()).warnings for x in (recording, change(recording)))
+def test_warnings(recording, words, change):
+    before, after = (check(x).warnings for x in (recording, change(recording)))
     assert words in "\n".join(after) and words not in "\n".join(before)
+
+
+def test_limits_that_the_arms_own_links_exceed_are_none(recording):
+    warnings = check(recording, limited(1e-3)).warnings
+    assert "the torque of shoulder, elbow is beyond the arm's limit" in "\n".join(warnings)
