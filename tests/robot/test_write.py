@@ -14,21 +14,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import (
-    Drives,
-    Limits,
-    Setup,
-    built_in_robots,
-    load_robot,
-    write_mjcf,
-    write_urdf,
-)
+from sidegan.robot import Drives, Limits, Setup, built_in_robots, load_robot, write_mjcf, write_urdf
 from sidegan.robot.consistency import about_the_centre
 from sidegan.robot.write_usd import write_usd
 from tests.chains import random_states, real_links
+from tests.recording.conftest import real
 
 from .test_looks import file  # noqa: F401
-from .test_models import DATA
 from .urdf import INERTIA, joint, link, more, one_joint, robot
 
 
@@ -92,10 +84,7 @@ def test_any_chain_is_what_pinocchio_reads_and_is_written_as_it_is(load, tmp_pat
 
 
 def test_a_real_arm_is_written_as_it_is(tmp_path):
-    path = DATA / "ur10e" / "reference.urdf"
-    if not path.is_file():
-        pytest.skip(f"the UR10e is not at {path}; set SIDEGAN_DATA")
-    assert_written(load_robot(path), tmp_path / "out.urdf")
+    assert_written(load_robot(real("ur10e/reference.urdf")), tmp_path / "out.urdf")
 
 
 @pytest.mark.parametrize("empty", ['<link name="arm"/>', "<link name='arm' />", '<link name="arm"></link>'])
