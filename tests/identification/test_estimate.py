@@ -8,7 +8,6 @@ from sidegan.identification import METHODS, Measurements, estimate
 from tests.identification import recordings
 from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
 
-STREAMED = [name for name in METHODS if name != "huber"]
 PLAIN = ["ols", "weighted", "huber", "rls"]  # need no arm, and scale with the torque
 
 
@@ -100,7 +99,7 @@ class TestLaws:
         close(other.deviation, factor * one.deviation, rtol=1e-2)
 
     @settings(max_examples=15, deadline=None)
-    @given(seed=st.integers(0, 1000), method=st.sampled_from(["ols", "weighted", "rls", "huber"]))
+    @given(seed=st.integers(0, 1000), method=st.sampled_from(PLAIN))
     def test_what_the_model_explains_moves_the_parameters_only(self, rows, seed, method):
         shift = torch.from_numpy(np.random.default_rng(seed).normal(size=6))
         one = fitted(method, rows, prior=1e12)
@@ -108,7 +107,7 @@ class TestLaws:
         close(other.parameters, one.parameters + shift, rtol=1e-3 if method == "huber" else 1e-6)
 
     @settings(max_examples=20, deadline=None)
-    @given(size=st.integers(1, 500), cut=st.integers(1, 399), method=st.sampled_from(STREAMED[:4]))
+    @given(st.integers(1, 500), st.integers(1, 399), st.sampled_from(["ols", "weighted", "rls", "essential"]))
     def test_neither_pieces_nor_recordings_matter(self, rows, size, cut, method):
         model = Fixed(rows[0])
         data = model.measurements(rows[1])
@@ -131,15 +130,6 @@ class TestLaws:
         with recordings.at_once(100):
             found = recordings.fitted(method, model, [recorded(model_of(planar), 3000, 0.1)])
         assert found.samples == 3000 and max(sizes) == 100
-
-    def test_outliers_drag_least_squares_but_not_huber(self, rows):
-        clean = fitted("weighted", rows).parameters
-        torque = rows[1].clone()
-        torque[::15] += 30.0
-        error = {
-            m: float((fitted(m, (rows[0], torque)).parameters - clean).norm()) for m in ("weighted", "huber")
-        }
-        assert error["huber"] < 0.2 * error["weighted"]
 
     def test_huber_says_when_it_has_not_settled(self, rows, caplog):
         torque = 1e3 * rows[1].sign()  # nothing that a model with errors would leave

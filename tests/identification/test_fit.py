@@ -77,26 +77,14 @@ class TestOracles:
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, inverse)
 
-    def test_by_hand(self):
-        y = torch.tensor([[[1.0]], [[2.0]]], dtype=torch.float64)
-        tau = torch.tensor([[3.0], [8.0]], dtype=torch.float64)
-        # A = 1 + 4 + 1/2 and b = 3 + 2 · 8: π = 19 / 5.5.
-        fit = fed(y, tau, prior=2.0)
-        assert fit.parameters.tolist() == pytest.approx([19 / 5.5], rel=1e-14)
-        assert float(fit.inverse) == pytest.approx(1 / 5.5, rel=1e-14)
-        # A = 0.5 · 1 + 4 + 0.25 / 2 and b = 0.5 · 3 + 16.
-        forgetful = fed(y, tau, prior=2.0, forgetting=0.5)
-        assert forgetful.parameters.tolist() == pytest.approx([17.5 / 4.625], rel=1e-14)
-
 
 class TestPoorData:
     @pytest.mark.parametrize("prior", [1e-2, 1e6, 1e14])
-    @pytest.mark.parametrize("size", [1, 7, 200])
-    def test_directions_without_data_stay_at_the_prior(self, prior, size):
+    def test_directions_without_data_stay_at_the_prior(self, prior):
         y, tau = (x.clone() for x in ROWS)
         y[..., 2] = 0  # no effect at all
         y[..., 5] = 0.3 * y[..., 1]  # only the sum of two shows
-        fit = fed(y, tau, size, prior)
+        fit = fed(y, tau, 7, prior)
         blind = torch.tensor([[0, 0, 1, 0, 0, 0], [0, -0.3, 0, 0, 0, 1]], dtype=torch.float64)
         blind = blind / blind.norm(dim=1, keepdim=True)
         if prior < 1e10:  # beyond that a direction's rounding exceeds the others' variance
@@ -108,12 +96,6 @@ class TestPoorData:
         seen = np.linalg.lstsq(kept.reshape(-1, 4).numpy(), tau.reshape(-1).numpy(), rcond=None)[0]
         if prior > 1:
             np.testing.assert_allclose(y @ fit.parameters, kept @ torch.from_numpy(seen), rtol=0, atol=1e-4)
-
-    def test_fewer_equations_than_parameters(self):
-        y, tau = (x[:1] for x in ROWS)
-        fit = fed(y, tau, prior=1e8)
-        assert_close((y @ fit.parameters)[0], tau[0], 1e-3)
-        assert_close(fit.parameters, batch(y, tau, 1e8)[0], 1e-6)
 
     @pytest.mark.parametrize("decades", [2, 4, 6])
     def test_ill_conditioned_data(self, decades):
@@ -139,17 +121,6 @@ class TestPoorData:
         fit = fed(y, tau, 200, forgetting=0.5)
         assert fit.parameters.isfinite().all() and fit.inverse.isfinite().all()
         assert abs(fit.parameters[2]) < 1e-12 and fit.inverse[2, 2] > 1e100
-
-
-class TestWeighted:
-    def test_a_small_joint_is_not_drowned(self):
-        random = np.random.default_rng(2)
-        y = torch.from_numpy(random.normal(size=(500, 2, 4)))
-        true = torch.from_numpy(random.normal(size=4))
-        tau = y @ true + torch.from_numpy(random.normal(size=(500, 2)) * [10, 1e-3])
-        plain, weighted = (fed(y, tau, weighted=w) for w in (False, True))
-        assert (weighted.parameters - true).norm() < 1e-3 * (plain.parameters - true).norm()
-        assert (1 / weighted.weights).tolist() == pytest.approx([10, 1e-3], rel=0.1)
 
     def test_exact_data_and_a_joint_without_torque_do_not_divide_by_zero(self):
         y = ROWS[0].clone()

@@ -62,10 +62,8 @@ class TestGroupings:
 
     def test_formulas_add_up_to_the_parameters(self, arm):
         model = model_of(arm, [0.1] * 7)
-        values = dict(
-            zip(model.standard_names, np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
-        )
-        full = torch.tensor([values[name] for name in model.standard_names], dtype=torch.float64)
+        full = torch.from_numpy(np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
+        values = dict(zip(model.standard_names, full.tolist()))
         for own, text, expected in zip(model.names, model.formulas, (model.mapping @ full).tolist()):
             assert own in text.split()
             words = text.replace("- ", "-").replace("+ ", "").split()
