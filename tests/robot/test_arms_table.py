@@ -15,6 +15,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.report.export import markdown
 from sidegan.robot.load import _MODELS
+from tests.robot.accuracy import shape_accuracy
 from tests.robot.arms import ROBOTS, facts_of, remedied, task_of
 from tests.robot.judge import Facts, Judge
 
@@ -89,7 +90,8 @@ def test_no_collision_is_missed_and_every_trajectory_is_valid(name, rows, tmp_pa
 
     task, words = remedied(load, given)
     judge = Judge(task.arm.urdf, task.arm.joint_names, facts_of(task))
-    refused, missed = shares(task_of(file, [*words, "workspace.clearance=0"], tmp_path), judge)
+    bare = task_of(file, [*words, "workspace.clearance=0"], tmp_path)
+    refused, missed = shape_accuracy(bare.constraints, judge, CONFIGURATIONS)
     run_stages(task.cfg, tmp_path / "run", name)
     files = sorted((tmp_path / "run" / "trajectories").glob("[0-9]*.csv"))
     verdicts = pd.DataFrame([judged(judge, path) for path in files])
@@ -100,16 +102,6 @@ def test_no_collision_is_missed_and_every_trajectory_is_valid(name, rows, tmp_pa
     assert [word.partition("=")[0] for word in words[len(given) :]] == [f"robot.{x}" for x in asked.split()]
     assert missed == 0 and refused <= recorded + MORE
     assert len(files) == 3 and verdicts.valid.all(), verdicts
-
-
-def shares(task, judge):
-    """Shares of free configurations that are refused, and of colliding ones that are not."""
-    arm, draw = task.arm, torch.Generator().manual_seed(0)
-    q = torch.rand(CONFIGURATIONS, arm.joints, generator=draw, dtype=torch.float64)
-    q = torch.lerp(arm.position_lower, arm.position_upper, q)
-    refused = (task.constraints.at_rest(q)["collision"] < 0).any(1).numpy()
-    collided = judge.colliding(judge.configurations(q.numpy()))
-    return refused[~collided].mean(), 1 - refused[collided].mean() if collided.any() else 0.0
 
 
 def judged(judge, path):
@@ -157,6 +149,5 @@ def test_the_judge_finds_lying_rates_collisions_and_the_floor():
     pairs = [["forearm", "base"], ["upper_arm", "base"], ["upper_arm", "forearm"]]
     assert Judge(FILE, JOINTS, Facts(exempt=pairs))(*motion(2.85))["colliding"] == 0
     assert Judge(FILE, JOINTS, Facts(floor=0.6))(*motion(1.5))["height"] < -0.1
-    assert (
-        Judge(FILE, JOINTS, Facts(floor=0.6, standing=["forearm", "upper_arm"]))(*motion(1.5))["height"] > 1
-    )
+    standing = Facts(floor=0.6, standing=["forearm", "upper_arm"])
+    assert Judge(FILE, JOINTS, standing)(*motion(1.5))["height"] > 1

@@ -1,9 +1,8 @@
 """What a description says, leaves out and states in passing; and the digest of all its numbers."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import torch
 
@@ -11,18 +10,6 @@ from sidegan.robot import built_in_robots, load_robot
 from sidegan.robot.arm import digest_of
 
 from .urdf import INERTIA, joint, link, more, one_joint, two_joints
-
-
-def test_inertia_is_about_the_joints_frame(load):
-    parameters = load(one_joint()).inertial_parameters[0].numpy()
-    turn = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)
-    about_centre = turn @ np.array([[0.025, 0.001, 0], [0.001, 0.03, 0], [0, 0, 0.01]]) @ turn.T
-    c = np.array([0.01, -0.02, 0.1])
-    about_joint = about_centre + 1.5 * (c @ c * np.eye(3) - np.outer(c, c))
-    np.testing.assert_allclose(parameters[:4], [1.5, *(1.5 * c)], atol=1e-15)
-    np.testing.assert_allclose(
-        parameters[4:], about_joint[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]], atol=1e-15
-    )
 
 
 def test_a_fixed_joint_hands_its_load_to_the_link_that_carries_it(load):
@@ -80,12 +67,8 @@ class TestDigest:
     @pytest.mark.parametrize("name", built_in_robots())
     def test_survives_rounding_errors(self, name):
         arm = load_robot(name)
-        tensors = {f.name: getattr(arm, f.name) for f in fields(arm)}
-        exact = {key: value for key, value in tensors.items() if isinstance(value, torch.Tensor)}
-        shaken = {
-            key: value if value.dtype == torch.bool else value * (1 + 2e-16) + 1e-17
-            for key, value in exact.items()
-        }
+        exact = {name: x for name, x in vars(arm).items() if isinstance(x, torch.Tensor)}
+        shaken = {k: x if x.dtype == torch.bool else x * (1 + 2e-16) + 1e-17 for k, x in exact.items()}
         capsules = replace(arm.capsules, a=arm.capsules.a - 1e-17)
         assert digest_of(exact, arm.capsules) == arm.digest
         assert digest_of(shaken, capsules) == arm.digest

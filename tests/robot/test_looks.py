@@ -78,11 +78,8 @@ def test_meshes_of_stock_arms_are_where_pinocchio_has_them(file):
     folders = [str(folder) for folder in arm.urdf.parents]
     shapes = pin.buildGeomFromUrdf(whole, str(arm.urdf), pin.GeometryType.VISUAL, None, folders)
     for k, name in enumerate(arm.joint_names[:-1]):  # fingers of a hand are locked elsewhere
-        theirs = [
-            np.array([shape.placement.act(x) for x in shape.geometry.vertices()])
-            for shape in shapes.geometryObjects
-            if shape.parentJoint == whole.getJointId(name)
-        ]
+        own = [shape for shape in shapes.geometryObjects if shape.parentJoint == whole.getJointId(name)]
+        theirs = np.array([one.placement.act(x) for one in own for x in one.geometry.vertices()])
         ours = np.vstack([part.vertices for part in visual_parts(arm) if part.link == k])
         for end in (np.min, np.max):
-            np.testing.assert_allclose(end(ours, axis=0), end(np.vstack(theirs), axis=0), atol=1e-6)
+            np.testing.assert_allclose(end(ours, axis=0), end(theirs, axis=0), atol=1e-6)

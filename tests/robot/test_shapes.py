@@ -70,19 +70,14 @@ def test_spheres_and_both_ways_to_write_a_capsule_are_exact(load, words, ends, r
     assert capsules.radius.tolist() == [radius] and capsules.names == ("arm",)
 
 
-def test_boxes_and_cylinders_are_inside_of_their_capsules(load):
-    rim = np.array([[0.1, 0, 1.3], [0, 0.1, 1.3], [0.1, 0, 0.7], [-0.1, 0, 0.7]])
-    assert beyond(rim, load(one_joint(collision=collision(ROD, 'xyz="0 0 1"')))) <= 1e-12
-    arm = load(one_joint(collision=BOX))
-    assert beyond(corners(0.1, 0.2, 0.7) + np.array([1, 0, 0]), arm) <= 1e-12
-    assert arm.capsules.radius.item() < np.linalg.norm([0.1, 0.2, 0.7]) / 2
-
-
 def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
     arm = load(one_joint(collision=BOX + collision(ROD) + ball(0.2)))
     pieces = arm.capsules.pieces
     box, cylinder, sphere = pieces.corners.split(pieces.start.diff().tolist())
     expected = corners(0.1, 0.2, 0.7) + np.array([1, 0, 0])
+    rim = np.array([[0.1, 0, 0.3], [0, 0.1, 0.3], [0.1, 0, -0.3], [-0.1, 0, -0.3]])
+    assert beyond(expected, arm) <= 1e-12 and beyond(rim, arm) <= 1e-12
+    assert arm.capsules.radius[0] < np.linalg.norm([0.1, 0.2, 0.7]) / 2
     np.testing.assert_allclose(np.unique(box, axis=0), np.unique(expected, axis=0))
     assert cylinder[:, 2].abs().tolist() == pytest.approx([0.3] * len(cylinder))
     assert 0.1 < cylinder[:, :2].norm(dim=1).max() < 0.1002  # a prism around it
@@ -93,14 +88,10 @@ def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
 
 
 def test_shapes_behind_fixed_joints_move_with_the_link_that_carries_them(load):
-    ball_ = ball(0.1)
-    pillar = (
-        link("base", ball_),
-        joint("mount", "base", "pillar", "fixed", 'xyz="0 0 2"'),
-        link("pillar", ball_),
-    )
-    tool = joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"') + link("tool", ball_)
-    capsules = load(robot(*pillar, joint("turn", "pillar", "arm"), link("arm"), tool)).capsules
+    links = (link(name, ball(0.1)) for name in ("base", "pillar", "tool"))
+    mount = joint("mount", "base", "pillar", "fixed", 'xyz="0 0 2"')
+    grip = joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"')
+    capsules = load(robot(*links, mount, joint("turn", "pillar", "arm"), link("arm"), grip)).capsules
     where = dict(zip(capsules.names, zip(capsules.link.tolist(), capsules.a.tolist())))
     assert where == {"base": (-1, [0, 0, 0]), "pillar": (-1, [0, 0, 2]), "tool": (0, [0, 0, 0.5])}
 
