@@ -7,24 +7,26 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from sqlalchemy import event
+from sqlalchemy.engine import Engine
 
 from sidegan.errors import InfeasibleError
 from sidegan.pipeline import run, tracking
 from sidegan.pipeline.callbacks import PARENT
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.sweep import sweep_table
-from sidegan.pipeline.tracking import UNTRACKED, Tracker
+from sidegan.pipeline.tracking import SENDING, UNTRACKED, Tracker
 from sidegan.untracked import main as send_all
 from sidegan.untracked import send_kept
 from tests.pipeline.conftest import NOWHERE, client_of
 from tests.tiny import TINY
+from tests.waiting import wait_until
 
 FORK = multiprocessing.get_context("fork")
 
@@ -55,20 +57,45 @@ def warnings(caplog):
     return [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
 
 
+@contextmanager
+def listening(name, told):
+    """Within the block a function is called at every event of a name of all databases."""
+    event.listen(Engine, name, told)
+    try:
+        yield
+    finally:
+        event.remove(Engine, name, told)
+
+
 def record(tracker, folder):
     """Some of everything, as a run records it."""
     (folder / "plots").mkdir(exist_ok=True)
     (folder / "plots" / "loss.svg").write_text("<svg/>")
-    tracker.log_params(
-        {"seed": 1, "gan": {"eigen": {"epochs": 3}}, "stages": ["seeds"], "long": "x" * 10_000}
-    )
+    params = {"seed": 1, "gan": {"eigen": {"epochs": 3}}, "stages": ["seeds"], "long": "x" * 10_000}
+    tracker.log_params(params)
     tracker.log_history({"loss": [3.0, 2.0]}, steps=[10, 20])
     tracker.log_history({"many": [float(i) for i in range(2500)]})
     tracker.log_metrics({"R² of λ_1, spectrum": 0.9})
     tracker.log_artifact(folder / "plots", "figures")
     tracker.log_table(pd.DataFrame({"nmse": [0.1]}, index=pd.Index(["seeds"], name="set")), "table1")
-    for note in ("**Table I**", "x" * 8000, "the end"):
+    for note in ("**Table I**", "x" * 8000, "the end"):  # as much as there is room for
         tracker.log_note(note)
+
+
+def refuse_incomplete(root, name):
+    """The run of a name must have all that ``record`` records."""
+    client, (found,) = client_of(root), called(root, name)
+    assert found.info.status == "FINISHED" and found.data.params.pop("long")
+    assert found.data.params == {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']"}
+    assert found.data.metrics["R² of λ_1_ spectrum"] == 0.9
+    assert found.data.tags["mlflow.note.content"] == "**Table I**\n\nthe end\n\n"
+    loss = client.get_metric_history(found.info.run_id, "loss")
+    assert [(m.step, m.value) for m in loss] == [(10, 3.0), (20, 2.0)]
+    assert len(client.get_metric_history(found.info.run_id, "many")) == 2500
+    (drawn,) = client.list_artifacts(found.info.run_id, "figures")
+    table = json.loads(Path(client.download_artifacts(found.info.run_id, "table1.json")).read_text())
+    assert drawn.path == "figures/loss.svg"
+    assert table == {"columns": ["set", "nmse"], "data": [["seeds", 0.1]]}
 
 
 def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, tmp_path):
@@ -78,33 +105,6 @@ def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, t
     whole = client_of(root).get_run(tracker.run_id)
     assert whole.data.tags["mlflow.parentRunId"] == parent.run_id
     assert whole.info.artifact_uri.startswith(root.as_uri()) and untracked(tmp_path) == []
-
-
-def refuse_incomplete(root, name):
-    """The run of a name must have all that ``record`` records."""
-    client, (found,) = client_of(root), called(root, name)
-    assert found.info.status == "FINISHED" and found.data.params.pop("long")
-    assert found.data.params == {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']"}
-    assert found.data.metrics["R² of λ_1_ spectrum"] == 0.9
-    assert (
-        found.data.tags["mlflow.note.content"] == "**Table I**\n\nthe end\n\n"
-    )  # as much as there is room for
-    loss = client.get_metric_history(found.info.run_id, "loss")
-    assert [(m.step, m.value) for m in loss] == [(10, 3.0), (20, 2.0)]
-    assert len(client.get_metric_history(found.info.run_id, "many")) == 2500
-    (drawn,) = client.list_artifacts(found.info.run_id, "figures")
-    table = json.loads(Path(client.download_artifacts(found.info.run_id, "table1.json")).read_text())
-    assert drawn.path == "figures/loss.svg" and table == {
-        "columns": ["set", "nmse"],
-        "data": [["seeds", 0.1]],
-    }
-
-
-@pytest.mark.parametrize(("error", "status"), [(ValueError, "FAILED"), (KeyboardInterrupt, "KILLED")])
-def test_a_run_ends_as_its_block_does(root, start, error, status):
-    with pytest.raises(error), start() as tracker:
-        raise error
-    assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
 def killed(root, pipe):
@@ -134,28 +134,18 @@ def recorded(root, name):
 
 def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path):
     """And it waits for the disk again once it is made."""
-    from sqlalchemy import event
-    from sqlalchemy.engine import Engine
-
     opened = []
-
-    def note(connection, record):
-        opened.append(connection)
-
     beside = FORK.Process(target=recorded, args=(tmp_path, "second"))
-    event.listen(Engine, "connect", note)
-    try:
+    with listening("connect", lambda connection, _: opened.append(connection)):
         beside.start()
         assert recorded(tmp_path, "first").reached
-    finally:
-        event.remove(Engine, "connect", note)
         beside.join()
     ended = {one.info.run_name: one.info.status for one in client_of(tmp_path).search_runs(["1"])}
     assert ended == {"first": "FINISHED", "second": "FINISHED"}
     assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
 
 
-def test_a_server_that_is_gone_stops_nothing_and_the_run_is_sent_later(root, start, tmp_path, caplog):
+def test_what_a_server_that_is_gone_did_not_get_is_sent_later_and_once(root, start, caplog, monkeypatch):
     folder = root / "runs" / "late"
     folder.mkdir(parents=True)
     with start(folder, "late", uri=NOWHERE) as tracker:
@@ -166,8 +156,19 @@ def test_a_server_that_is_gone_stops_nothing_and_the_run_is_sent_later(root, sta
     first, *_, last = untracked(folder)
     assert not send_kept(folder, root, NOWHERE) and send_all([str(root), "--uri", NOWHERE]) == 1
     assert (folder / UNTRACKED).read_text() == kept
-    (folder / UNTRACKED).write_text(kept + '{"time": 1, "ki')  # killed while it wrote
-    (folder / UNTRACKED).rename(folder / "untracked.sending.jsonl")  # killed while it was sent
+
+    def gone(*arguments):
+        raise ConnectionError("the server is gone")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tracking, "_upload", gone)
+        assert not send_kept(folder, root)
+    rest, (late,) = untracked(folder), called(root, "late")
+    assert [line["kind"] for line in rest] == ["artifact", "table", "note", "note", "status"]
+    assert {line["run"] for line in rest} == {late.info.run_id} and late.info.status == "RUNNING"
+    with (folder / UNTRACKED).open("a") as file:
+        file.write('{"time": 1, "ki')  # killed while it wrote
+    (folder / UNTRACKED).rename(folder / SENDING)  # killed while it was sent
     assert send_all([str(root)]) == 0
     refuse_incomplete(root, "late")
     (late,) = called(root, "late")
@@ -177,27 +178,9 @@ def test_a_server_that_is_gone_stops_nothing_and_the_run_is_sent_later(root, sta
     assert send_kept(folder, root), "nothing is left to send"
 
 
-def test_what_arrived_before_the_server_went_away_again_is_not_sent_twice(root, start, tmp_path, monkeypatch):
-    with start(name="twice", uri=NOWHERE) as tracker:
-        record(tracker, tmp_path)
-
-    def gone(*arguments):
-        raise ConnectionError("the server is gone")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(tracking, "_upload", gone)
-        assert not send_kept(tmp_path, root)
-    kept = untracked(tmp_path)
-    assert [line["kind"] for line in kept] == ["artifact", "table", "note", "note", "status"]
-    (run,) = called(root, "twice")
-    assert {line["run"] for line in kept} == {run.info.run_id} and run.info.status == "RUNNING"
-    assert send_kept(tmp_path, root)
-    refuse_incomplete(root, "twice")
-
-
-@contextmanager
+@pytest.fixture
 def server(root):
-    """An MLflow server on the database of the outputs, and how to kill it."""
+    """Address and process group of an MLflow server on the database of the outputs."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port = one.getsockname()[1]
@@ -205,35 +188,29 @@ def server(root):
     stores = ["--backend-store-uri", f"sqlite:///{root}/mlflow.db", "--artifacts-destination", str(root)]
     environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
     with (root / "server.log").open("w") as log:
-        process = subprocess.Popen(
-            [*command, *stores], stdout=log, stderr=log, env=environment, start_new_session=True
-        )
-    uri, until = f"http://127.0.0.1:{port}", time.monotonic() + 300
+        options = {"stdout": log, "stderr": log, "env": environment, "start_new_session": True}
+        process = subprocess.Popen([*command, *stores], **options)
 
-    def kill():
+    def ready():
+        assert process.poll() is None
+        with suppress(OSError):
+            urllib.request.urlopen(f"http://127.0.0.1:{port}/health", timeout=1).close()
+            return True
+
+    wait_until(ready, 300)
+    yield f"http://127.0.0.1:{port}", process.pid
+    with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-    try:
-        while True:
-            assert process.poll() is None and time.monotonic() < until, "it never became ready"
-            try:
-                urllib.request.urlopen(f"{uri}/health", timeout=1).close()
-                break
-            except OSError:
-                time.sleep(0.2)
-        yield uri, kill
-    finally:
-        if process.poll() is None:
-            kill()
+    process.wait()
 
 
 @pytest.mark.slow
-def test_a_server_killed_in_the_middle_gets_the_rest_later(root, start, tmp_path, caplog):
-    with server(root) as (uri, kill), start(name="interrupted", uri=uri) as tracker:
+def test_a_server_killed_in_the_middle_gets_the_rest_later(root, server, start, tmp_path, caplog):
+    uri, group = server
+    with start(name="interrupted", uri=uri) as tracker:
         tracker.log_metrics({"before": 1.0})
         assert tracker.reached
-        kill()
+        os.killpg(group, signal.SIGKILL)
         tracker.log_metrics({"after": 2.0})
         tracker.log_params({"seed": 1})
     assert len(warnings(caplog)) == 1
@@ -244,31 +221,18 @@ def test_a_server_killed_in_the_middle_gets_the_rest_later(root, start, tmp_path
     assert found.info.status == "FINISHED" and found.data.metrics == {"before": 1.0, "after": 2.0}
 
 
-@contextmanager
-def full_database():
-    """Within the block no SQLite database grows, as on a full disk."""
-    from sqlalchemy import event
-    from sqlalchemy.engine import Engine
-
+def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(start, tmp_path, caplog, capfd):
     limited = []
 
-    def limit(connection, cursor, *rest):
+    def limit(connection, *rest):
         limited.append(connection.connection.driver_connection)
         limited[-1].execute("PRAGMA max_page_count = 1")  # SQLite: as it is
 
-    event.listen(Engine, "before_cursor_execute", limit)
-    try:
-        yield
-    finally:
-        event.remove(Engine, "before_cursor_execute", limit)
+    with start() as tracker:
+        with listening("before_cursor_execute", limit):
+            tracker.log_metrics({f"number {k}": float(k) for k in range(3000)})
         for connection in limited:
             connection.execute("PRAGMA max_page_count = 1000000")
-
-
-def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(start, tmp_path, caplog, capfd):
-    with start() as tracker:
-        with full_database():
-            tracker.log_metrics({f"number {k}": float(k) for k in range(3000)})
         tracker.log_metrics({"last": 1.0})
     (warning,) = warnings(caplog)
     assert "disk is full" in warning and "\n" not in warning
@@ -304,10 +268,7 @@ assert "mlflow" not in sys.modules
 def test_a_short_run_is_recorded_when_it_has_ended_by_another_process(root, tmp_path):
     (tmp_path / "table.csv").write_text("a,b")
     subprocess.run([sys.executable, "-c", SHORT, str(root), str(tmp_path)], check=True, timeout=600)
-    until = time.monotonic() + 300
-    while len(list(tmp_path.iterdir())) > 1 and time.monotonic() < until:
-        time.sleep(0.2)
-    assert [path.name for path in tmp_path.iterdir()] == ["table.csv"], "nothing is kept any more"
+    wait_until(lambda: [path.name for path in tmp_path.iterdir()] == ["table.csv"], 300)
     (short,) = called(root, "short")
     assert short.info.status == "FINISHED" and short.data.params == {"seed": "1"}
     assert [file.path for file in client_of(root).list_artifacts(short.info.run_id)] == ["table.csv"]
