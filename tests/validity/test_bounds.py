@@ -199,13 +199,6 @@ def test_torque_bounds_hold_where_a_single_term_rules() -> None:
     assert nearest > 0.999  # there are states where the bound is sharp
 
 
-def test_torque_bound_is_sharp_for_one_slide() -> None:
-    arm = next(a for a in (random_chain(1, seed)[0] for seed in range(20)) if a.prismatic[0])
-    rates = [torch.full((1, 1), x, dtype=torch.float64) for x in (0.0, 0.0, 0.4, 2.0, 30.0, 0.0)]
-    force_rate = arm.inertial_parameters[0, 0] * 30.0
-    torch.testing.assert_close(torque_bounds(arm, CellMotion(*rates))[0][0, 0], force_rate)
-
-
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
 def test_no_point_of_a_capsule_moves_faster_than_its_reach(chain: Arm) -> None:
     arm = chain

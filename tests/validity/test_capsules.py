@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidegan.robot import Arm, capsule_geometry, load_robot, pinocchio_model
 from sidegan.validity import Box, Constraints, Plane
-from sidegan.validity.capsules import capsule_axes, place_points, segment_distance
+from sidegan.validity.capsules import capsule_axes, segment_distance
 from sidegan.validity.closest import closest
 from tests.chains import lenient, random_chain, random_states
 from tests.robot.urdf import INERTIA, collision, joint, link, robot
@@ -83,9 +83,8 @@ def test_segments_on_a_lattice(numbers: list[float]) -> None:
     segments = torch.tensor(numbers, dtype=torch.float64).reshape(4, 3, 1).unbind()
     np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
     a1, b1, a2, b2 = segments
-    torch.testing.assert_close(
-        segment_distance(a2, b2, b1, a1), segment_distance(a1, b1, a2, b2), atol=1e-12, rtol=0
-    )
+    turned = segment_distance(a2, b2, b1, a1)
+    torch.testing.assert_close(turned, segment_distance(*segments), atol=1e-12, rtol=0)
 
 
 def test_gradient_of_the_distance_agrees_with_finite_differences() -> None:
@@ -99,23 +98,17 @@ def test_gradient_is_finite_where_segments_meet() -> None:
     assert all(torch.isfinite(x.grad).all() for x in (a, b, c))
 
 
-@pytest.mark.parametrize(("joints", "seed"), [(1, 0), (4, 0), (9, 0)])
-def test_points_are_where_pinocchio_puts_them(joints: int, seed: int) -> None:
-    arm, model = random_chain(joints, seed)
+@pytest.mark.parametrize("joints", [1, 4, 9])
+def test_points_are_where_pinocchio_puts_them(joints: int) -> None:
+    arm, model = random_chain(joints, 0)
     data, (q, *_) = model.createData(), random_states(arm, 20)
     a, b = capsule_axes(arm, q.T.contiguous())
     for n in range(len(q)):
         pin.forwardKinematics(model, data, q[n].numpy())
         for k, carrier in enumerate(arm.capsules.link.tolist()):
-            placement = data.oMi[carrier + 1]
-            np.testing.assert_allclose(a[:, k, n], placement.act(arm.capsules.a[k].numpy()), atol=1e-13)
-            np.testing.assert_allclose(b[:, k, n], placement.act(arm.capsules.b[k].numpy()), atol=1e-13)
-
-
-def test_points_of_the_base_are_in_the_world(planar: Arm) -> None:
-    point = torch.tensor([[1.0, 2.0, 3.0]], dtype=torch.float64)
-    placed = place_points(planar, torch.ones(2, 4, dtype=torch.float64), point, [-1])
-    assert placed[:, 0].T.tolist() == [[1.0, 2.0, 3.0]] * 4
+            for found, own in ((a, arm.capsules.a), (b, arm.capsules.b)):
+                expected = data.oMi[carrier + 1].act(own[k].numpy())
+                np.testing.assert_allclose(found[:, k, n], expected, atol=1e-13)
 
 
 def coal_results(arm: Arm, constraints: Constraints, q: Tensor) -> list[list[tuple]]:
@@ -147,12 +140,6 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     assert apart.sum() > 1000 and (thicker < 0.1 or deep.sum() > 1000)
     np.testing.assert_allclose(ours[apart], theirs[apart], atol=1e-9)
     assert (ours[deep] < 0).all()
-
-
-def test_gradients_of_clearances_agree_with_finite_differences(arm: Arm) -> None:
-    constraints = Constraints(replace(arm, torque_limit=torch.full((7,), torch.inf)))
-    q = random_states(arm, 3, seed=8)[0].requires_grad_(True)
-    assert torch.autograd.gradcheck(lambda q: constraints.clearances(q)["collision"], (q,), fast_mode=True)
 
 
 def test_the_closest_pair_and_its_points_are_coals(arm):

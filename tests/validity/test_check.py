@@ -33,10 +33,8 @@ from .critical import (
 
 COARSE = 20.0  # [Hz] centres and edges of the check's first cells
 DENSE = 2_000.0  # [Hz]
-TINY = {"position": 1e-5, "velocity": 1e-5, "torque": 1e-4, "collision": 1e-6, "desk": 1e-6, "box": 1e-6}
-TINY |= {"acceleration": 1e-5, "jerk": 1e-4}
-COMFORTABLE = {"position": 1e-3, "velocity": 5e-3, "acceleration": 1e-2, "jerk": 1e-1, "torque": 1.0}
-COMFORTABLE |= {"collision": 1e-3, "desk": 1e-3, "box": 1e-3}
+TINY = dict(zip(KINDS, (1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6)))
+COMFORTABLE = dict(zip(KINDS, (1e-3, 5e-3, 1e-2, 1e-1, 1.0, 1e-3, 1e-3, 1e-3)))
 
 
 def family(arm: Arm, period: float = 3.0) -> Trajectory:
@@ -87,11 +85,8 @@ def near_the_limits(arm: Arm) -> tuple[Constraints, Trajectory, Tensor, Tensor]:
     count = 100 if arm.joints == 2 else 40
 
     def coarse(c: Tensor) -> Tensor:
-        share = [
-            x / scale
-            for x, scale in zip(smallest(constraints, trajectory, c, 20.0).values(), (1, 1, 40, 1, 1))
-        ]
-        return torch.stack(share).amin(0)
+        margins = smallest(constraints, trajectory, c, COARSE)
+        return torch.stack([x / (40 if name == "torque" else 1) for name, x in margins.items()]).amin(0)
 
     c = scaled_to(coarse, drawn(trajectory, count, seed=2), target=1e-4)
     generator = torch.Generator().manual_seed(3)
@@ -120,8 +115,8 @@ def test_valid_holds_for_chains_with_prismatic_joints(seed: int) -> None:
     trajectory = Trajectory(4, 4, 3.0, ((arm.position_lower + arm.position_upper) / 2).tolist())
 
     def coarse(c: Tensor) -> Tensor:
-        margins = margins_at(constraints, trajectory, c, trajectory.times(20.0))
-        return torch.stack([m.amin(1) for name, m in margins.items() if name != "torque"]).amin(0)
+        margins = smallest(constraints, trajectory, c, COARSE)
+        return torch.stack([x for name, x in margins.items() if name != "torque"]).amin(0)
 
     c = scaled_to(coarse, drawn(trajectory, 40, seed), target=1e-3)
     c = torch.cat([c, 0.97 * c])
@@ -157,17 +152,11 @@ def test_failure_names_the_pair_and_the_region(planar: Arm) -> None:
     constraints, trajectory = Constraints(planar, [DESK]), Trajectory(2, 1, 6.0)
     shoulder, elbow = torch.zeros(2, 1, *trajectory.shape, dtype=torch.float64)
     shoulder[0, 0, 0, 1] = elbow[0, 1, 0, 1] = 1.0
-    for swing, name, where in (
-        (shoulder, "keep_out", "forearm in region 0"),
-        (elbow, "collision", "base – forearm"),
-    ):
-        c = scaled_to(
-            lambda c, name=name: smallest(constraints, trajectory, c, 100.0)[name], swing, target=-0.01
-        )
-        failures = {
-            failure.constraint: failure.where for failure in check(constraints, trajectory, c).failures(0)
-        }
-        assert failures[name] == where
+    named = (shoulder, "keep_out", "forearm in region 0"), (elbow, "collision", "base – forearm")
+    for swing, name, where in named:
+        c = scaled_to(lambda c, name=name: smallest(constraints, trajectory, c, 100.0)[name], swing, -0.01)
+        failures = check(constraints, trajectory, c).failures(0)
+        assert {failure.constraint: failure.where for failure in failures}[name] == where
 
 
 def test_margins_are_the_smallest_sampled(arm: Arm) -> None:
@@ -264,9 +253,8 @@ def at_the_limit(names: list[str], seed: int, period: float, harmonics: int) -> 
     arm = unhindered(limited(load_robot("planar2"), names))
     constraints, trajectory = Constraints(arm, torque=False), Trajectory(2, harmonics, period)
     c = drawn(trajectory, 12, seed)
-    use = torch.stack(
-        [peaks(trajectory, c, HIGHER[x], 4001) / limit for x, limit in arm.higher_limits.items()]
-    )
+    limits = arm.higher_limits
+    use = torch.stack([peaks(trajectory, c, HIGHER[x], 4001) / limits[x] for x in limits])
     size = torch.linspace(0.97, 1.03, len(c), dtype=torch.float64)
     return constraints, trajectory, c * (size / use.amax((0, 2)))[:, None, None, None]
 
@@ -299,11 +287,6 @@ def test_motion_that_takes_s_times_as_long_has_accelerations_of_one_over_s_squar
 ) -> None:
     fast, slow = Trajectory(2, 4, period), Trajectory(2, 4, s * period)
     c = drawn(fast, 5, seed)
-    share = torch.linspace(0, 1, 201, dtype=torch.float64)
-    for order, factor in ((0, 1.0), (1, 1 / s), (2, 1 / s**2), (3, 1 / s**3)):
-        x = fast.derivative(c, period * share, order)
-        y = slow.derivative(c / s, s * period * share, order)  # coefficients are velocities
-        torch.testing.assert_close(y, factor * x, rtol=1e-9, atol=1e-9 * float(x.abs().max()))
     arm = replace(unhindered(load_robot("planar2")), acceleration_limit=torch.full((2,), 5.0).double())
     eased = replace(arm, acceleration_limit=5.0 / s**2 * torch.ones(2).double())
     one = check(Constraints(arm, torque=False), fast, c).margins["acceleration"]

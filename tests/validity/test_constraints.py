@@ -101,14 +101,7 @@ def test_margins_follow_labels_type_and_device(arm: Arm, device: torch.device) -
 def test_margins_can_be_differentiated(arm: Arm) -> None:
     constraints = Constraints(arm, [DESK])
     states = tuple(x.requires_grad_(True) for x in random_states(arm, 2, seed=5))
-    assert torch.autograd.gradcheck(
-        lambda *x: tuple(constraints.margins(*x).values()), states, fast_mode=True
-    )
-
-
-def test_a_home_where_the_arm_can_rest_is_accepted(arm: Arm, planar: Arm) -> None:
-    Constraints(arm, [DESK]).refuse_home(BENT)
-    Constraints(planar, [DESK]).refuse_home((0.0, 0.0))
+    assert torch.autograd.gradcheck(lambda *x: (*constraints.margins(*x).values(),), states, fast_mode=True)
 
 
 @pytest.mark.parametrize("beyond", [1e-6, -1e-6])

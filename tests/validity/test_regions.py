@@ -3,8 +3,6 @@
 MoveIt's scenes: both forms of the file, and every shape.
 """
 
-import math
-
 import coal
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ import torch
 from scipy.spatial import ConvexHull
 
 from sidegan.validity import Box, Convex, Plane, Region, Sphere
-from sidegan.validity.obstacles import directions
 from sidegan.validity.scene import read_scene
 
 from .critical import random_segments
@@ -33,9 +30,8 @@ def test_plane_measures_the_lower_end() -> None:
     a, b = torch.tensor([[1.0, 5.0, 0.0]]).T, torch.tensor([[1.0, 0.0, 5.0]]).T
     assert plane.margin(a, b).tolist() == pytest.approx([0.6 * 5 - 2])
     a, b = random_segments(100)
-    along = torch.stack(
-        [torch.tensor(plane.unit, dtype=torch.float64) @ x - 2.0 for x in (a, (a + b) / 2, b)]
-    )
+    unit = torch.tensor(plane.unit, dtype=torch.float64)
+    along = torch.stack([unit @ x - 2.0 for x in (a, (a + b) / 2, b)])
     torch.testing.assert_close(plane.margin(a, b), along.amin(0))
 
 
@@ -78,13 +74,11 @@ def test_margins_follow_type_and_device(region: Region, device: torch.device) ->
 RANDOM = np.random.default_rng(0)
 TURN = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
 BODIES = {
-    "ball": Sphere((0.1, -0.2, 0.3), 0.3),
+    "ball": BALL,
     "box": Convex.box((0.4, 0.6, 0.2)).placed(TURN, np.array([0.1, 0.2, -0.1])),
-    "cylinder": Convex.between((-0.2, 0.1, 0.0), (0.3, -0.2, 0.4), 0.2),
+    "cylinder": ROD,
     "cone": Convex.cylinder(0.3, 0.5, 0.0),
-    "wedge": Convex.around(
-        np.array([[0, 0, 0], [1, 0, 0], [0, 0.05, 0], [1, 0.05, 0], [0, 0, 0.5], [1, 0, 0.5]])
-    ),
+    "wedge": Convex.around(np.array([[x, *yz] for x in (0, 1) for yz in ((0, 0), (0.05, 0), (0, 0.5))])),
     "cloud": Convex.around(0.3 * RANDOM.normal(size=(40, 3))),
 }
 
@@ -110,12 +104,9 @@ def test_the_margin_is_never_more_than_coals_distance_and_short_by_little(name):
     for k in range(300):
         middle, along = (a[:, k] + b[:, k]).numpy() / 2, (b[:, k] - a[:, k]).numpy()
         length = np.linalg.norm(along)
-        turn = _onto(along / length)
-        result = coal.DistanceResult()
-        rod = coal.Capsule(1e-6, length)
-        distance = coal.distance(
-            rod, coal.Transform3s(turn, middle), shape, place, coal.DistanceRequest(), result
-        )
+        rod, at = coal.Capsule(1e-6, length), coal.Transform3s(_onto(along / length), middle)
+        asked = coal.DistanceRequest(), coal.DistanceResult()
+        distance = coal.distance(rod, at, shape, place, *asked)
         assert margin[k] <= max(distance, 0) + 1e-5  # coal's depths are those of the whole segment
         if distance > 1e-3:
             apart += 1
@@ -132,19 +123,11 @@ def _onto(z):
 
 
 def test_a_box_at_no_angle_is_a_box_but_for_edges_and_corners():
-    plain, body = Box((-0.2, -0.3, -0.1), (0.2, 0.3, 0.1)), BODIES["box"]
-    straight = Convex.box((0.4, 0.6, 0.2))
-    a, b = random_segments(300)
-    ours, theirs = straight.margin(a, b), plain.margin(a, b)
+    plain, straight = Box((-0.2, -0.3, -0.1), (0.2, 0.3, 0.1)), Convex.box((0.4, 0.6, 0.2))
+    ours, theirs = (body.margin(*random_segments(300)) for body in (straight, plain))
     inside = theirs < 0
     torch.testing.assert_close(ours[inside], theirs[inside], atol=1e-8, rtol=0)
-    assert (ours <= theirs + 1e-9).all() and inside.sum() > 20 and isinstance(body, Convex)
-
-
-def test_directions_are_even_all_over():
-    random = np.random.default_rng(1).normal(size=(2000, 3))
-    random /= np.linalg.norm(random, axis=1, keepdims=True)
-    assert (random @ directions().T).max(1).min() > math.cos(math.radians(21))
+    assert (ours <= theirs + 1e-9).all() and inside.sum() > 20
 
 
 # MoveIt's scenes, of both forms of the file.
