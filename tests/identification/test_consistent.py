@@ -72,9 +72,8 @@ class TestFit:
             other = model_of(replace(arm, inertial_parameters=factors * arm.inertial_parameters))
             data = recorded(other, 400, noise=0.3, seed=seed)
             found, plain = fitted("consistent", model, data), estimate("weighted", model, data)
-            shares.append(
-                ((found.parameters - truth_of(other)).abs() < 1.96 * found.deviation).double().mean()
-            )
+            error = (found.parameters - truth_of(other)).abs()
+            shares.append((error < 1.96 * found.deviation).double().mean())
             ratios.append(found.deviation / plain.deviation)
         assert 0.9 < float(torch.stack(shares).mean()) < 1
         ratio = torch.cat(ratios)
@@ -99,9 +98,7 @@ class TestFit:
         traces = torch.linalg.solve(first, now).diagonal(dim1=1, dim2=2).sum()
         pull = strength * (traces - torch.logdet(now).sum())
         scale = standard.detach().abs()
-        slopes = [
-            torch.autograd.grad(part, standard, retain_graph=True)[0] * scale for part in (misfit, pull)
-        ]
+        slopes = [scale * torch.autograd.grad(x, standard, retain_graph=True)[0] for x in (misfit, pull)]
         assert (slopes[0] + slopes[1]).norm() < 0.02 * slopes[0].norm()
 
 

@@ -58,9 +58,8 @@ def test_a_tool_is_told_as_by_the_whole_system_of_equations(arm, identified):
     typical = torch.tensor([1, *[0.1] * 3, *[0.01] * 6]).double()
     whole[model.count :, model.count :] += torch.diag(1 / (10 * typical) ** 2)
     covariance = torch.linalg.inv(whole)[model.count :, model.count :]
-    torch.testing.assert_close(
-        tool.deviations(known, motion), covariance.diagonal().sqrt(), rtol=1e-6, atol=0
-    )
+    deviations = covariance.diagonal().sqrt()
+    torch.testing.assert_close(tool.deviations(known, motion), deviations, rtol=1e-6, atol=0)
     scaled = torch.logdet(covariance / typical / typical[:, None])
     assert float(tool.value(known, motion)) == pytest.approx(float(scaled) / 10, rel=1e-6)
     assert tool.names[0] == "tool m" and len(tool.names) == 10
@@ -74,9 +73,8 @@ def test_of_links_only_their_parameters_count(arm):
     ours = [k for k, name in enumerate(model.names) if name[-1] in "37"]
     assert goal.names == tuple(model.names[k] for k in ours) and "fv3" in goal.names and "Izz7" in goal.names
     covariance = torch.linalg.inv(known + motion)[ours][:, ours]
-    torch.testing.assert_close(
-        goal.deviations(known, motion), covariance.diagonal().sqrt() * unit[ours], rtol=1e-9, atol=0
-    )
+    deviations = covariance.diagonal().sqrt() * unit[ours]
+    torch.testing.assert_close(goal.deviations(known, motion), deviations, rtol=1e-9, atol=0)
     assert float(goal.value(known, motion)) == pytest.approx(float(torch.logdet(covariance)) / len(ours))
     every = OfLinks(model, unit, arm.link_names)
     torch.testing.assert_close(every.value(known, motion), Everything(model, unit).value(known, motion))
@@ -138,9 +136,8 @@ def test_a_designer_is_asked_for_the_goal_itself_beside_what_was_told(problem, w
     descent = descents.descent(scene, aim.asked(DESIGNER.rate), Penalties(0.0, 0.0, 0.0, 0.0))
     x = (c[:2].flatten(2).numpy() @ np.linalg.inv(numbers.turn).T) / scene.size
     found = [descent.evaluate(one, np.zeros_like(one))[0] for one in x]
-    values = aim.value(information(problem, aim, c[:2], DESIGNER.samples)) * (
-        1 if wanted == "prediction" else len(aim.goal.names)
-    )
+    count = 1 if wanted == "prediction" else len(aim.goal.names)
+    values = count * aim.value(information(problem, aim, c[:2], DESIGNER.samples))
     assert found[0] - found[1] == pytest.approx(float(values[0] - values[1]), rel=1e-6, abs=1e-8)
 
 

@@ -73,11 +73,6 @@ def test_each_kind_is_found_where_it_is(flawed, kind):
     assert all(one.share <= first.share for one in others)
 
 
-def test_each_form_is_of_one_kind():
-    (forms,) = unmodelled(*torch.ones(4, 1, dtype=torch.float64)).shape[1:]
-    assert sorted(form for kind in KINDS for form in kind.forms) == list(range(forms))
-
-
 @pytest.mark.parametrize("kind", KINDS[:3], ids=[one.name for one in KINDS[:3]])
 def test_the_error_elsewhere_is_that_of_the_identified_model(model, flawed, kind):
     """Against the plant itself, without noise, at the states where the model is to hold."""

@@ -1,5 +1,7 @@
 """What an arm carries, against a load whose torque Pinocchio gives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -57,11 +59,8 @@ def test_deviations_are_those_of_the_errors_that_are_made(arm, load):
     model, errors, told = model_of(arm), [], []
     quiet = runs(arm, 0 * load, 0, 0.0, 400), runs(arm, load, 1, 0.0, 400)
     for seed in range(8):
-        random = torch.Generator().manual_seed(seed)
-        noisy = [
-            Measurements(*x.states, x.torque + 0.3 * torch.randn(x.torque.shape, generator=random).double())
-            for x in quiet
-        ]
+        noise = 0.3 * white((2, *quiet[0].torque.shape), seed)
+        noisy = [replace(x, torque=x.torque + own) for x, own in zip(quiet, noise)]
         result = identify_payload(model, noisy[:1], noisy[1:])
         errors.append(result.estimate - torch.from_numpy(load))
         told.append(result.covariance.diagonal().sqrt())

@@ -89,10 +89,8 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
     """Without noise on states the sums are those of the samples, in whatever order they were added."""
     sets, tests = families
     exact = study_settings(noise=EXACT, prior=1e12)
-    seeds, long = (
-        study.measured_sums(body, sets[name], exact, np.random.SeedSequence(0))
-        for name in ("seeds", "long-6")
-    )
+    random = np.random.SeedSequence(0)
+    seeds, long = (study.measured_sums(body, sets[name], exact, random) for name in ("seeds", "long-6"))
     results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
     assert results.nmse.max() < 1e-8 and len(results) == 2 * 2 * 2
     facts = facts.set_index("set")

@@ -75,66 +75,38 @@ def folded(model, *recordings):
     return folds("weighted", model, recordings)
 
 
-def without_motion(data):
-    still = torch.zeros_like(data.velocity)
-    return replace(data, velocity=still, acceleration=still)
+def still(data):
+    """The same without motion."""
+    return replace(data, velocity=0 * data.velocity, acceleration=0 * data.acceleration)
 
 
-def of_elbow(data, torque):
-    return replace(data, torque=torch.stack([data.torque[:, 0], torque * data.torque[:, 1]], 1))
+def scaled(data, *factors):
+    return replace(data, torque=data.torque * torch.tensor(factors))
 
 
-def halves(data):
-    return data[:500], data[500:]
-
-
-ELBOW = r"joint 2 \(elbow\).*"
-PLANTED = {
-    "a good recording": (
-        GOOD,
-        ["^mean nMSE 0.00"],
-        lambda m, x, other: trust(m, x, [other], folded(m, *halves(other))),
-    ),
-    "cross-validation": (
-        GOOD,
-        ["on each recording by the others"],
-        lambda m, x, other: trust(m, x, None, folded(m, *halves(other))),
-    ),
-    "nothing held out": (USABLE, ["^no recording was held out"], lambda m, x, other: trust(m, x)),
-    "no effect": (
-        BAD,
-        ["some parameters have no effect", "more than 1000%"],
-        lambda m, x, other: trust(m, estimate("ols", m, without_motion(other))),
-    ),
-    "a constant torque": (
-        BAD,
-        ["^" + ELBOW + "the torque is constant on training data"],
-        lambda m, x, other: trust(m, estimate("ols", m, of_elbow(other, 0.0))),
-    ),
-    "another arm on the test bench": (
-        BAD,
-        ["times that of training", "the model leaves .*validation data"],
-        lambda m, x, other: trust(m, x, [replace(other, torque=-other.torque)]),
-    ),
-    "few samples with much noise": (
-        BAD,
-        ["the description's own link parameters predict as well"],
-        lambda m, x, other: trust(m, estimate("weighted", m, recorded(m, 50, 5.0)), [other]),
-    ),
-    "a recording unlike the others": (
+# The verdict, a reason, and what is judged: of a model, its estimate and another recording.
+PLANTED = [
+    (GOOD, "^mean nMSE 0.00", lambda m, x, other: trust(m, x, [other], folded(m, other[:500], other[500:]))),
+    (GOOD, "by the others", lambda m, x, other: trust(m, x, None, folded(m, other[:500], other[500:]))),
+    (USABLE, "^no recording was held out", lambda m, x, other: trust(m, x)),
+    (BAD, "some parameters have no effect", lambda m, x, other: trust(m, estimate("ols", m, still(other)))),
+    (BAD, "elbow.* is constant", lambda m, x, other: trust(m, estimate("ols", m, scaled(other, 1.0, 0.0)))),
+    (BAD, "times that of training", lambda m, x, other: trust(m, x, [scaled(other, -1.0)])),
+    (BAD, "predict as well", lambda m, x, other: trust(m, estimate("ols", m, recorded(m, 50, 5.0)), [other])),
+    (
         USABLE,
-        ["^.*is predicted by the others"],
-        lambda m, x, other: trust(m, x, [other], folded(m, other, replace(other, torque=1.5 * other.torque))),
+        "is predicted by the others",
+        lambda m, x, other: trust(m, x, [other], folded(m, other, scaled(other, 1.5))),
     ),
-}
+]
 
 
 class TestVerdict:
-    @pytest.mark.parametrize(("verdict", "words", "judge"), PLANTED.values(), ids=PLANTED)
+    @pytest.mark.parametrize(("verdict", "words", "judge"), PLANTED, ids=[words for _, words, _ in PLANTED])
     def test_follows_from_what_was_planted(self, good, verdict, words, judge):
         result = judge(*good)
         assert result.verdict == verdict
-        assert all(any(re.search(one, reason) for reason in result.reasons) for one in words)
+        assert any(re.search(words, reason) for reason in result.reasons)
 
     def test_a_good_model_is_better_than_the_description(self, good):
         model, found, validation = good
@@ -147,7 +119,8 @@ class TestVerdict:
         result = trust(model, found, [data])
         assert result.verdict == BAD
         (said,) = [reason for reason in result.reasons if "not identifiable" in reason]
-        assert re.match(ELBOW + "excite it with a motion that goes further than .* is faster than", said)
+        advice = "excite it with a motion that goes further than .* is faster than"
+        assert re.match(rf"joint 2 \(elbow\).*{advice}", said)
         assert "fv2" in result.weak and "fv1" not in result.weak
 
 
@@ -170,13 +143,6 @@ class TestNextRuns:
         y = model.regressor(*(x[0] for x in motion[1:])) * certainty(found)[:, None]
         torch.testing.assert_close(grams[0], torch.einsum("sjp,sjq->pq", y, y) / 50)
 
-    def test_the_still_joint_is_moved_first(self, poor, candidates):
-        model, found, _ = poor
-        grams = grams_of(model, found, *candidates)
-        result = trust(model, found, grams=grams, samples_each=800, count=3).next_runs
-        assert int(result.indices[0]) == 1
-        assert (result.variance.diff() <= 0).all() and result.variance[0] < 0.1
-
     def test_the_first_pick_is_the_best_of_all(self, poor, candidates):
         model, found, _ = poor
         grams = grams_of(model, found, *candidates)
@@ -184,10 +150,9 @@ class TestNextRuns:
         result = most_informative(found, grams, effects, samples=100, count=1)
         known = torch.linalg.inv(found.covariance)
         left = torch.stack([torch.linalg.inv(known + 100 * g).trace() for g in grams])
-        assert int(result.indices[0]) == int(left.argmin())
-        assert float(result.variance[0]) == pytest.approx(
-            float(left.min() / found.covariance.trace()), rel=1e-4
-        )
+        assert int(result.indices[0]) == int(left.argmin()) == 1
+        expected = float(left.min() / found.covariance.trace())
+        assert float(result.variance[0]) == pytest.approx(expected, rel=1e-4)
 
     def test_running_it_makes_deviations_as_small_as_promised(self, poor, candidates):
         model, found, data = poor

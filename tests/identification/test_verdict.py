@@ -96,17 +96,14 @@ def test_a_verdict_changes_where_it_should(flawless, changes, verdict, reason):
     assert any(re.search(words, one) for one in result.reasons) == (words == reason)
 
 
-@pytest.mark.parametrize(
-    ("moved", "fast", "words"), [(0.24, 0.26, "goes further"), (0.26, 0.24, "is faster")]
-)
+SMALL = [(0.24, 0.26, "goes further"), (0.26, 0.24, "is faster")]
+
+
+@pytest.mark.parametrize(("moved", "fast", "words"), SMALL)
 def test_advice_is_about_what_was_small(flawless, moved, fast, words):
     arm, reach = flawless.arm, flawless.estimate.reach
-    span = arm.position_upper - arm.position_lower
-    reach = reach._replace(
-        lowest=arm.position_lower,
-        highest=arm.position_lower + moved * span,
-        fastest=fast * arm.velocity_limit,
-    )
+    lower, span = arm.position_lower, arm.position_upper - arm.position_lower
+    reach = reach._replace(lowest=lower, highest=lower + moved * span, fastest=fast * arm.velocity_limit)
     shaken = torch.tensor([0.2, 0.0], dtype=torch.float64)
     found = replace(flawless.estimate, reach=reach)
     (reason,) = replace(flawless, estimate=found, torque_deviation=shaken).reasons
