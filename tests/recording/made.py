@@ -17,7 +17,5 @@ def moved(arm, time, viscous, coulomb, generator, harmonics=5, period=10.0, nois
     phase = w * t + 3 * draw[1]
     q, v, a = (x.sum(2) for x in (size * phase.sin(), size * w * phase.cos(), -size * w**2 * phase.sin()))
     torque = RigidBody(arm).torque(q, v, a) + viscous * v + coulomb * torch.tanh(v / 0.03)
-    torque = torque + noise * torque.std(0) * torch.randn(
-        torque.shape, generator=generator, dtype=torch.float64
-    )
-    return Recording("made", arm.joint_names, t[:, 0, 0], q, velocity=v, torque=torque)
+    error = noise * torque.std(0) * torch.randn(torque.shape, generator=generator, dtype=torch.float64)
+    return Recording("made", arm.joint_names, t[:, 0, 0], q, velocity=v, torque=torque + error)

@@ -1,5 +1,6 @@
 """Trajectories that were sent, found in what MuJoCo's arm made of them."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -47,22 +48,19 @@ def true(planar, coefficients):
 
 def logged(planar, true, order, delay=0.0, gap=None):
     """A recording in which trajectories come in some order, with rest before each and late torques."""
-    parts, start, signals = [], 0.0, []
-    for k in order:
-        start += PAUSE
-        parts.append(start)
-        signals.append((true[k].time.numpy() + start, true[k].position.numpy(), true[k].torque.numpy()))
-        start += FAMILY.period
-    time = np.arange(0, start + PAUSE, 1 / RATE)
-    knots, position, torque = (np.concatenate(x) for x in zip(*signals))
-    curves = [
-        np.stack([np.interp(t, knots, x) for x in y.T], 1)
-        for t, y in ((time, position), (time - delay, torque))
-    ]
-    curves[1] += NOISE * np.random.default_rng(0).standard_normal(curves[1].shape)
+    begins = [PAUSE + n * (PAUSE + FAMILY.period) for n in range(len(order))]
+    time = np.arange(0, begins[-1] + FAMILY.period + PAUSE, 1 / RATE)
+    knots = np.concatenate([true[k].time + begin for k, begin in zip(order, begins)])
+
+    def at(times, name):
+        known = np.concatenate([getattr(true[k], name) for k in order])
+        return np.stack([np.interp(times, knots, x) for x in known.T], 1)
+
+    q, tau = at(time, "position"), at(time - delay, "torque")
+    tau += NOISE * np.random.default_rng(0).standard_normal(tau.shape)
     keep = np.ones(len(time), bool) if gap is None else (time < gap) | (time > gap + 0.3)
-    q, tau = (torch.from_numpy(x[keep]) for x in curves)
-    return Recording("log", planar.joint_names, torch.from_numpy(time[keep]), q, torque=tau), parts
+    time, q, tau = (torch.from_numpy(x[keep]) for x in (time, q, tau))
+    return Recording("log", planar.joint_names, time, q, torque=tau), begins
 
 
 def test_repetitions_are_found_and_averaged(planar, true, sent):
@@ -100,9 +98,7 @@ def test_delay_noise_and_bandwidth_are_told(planar, true, sent, delay):
 def test_the_newest_run_is_meant_where_only_their_folder_is_given(planar, sent, tmp_path):
     for day in ("2026-01-02", "2026-01-01"):
         (tmp_path / day / "trajectories").mkdir(parents=True)
-    (tmp_path / "2026-01-02" / "trajectories" / "1.csv").write_text(
-        (sent / "trajectories" / "2.csv").read_text()
-    )
+    shutil.copy(sent / "trajectories" / "2.csv", tmp_path / "2026-01-02" / "trajectories" / "1.csv")
     (found,) = load_sent(tmp_path, planar.joint_names)
     np.testing.assert_array_equal(found.position, load_sent(sent, planar.joint_names)[1].position)
 
