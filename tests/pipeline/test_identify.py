@@ -16,7 +16,9 @@ from sidegan.library.measure import measured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import STAMP
+from sidegan.robot import load_robot, usd_installed
 from sidegan.validity import Constraints
 from tests.pipeline.conftest import client_of
 from tests.recording.conftest import real
@@ -63,10 +65,11 @@ def once(tmp_path_factory, files):
 
 def test_a_known_arm_is_found_again(once, planar):
     verdict, folder = once
-    assert verdict["validation"]["kind"] == "held out"
-    assert verdict["validation"]["nmse_mean"] < 2e-3
-    assert verdict["validation"]["unweighted"]["nmse_mean"] < 2e-3
-    assert verdict["validation"]["consistent"]["nmse_mean"] < 2e-3
+    validation = verdict["validation"]
+    assert validation["kind"] == "held out"
+    assert all(
+        one["nmse_mean"] < 2e-3 for one in (validation, validation["unweighted"], validation["consistent"])
+    )
     table = pd.read_csv(folder / "parameters.csv").set_index("name")
     for name, true in (("fv", VISCOUS), ("fc", COULOMB)):
         for j in range(2):
@@ -80,43 +83,33 @@ def test_a_known_arm_is_found_again(once, planar):
 def test_everything_is_left_in_the_runs_folder(once):
     verdict, folder = once
     left = {path.name for path in folder.iterdir()}
-    assert left >= {*FILES.split(), "planar2.urdf", "planar2.xml"}
+    usd = {"planar2.usdc"} if usd_installed() else set()
+    assert left >= {*FILES.split(), "planar2.urdf", "planar2.xml", *usd}
     assert STAMP not in left  # which tells of the artifact, not of the run
-    assert verdict["reasons"] and verdict["condition_number"] > 1 and "training" in verdict
+    assert verdict["reasons"] and verdict["condition_number"] > 1
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
     forward = verdict["forward"]["consistent"]
     assert np.array(forward["free"])[-1].max() < 0.1 and np.array(forward["held"])[-1].max() < 0.05  # rad
     checked = json.loads((folder / "check.json").read_text())
     assert [one["name"] for one in checked] == ["a.csv", "b.csv", "c.csv"]
-    assert not list(folder.parents[1].glob("**/*.tmp")) and not list(folder.parents[1].glob("**/*.work"))
+    assert not [path for path in folder.parents[1].rglob("*") if path.suffix in (".tmp", ".work")]
     assert "c.csv" in (folder / "report.html").read_text()
-
-
-def test_where_the_converter_is_the_model_is_left_as_usd(once):
-    pytest.importorskip("urdf_usd_converter")
-    from pxr import Usd, UsdPhysics
-
-    folder = once[1]
-    stage, links = Usd.Stage.Open(str(folder / "planar2.usdc")), pd.read_csv(folder / "links.csv")
-    bodies = {prim.GetName(): UsdPhysics.MassAPI(prim) for prim in stage.Traverse()}
-    for link in links.itertuples():
-        assert bodies[link.link].GetMassAttr().Get() == pytest.approx(link.m, rel=1e-6)
 
 
 @pytest.fixture(scope="module")
 def consistent(once, planar):
-    """Torques of the consistent model [N·m], at states that move, and those states, (50, 2) each."""
+    """The model's numbers, and the consistent one's torques [N·m] at states that move, (50, 2) each."""
     model = json.loads((once[1] / "parameters.json").read_text())
     numbers = model["consistent"]
-    links = torch.tensor(numbers["inertial_parameters"], dtype=torch.float64)
     terms = {name: torch.tensor(x, dtype=torch.float64) for name, x in numbers["terms"].items()}
     generator = torch.Generator().manual_seed(0)
     q, dq, ddq = (torch.randn(50, 2, generator=generator, dtype=torch.float64) for _ in range(3))
     q = q.clamp(-2, 2)  # within the limits, which MuJoCo enforces
     dq = dq + 0.3 * dq.sign()  # where a smooth sign is one
+    links = torch.tensor(numbers["inertial_parameters"], dtype=torch.float64)
     torque = RigidBody(planar).torque(q, dq, ddq, links) + terms["offset"]
     torque += terms["viscous"] * dq + terms["coulomb"] * torch.tanh(dq / model["sign_width"])
-    return torque, (q, dq, ddq), terms
+    return model, torque.numpy(), [x.numpy() for x in (q, dq, ddq)]
 
 
 def python_class(folder):
@@ -127,7 +120,7 @@ def python_class(folder):
     return module.TorqueModel()
 
 
-def by_mujoco(folder, model, terms):
+def by_mujoco(folder, model):
     """MuJoCo's inverse dynamics of the MJCF; it knows no offset."""
     mjcf = mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))
     data = mujoco.MjData(mjcf)
@@ -135,75 +128,81 @@ def by_mujoco(folder, model, terms):
     def torque(q, dq, ddq):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(mjcf, data)
-        return data.qfrc_inverse + terms["offset"]
+        return data.qfrc_inverse + model["consistent"]["terms"]["offset"]
 
     return torque
 
 
-def by_pinocchio(folder, model, terms):
+def by_pinocchio(folder, model):
     """Pinocchio's inverse dynamics of the URDF, which has friction too, and the smooth sign of the model."""
     urdf = pin.buildModelFromUrdf(str(folder / "planar2.urdf"))
     data, width = urdf.createData(), model["sign_width"]
 
     def torque(q, dq, ddq):
         friction = urdf.damping * dq + urdf.upperDryFrictionLimit * np.tanh(dq / width)
-        return pin.rnea(urdf, data, q, dq, ddq) + friction + terms["offset"]
+        return pin.rnea(urdf, data, q, dq, ddq) + friction + model["consistent"]["terms"]["offset"]
 
     return torque
 
 
-def by_python(folder, model, terms):
+def by_python(folder, _):
     return python_class(folder).torque
 
 
 @pytest.mark.parametrize(("read", "apart"), [(by_python, 1e-9), (by_pinocchio, 1e-9), (by_mujoco, 1e-6)])
 def test_what_others_load_gives_the_consistent_models_torques(once, consistent, read, apart):
-    torque, states, terms = consistent
-    model = json.loads((once[1] / "parameters.json").read_text())
-    found = read(once[1], model, {name: x.numpy() for name, x in terms.items()})
-    for row, *state in zip(torque.numpy(), *(x.numpy() for x in states)):
+    model, torque, states = consistent
+    found = read(once[1], model)
+    for row, *state in zip(torque, *states):
         np.testing.assert_allclose(found(*state), row, rtol=0, atol=apart)  # N·m
 
 
 def test_the_python_class_knows_the_parts_of_its_torque(once, consistent):
     verdict, folder = once
-    model, (_, states, _) = python_class(folder), consistent
+    model = python_class(folder)
     assert model.joints == ["shoulder", "elbow"]
     assert model.method == verdict["use"] == "consistent" and "Use the consistent" in verdict["advice"]
     assert verdict["validation"]["nmse"] == verdict["validation"]["consistent"]["nmse"]
-    q, dq, ddq = (x[0].numpy() for x in states)
-    inertia = model.torque(q, dq, ddq) - model.gravity(q) - model.friction(dq)
-    coriolis = model.torque(q, dq, 0 * ddq) - model.gravity(q) - model.friction(dq)
-    np.testing.assert_allclose(model.mass_matrix(q) @ ddq, inertia - coriolis, rtol=0, atol=1e-9)
+    q, dq, ddq = (x[0] for x in consistent[2])
+    accelerating = model.torque(q, dq, ddq) - model.torque(q, dq, 0 * ddq)
+    np.testing.assert_allclose(model.mass_matrix(q) @ ddq, accelerating, rtol=0, atol=1e-9)
+    resting = model.gravity(q) + model.friction(0 * dq)
+    np.testing.assert_allclose(model.torque(q, 0 * dq, 0 * ddq), resting, rtol=0, atol=1e-9)
 
 
-@pytest.fixture
-def recorded(once, files, root, monkeypatch):
-    """The address of the model in the MLflow run of the same command, whose artifact is there."""
-    uri, folder = f"sqlite:///{root / 'mlflow.db'}", once[1]
-    kept = "tracking=local", "tracking.patience=0", f"tracking.uri={uri}"
-    config = tiny(f"outputs={folder.parents[1]}", *given(*files), *kept, experiment="identify")
-    run_stages(config, folder, "again")
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
-    client = client_of(root)
-    (run,) = client.search_runs([client.get_experiment_by_name("identify").experiment_id])
-    return f"runs:/{run.info.run_id}/identify"
-
-
-@pytest.mark.parametrize("source", ["folder", "run"])
-def test_mlflow_loads_the_same_from_the_folder_and_by_the_run(once, consistent, source, request):
+def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its_run(
+    once, files, consistent, root, monkeypatch
+):
     import mlflow
 
-    folder, (torque, states, _) = once[1], consistent
-    address = str(folder) if source == "folder" else request.getfixturevalue("recorded")
+    first, (_, torque, states) = once[1], consistent
+    outputs, uri = first.parents[1], f"sqlite:///{root / 'mlflow.db'}"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    made = {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/stamp.json")}
+    tracked = "tracking=local", "tracking.patience=0", f"tracking.uri={uri}"
+    _, again = identified(outputs, *given(*files), *tracked, run="again")
+    assert {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/stamp.json")} == made
+    assert (again / "report.html").read_bytes() == (first / "report.html").read_bytes()
+    client = client_of(root)
+    (run,) = client.search_runs([client.get_experiment_by_name("identify").experiment_id])
     names = [f"{letter}_{joint}" for letter in ("q", "dq", "ddq") for joint in ("shoulder", "elbow")]
-    table = pd.DataFrame(torch.cat(states, 1).numpy(), columns=names)[names[::-1]]
-    table.index = table.index + 100
-    found = mlflow.pyfunc.load_model(address).predict(table)
-    assert [*found.columns] == ["tau_shoulder", "tau_elbow"] and found.index.equals(table.index)
-    np.testing.assert_allclose(found.to_numpy(), torque.numpy(), rtol=0, atol=1e-9)
-    with pytest.raises(mlflow.exceptions.MlflowException, match="q_elbow"):
-        mlflow.pyfunc.load_model(address).predict(table.drop(columns="q_elbow"))
+    table = pd.DataFrame(np.hstack(states), range(100, 150), names)[names[::-1]]
+    for address in (str(first), f"runs:/{run.info.run_id}/identify"):
+        model = mlflow.pyfunc.load_model(address)
+        found = model.predict(table)
+        assert [*found.columns] == ["tau_shoulder", "tau_elbow"] and found.index.equals(table.index)
+        np.testing.assert_allclose(found.to_numpy(), torque, rtol=0, atol=1e-9)
+        with pytest.raises(mlflow.exceptions.MlflowException, match="q_elbow"):
+            model.predict(table.drop(columns="q_elbow"))
+
+
+def test_another_recording_of_the_same_name_is_another_model(task, files, tmp_path):
+    copy = tmp_path / files[2].name
+    copy.write_text("".join(files[2].read_text().splitlines(keepends=True)[:-1]))
+    one, other = (
+        identify.model(task(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
+    )
+    assert one.digest != other.digest
 
 
 def test_the_python_class_is_the_weighted_model_where_that_predicts_better(planar, tmp_path):
@@ -213,9 +212,7 @@ def test_the_python_class_is_the_weighted_model_where_that_predicts_better(plana
     strange = replace(planar, inertial_parameters=links)
     names = [write(tmp_path, f"{seed}.csv", strange, seed) for seed in range(2)]
     verdict, folder = identified(tmp_path, *given(*names))
-    errors = verdict["validation"]
     assert verdict["use"] == "weighted" and "Use the weighted" in verdict["advice"]
-    assert errors["nmse_mean"] == errors["weighted"]["nmse_mean"] < errors["consistent"]["nmse_mean"] / 1.1
     numbers = json.loads((folder / "parameters.json").read_text())
     terms = settings(Terms, "model/joint_torque", sign_width=numbers["sign_width"])
     body = TorqueModel(RigidBody(planar), terms)
@@ -238,74 +235,63 @@ def test_a_check_fits_nothing(files, tmp_path, capsys):
     assert all(word in shown for word in ("a.csv", "noise floor", "saturated", "elbow", "base parameter"))
 
 
-def test_the_same_again_is_reused_and_other_recordings_are_not(once, files, tmp_path):
-    root, first = once[1].parents[1], once[1]
-    made = {path: path.stat().st_mtime_ns for path in root.glob("identify/*/stamp.json")}
-    _, again = identified(root, *given(*files), run="same")
-    assert {path: path.stat().st_mtime_ns for path in root.glob("identify/*/stamp.json")} == made
-    assert (again / "report.html").read_bytes() == (first / "report.html").read_bytes()
-    copy = tmp_path / files[2].name
-    copy.write_text("".join(files[2].read_text().splitlines(keepends=True)[:-1]))
-    identified(root, *given(*files[:2], copy), run="other")
-    assert len(list(root.glob("identify/*/stamp.json"))) == len(made) + 1
-
-
-def test_one_recording_is_tested_on_itself_and_a_library_gives_what_to_run_next(files, tmp_path, planar):
+@pytest.fixture(scope="module")
+def odd(files, tmp_path_factory, planar):
+    """A run of seldom settings: a split recording, wrong units, a hostile name, a library; and its folder."""
+    folder = tmp_path_factory.mktemp("odd")
+    urdf = folder / "arm.urdf"
+    urdf.write_text(planar.urdf.read_text().replace('name="planar2"', 'name="../../../evil"'))
     c = 0.3 * torch.randn(6, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    library = measured(Constraints(planar, []), Trajectory(2, 3, 8.0), c, "made")
-    library.save(tmp_path / "library.parquet")
-    wanted = f"identify.library={tmp_path / 'library.parquet'}", "identify.recommend=3"
-    verdict, folder = identified(tmp_path, f"recordings=[{files[0]}]", *wanted)
-    assert len(verdict["next_trajectories"]) == 3 and set(verdict["next_trajectories"]) <= set(range(6))
-    assert "run trajectory" in (folder / "report.html").read_text()
-    assert verdict["validation"]["kind"].startswith("in sample")
-    assert verdict["validation"]["nmse"] == verdict["training"]["nmse"]  # the same numbers, shown twice
-    assert any("held out" in reason for reason in verdict["reasons"])
+    library = measured(Constraints(load_robot(urdf), []), Trajectory(2, 3, 8.0), c, "made")
+    library.save(folder / "library.parquet")
+    words = f"robot.name={urdf}", f"recordings=[{files[0]}]", "validation=0.3", "recording.units.torque=mNm"
+    wanted = f"identify.library={folder / 'library.parquet'}", "identify.recommend=3"
+    return *identified(folder / "deep" / "outputs", *words, *wanted), folder
 
 
-def test_the_last_part_of_a_recording_can_be_held_out(files, tmp_path):
-    verdict, folder = identified(tmp_path, f"recordings=[{files[0]}]", "validation=0.3")
+def test_the_last_part_of_a_recording_can_be_held_out(odd):
+    verdict, folder, _ = odd
     assert verdict["validation"]["kind"] == "held out" and verdict["validation"]["nmse_mean"] < 5e-3
     assert verdict["validation"]["recordings"] == ["a.csv, last 30%"]
     assert "validation=0.3" in (folder / "report.html").read_text()
 
 
-def test_a_robots_name_leads_nowhere_else(files, tmp_path, planar):
-    urdf, outputs = tmp_path / "arm.urdf", tmp_path / "deep" / "outputs"
-    urdf.write_text(planar.urdf.read_text().replace('name="planar2"', 'name="../../../evil"'))
-    _, folder = identified(outputs, f"robot.name={urdf}", f"recordings=[{files[0]}]")
-    assert not [path for path in tmp_path.rglob("*evil*") if outputs not in path.parents]
-    assert (folder / "evil.urdf").is_file()
+def test_a_robots_name_leads_nowhere_else(odd):
+    _, run, folder = odd
+    assert not [path for path in folder.rglob("*evil*") if run.parents[1] not in path.parents]
+    assert (run / "evil.urdf").is_file()
 
 
-def test_an_arm_of_a_thousandth_of_its_weight_is_not_good(files, tmp_path):
-    """Torques in N·m that were declared to be in mN·m."""
-    verdict, _ = identified(tmp_path, *given(*files[:2]), "recording.units.torque=mNm")
-    assert verdict["verdict"] == "usable" and verdict["validation"]["nmse_mean"] < 5e-3
-    assert any("is the unit of the torques another one?" in reason for reason in verdict["reasons"])
+def test_torques_in_another_unit_make_no_good_model(odd):
+    assert odd[0]["verdict"] == "usable"
+    assert any("is the unit of the torques another one?" in reason for reason in odd[0]["reasons"])
+
+
+def test_a_library_gives_what_to_run_next(odd):
+    found = odd[0]["next_trajectories"]
+    assert len(found) == 3 and set(found) <= set(range(6))
+    assert f"run trajectory {found[0]}" in (odd[1] / "report.html").read_text()
 
 
 def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path):
     train, test = (real(f"ur10e/recorded_{name}.csv") for name in ("20s8h", "20s10h"))
     urdf = f"robot.name={real('ur10e/reference.urdf')}"
     verdict, _ = identified(tmp_path, "robot=ur10e", urdf, *given(train, test))
-    assert verdict["validation"]["nmse_mean"] <= 0.008
-    assert verdict["validation"]["unweighted"]["nmse_mean"] <= 0.018
-    assert verdict["validation"]["consistent"]["nmse_mean"] <= 0.0028
-    assert verdict["validation"]["weighted"]["nmse_mean"] <= 0.0031
+    most = {"unweighted": 0.018, "consistent": 0.0028, "weighted": 0.0031}
+    assert all(verdict["validation"][method]["nmse_mean"] <= x for method, x in most.items())
     assert verdict["use"] == "consistent" and verdict["verdict"] == "good"
 
 
 def test_the_lwr_recording_is_told_apart_from_a_good_one(tmp_path):
     path = real("kuka_lwr4/recorded_hw1_50hz.csv")
     verdict, folder = identified(tmp_path, "robot=kuka_lwr4", f"recordings=[{path}]")
-    assert max(verdict["validation"]["nmse"][:4]) <= 0.02
-    assert max(verdict["validation"]["unweighted"]["nmse"][:4]) <= 0.02
-    reasons = "\n".join(verdict["reasons"])
-    assert "poorly excited" in reasons and "not identifiable" in reasons
+    validation, reasons = verdict["validation"], verdict["reasons"]
+    assert max(validation["nmse"][:4] + validation["unweighted"]["nmse"][:4]) <= 0.02
+    for words in ("poorly excited", "not identifiable", "friction drives no joint"):
+        assert any(words in reason for reason in reasons)
     assert verdict["use"] == "weighted"  # no bodies that can exist explain the wrist's torques
     assert len(verdict["weak_parameters"]) > 10
-    joints = [one.partition(" (")[0] for one in verdict["reasons"] if one.startswith("joint ")]
-    assert len(set(joints)) == len(joints) and "friction drives no joint" in reasons
+    joints = [one.partition(" (")[0] for one in reasons if one.startswith("joint ")]
+    assert len(set(joints)) == len(joints)
     report = (folder / "report.html").read_text()
     assert "poorly excited" in report and verdict["weak_parameters"][0] in report
