@@ -1,23 +1,14 @@
-from collections.abc import Callable, Sequence
-from pathlib import Path
-
 import pytest
 
-from sidegan.robot import Arm, Setup, load_robot
+from sidegan.robot import Setup, load_robot
 
 
 @pytest.fixture
-def load(tmp_path: Path) -> Callable[..., Arm]:
+def load(tmp_path):
     """An arm from a description's text."""
 
-    def load_text(
-        text: str,
-        setup: Setup | None = None,
-        home: Sequence[float] | None = None,
-        name: str = "robot.urdf",
-    ) -> Arm:
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        return load_robot(path, setup or Setup(), home)
+    def load_text(text, setup=None, home=None, name="robot.urdf"):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        return load_robot(tmp_path / name, setup or Setup(), home)
 
     return load_text

@@ -56,9 +56,8 @@ EMPTY = {"ur_description/urdf/ur3.urdf"}
 def setup_of(words: dict[str, str]) -> Setup:
     """The setup that these words on the command line stand for."""
     plain = {name.removeprefix("robot."): yaml.safe_load(value) for name, value in words.items()}
-    limits = {
-        name.removeprefix("limits."): plain.pop(name) for name in [*plain] if name.startswith("limits.")
-    }
+    stated = [name for name in plain if name.startswith("limits.")]
+    limits = {name.removeprefix("limits."): plain.pop(name) for name in stated}
     if "position" in limits:
         limits["position"] = {joint: tuple(span) for joint, span in limits["position"].items()}
     return Setup(**plain, limits=Limits(**limits))

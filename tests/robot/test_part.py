@@ -109,6 +109,21 @@ def test_an_arm_with_other_inertias_is_written_for_the_same_part(load, tmp_path)
     assert pinocchio_model(again).nv == 3
 
 
+FLOATING = two_joints().replace('name="first" type="revolute"', 'name="first" type="floating"')
+MIMIC = two_joints(extra='<mimic joint="first"/>')
+TWO_TREES = more(one_joint(), link("lost"))
+REMEDIES = {
+    "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
+    "two trees": (
+        more(one_joint(), link("lost")),
+        r"choose one, robot\.base=base",
+        Setup(base="base"),
+        "turn",
+    ),
+    "a floating base": (FLOATING, r"robot\.base=lower has it stand still", Setup(base="lower"), "second"),
+}
+
+
 class TestWhichChain:
     def test_branches_are_refused_with_tips_that_work(self, load):
         with pytest.raises(RobotError, match="expected one chain") as caught:
@@ -133,25 +148,7 @@ class TestWhichChain:
             load(hand)
         assert load(hand, Setup(tip="l6")).joints == 6
 
-    @pytest.mark.parametrize(
-        ("text", "words", "remedy", "left"),
-        [
-            (
-                two_joints(extra='<mimic joint="first"/>'),
-                r"'robot\.locked=\{second: 0\}'",
-                Setup(locked={"second": 0.0}),
-                "first",
-            ),
-            (more(one_joint(), link("lost")), r"choose one, robot\.base=base", Setup(base="base"), "turn"),
-            (
-                two_joints().replace('name="first" type="revolute"', 'name="first" type="floating"'),
-                r"robot\.base=lower has it stand still",
-                Setup(base="lower"),
-                "second",
-            ),
-        ],
-        ids=["a mimic of one that moves", "one of two trees", "a floating base"],
-    )
+    @pytest.mark.parametrize(("text", "words", "remedy", "left"), REMEDIES.values(), ids=REMEDIES)
     def test_a_refusal_names_a_remedy_that_works(self, load, text, words, remedy, left):
         with pytest.raises(RobotError, match=words):
             load(text)
@@ -215,9 +212,8 @@ class TestLimits:
 
     def test_only_a_share_of_speed_and_torque_is_used(self, planar):
         gentle = with_effort(planar, 0.5)
-        torch.testing.assert_close(gentle.velocity_limit, 0.5 * planar.velocity_limit)
-        torch.testing.assert_close(gentle.torque_limit, 0.5 * planar.torque_limit)
-        torch.testing.assert_close(gentle.position_upper, planar.position_upper)
+        for name, share in (("velocity_limit", 0.5), ("torque_limit", 0.5), ("position_upper", 1.0)):
+            torch.testing.assert_close(getattr(gentle, name), share * getattr(planar, name))
         assert with_effort(planar, 1.0) is planar
         digests = {with_effort(planar, effort).digest for effort in (0.3, 0.5, 1.0)}
         assert len(digests) == 3 and with_effort(planar, 0.5).digest == gentle.digest

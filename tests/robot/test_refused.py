@@ -67,9 +67,11 @@ def in_file(content: str):
 
 
 def pose(home: str, srdf: str = "small.srdf"):
-    return lambda at: at.load(
-        two_joints(), Setup(srdf=str(Path(at.write("small.srdf", SRDF)).with_name(srdf)), home=home)
-    )
+    def run(at: At) -> Arm:
+        at.write("small.srdf", SRDF)
+        return at.load(two_joints(), Setup(srdf=str(at.folder / srdf), home=home))
+
+    return run
 
 
 def body(*parameters: float):
@@ -80,26 +82,19 @@ def body(*parameters: float):
 
 def written(write, name: str, scale: float = 1.0):
     """Writing the planar arm with scaled inertias."""
-    return lambda at: write(
-        at.planar, scale * at.planar.inertial_parameters, at.folder / name, Drives.none(2)
-    )
+    links = scale * load_robot("planar2").inertial_parameters
+    return lambda at: write(at.planar, links, at.folder / name, Drives.none(2))
 
 
-def rewritten(text: str, encoding: str = "utf-8"):
-    """Writing an arm whose description has become another one."""
+def rewritten(text: str | None, encoding: str = "utf-8"):
+    """Writing an arm whose description has become another one, or none."""
 
     def run(at: At) -> None:
         arm = at.load(one_joint())
-        arm.urdf.write_text(text, encoding)
+        arm.urdf.unlink() if text is None else arm.urdf.write_text(text, encoding)
         write_urdf(arm, real_links(1, 0), at.folder / "out.urdf")
 
     return run
-
-
-def gone(at: At) -> None:
-    arm = at.load(one_joint())
-    arm.urdf.unlink()
-    write_urdf(arm, real_links(1, 0), at.folder / "out.urdf")
 
 
 def open_mesh(at: At) -> None:
@@ -235,7 +230,7 @@ REFUSED = {
         (rewritten(two_joints()), "no longer the description of small"),
         (rewritten(ELSEWHERE), "does not read as small: another translation"),
         (rewritten(UTF_16, "utf-16"), "save it as UTF-8"),
-        (gone, "has no URDF to start from"),
+        (rewritten(None), "has no URDF to start from"),
     ],
     ShapeError: [
         (misshapen((2, 9)), "expected (2, 10)"),

@@ -2,6 +2,7 @@
 
 import sys
 import xml.etree.ElementTree as ET
+from unittest.mock import patch
 
 import mujoco
 import numpy as np
@@ -138,15 +139,13 @@ class TestMjcf:
         corners, dent = "0 0 0  0.1 0 0  0 0.2 0  0 0 0.3", "0.02 0.04 0.06"
         faces = "0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"
         mesh = f'<mesh name="dented" vertex="{corners}  {dent}" face="{faces}"/>'
-        text = (
-            f'<mujoco><asset>{mesh}</asset><worldbody><geom type="mesh" mesh="dented"/></worldbody></mujoco>'
-        )
-        writer, link = GeomWriter(mujoco.MjModel.from_xml_string(text), mjcf), ET.Element("link")
+        body = '<worldbody><geom type="mesh" mesh="dented"/></worldbody>'
+        model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
+        writer, link = GeomWriter(model, mjcf), ET.Element("link")
         assert writer.write_collision(link, 0)
         writer.write_visual(link, 0)
-        volumes = {
-            shape.tag: abs(trimesh.load(shape.find("geometry/mesh").get("filename")).volume) for shape in link
-        }
+        files = {shape.tag: shape.find("geometry/mesh").get("filename") for shape in link}
+        volumes = {tag: abs(trimesh.load(file).volume) for tag, file in files.items()}
         assert volumes == pytest.approx({"collision": 1e-3, "visual": 0.6e-3}, rel=1e-5)
 
     def test_a_cache_that_cannot_be_written_leaves_a_capsule(self, mjcf, monkeypatch):
@@ -186,10 +185,9 @@ class TestMjcf:
     def test_an_identified_arm_is_written_as_urdf(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS, base="a/one", tip="b", locked={"slide": 0.1}))
         assert arm.joint_names == ("two",)
-        path = mjcf.parent / "identified.urdf"
-        write_urdf(arm, 1.5 * arm.inertial_parameters, path)
+        path, heavier = mjcf.parent / "identified.urdf", 1.5 * arm.inertial_parameters
+        write_urdf(arm, heavier, path)
         again = load_robot(path, arm.setup)
-        heavier = 1.5 * arm.inertial_parameters
         np.testing.assert_allclose(again.inertial_parameters, heavier, rtol=0, atol=1e-11)
 
 
@@ -226,12 +224,11 @@ def known(tmp_path, monkeypatch):
     (package / "__init__.py").touch()
     (package / "toy_description.py").write_text(f"URDF_PATH = {str(tmp_path / 'toy.urdf')!r}\n")
     (package / "far_description.py").write_text("raise ConnectionError('no route to host')\n")
-    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.syspath_prepend(tmp_path)
-    yield tmp_path
-    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
-        del sys.modules[name]
+    with patch.dict(sys.modules):
+        for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+            del sys.modules[name]
+        monkeypatch.syspath_prepend(tmp_path)
+        yield tmp_path
 
 
 def test_a_name_is_looked_up(known):
@@ -265,27 +262,26 @@ def test_a_source_that_cannot_be_used_is_refused(known, monkeypatch, what):
         case(known)
 
 
-OWN, DEEP = "src/arm/meshes/own.stl", "src/vendor/shapes/meshes/deep.stl"
+OWN, DEEP = "ws/src/arm/meshes/own.stl", "ws/src/vendor/shapes/meshes/deep.stl"
+INSTALLED = "share/made/meshes/installed.stl"
+FOUND = [
+    ("package://arm/meshes/own.stl", OWN),
+    ("../meshes/own.stl", OWN),
+    ("meshes/own.stl", OWN),
+    ("package://renamed/meshes/own.stl", OWN),
+    ("model://arm/meshes/own.stl", OWN),
+    ("package://shapes/meshes/deep.stl", DEEP),
+    ("package://made/meshes/installed.stl", INSTALLED),
+    ("package://shapes/meshes/gone.stl", None),
+    ("meshes/gone.stl", None),
+    ("package://", None),
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "found"),
-    [
-        ("package://arm/meshes/own.stl", "ws/" + OWN),
-        ("../meshes/own.stl", "ws/" + OWN),
-        ("meshes/own.stl", "ws/" + OWN),
-        ("package://renamed/meshes/own.stl", "ws/" + OWN),
-        ("model://arm/meshes/own.stl", "ws/" + OWN),
-        ("package://shapes/meshes/deep.stl", "ws/" + DEEP),
-        ("package://made/meshes/installed.stl", "share/made/meshes/installed.stl"),
-        ("package://shapes/meshes/gone.stl", None),
-        ("meshes/gone.stl", None),
-        ("package://", None),
-    ],
-)
+@pytest.mark.parametrize(("name", "found"), FOUND)
 def test_meshes_are_found_as_ros_users_expect(tmp_path, monkeypatch, name, found):
     """An arm's description in a package, and meshes in others of the same workspace."""
-    for mesh in ("ws/src/arm/urdf/arm.urdf", "ws/" + OWN, "ws/" + DEEP, "share/made/meshes/installed.stl"):
+    for mesh in ("ws/src/arm/urdf/arm.urdf", OWN, DEEP, INSTALLED):
         (tmp_path / mesh).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / mesh).touch()
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ws/src"))

@@ -29,14 +29,13 @@ def drives(joints):
     return Drives(*(x + torch.arange(joints, dtype=torch.float64) / 10 for x in (0.5, 1.0, 0.2)))
 
 
-def assert_written(arm, path, seed=0):
+def assert_written(arm, path):
     """An arm's torques are its file's by Pinocchio, and with other links those of what is written."""
-    parameters, states = real_links(arm.joints, seed), random_states(arm, 50)
+    parameters, states = real_links(arm.joints, 0), random_states(arm, 50)
     write_urdf(arm, parameters, path)
     read = load_robot(path)
-    torch.testing.assert_close(
-        RigidBody(read).torque(*states), RigidBody(arm).torque(*states, parameters), rtol=0, atol=1e-9
-    )
+    expected = RigidBody(arm).torque(*states, parameters)
+    torch.testing.assert_close(RigidBody(read).torque(*states), expected, rtol=0, atol=1e-9)
     for one in (arm, read):
         model, torque = pin.buildModelFromUrdf(str(one.urdf)), RigidBody(one).torque(*states).numpy()
         data = model.createData()
@@ -47,8 +46,7 @@ def assert_written(arm, path, seed=0):
 @pytest.mark.parametrize("name", built_in_robots())
 def test_what_is_written_reads_back_to_the_same_torques_and_only_inertias_change(name, tmp_path):
     arm = load_robot(name)
-    for seed in range(3):
-        assert_written(arm, tmp_path / "out.urdf", seed)
+    assert_written(arm, tmp_path / "out.urdf")
     before, after = (x.read_text(encoding="utf-8").splitlines() for x in (arm.urdf, tmp_path / "out.urdf"))
     changed = [line[2:].strip() for line in difflib.ndiff(before, after) if line[:2] in ("+ ", "- ")]
     tags = {re.split("[ =]", line)[0] for line in changed if line}
