@@ -81,18 +81,16 @@ def statuses(folder):
 
 
 def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_path, capsys):
-    elsewhere = f"outputs={tmp_path / 'else' / 'where'}"
-    assert command("stages=[seeds,use]", elsewhere) == 0
+    where = tmp_path / "else" / "where"
+    assert command("stages=[seeds,use]", f"outputs={where}") == 0
     first = capsys.readouterr().err
     assert first.index("seeds: made") < first.index("seeds: done in") < first.index("use: done in")
-    assert command("stages=[seeds,use]", elsewhere) == 0
+    assert command("stages=[seeds,use]", f"outputs={where}") == 0
     assert "else/where/seeds/kuka_lwr4-" in capsys.readouterr().err.partition("seeds: reused from")[2]
     assert [path.name for path in tmp_path.iterdir()] == ["else"]
-    runs = sorted((tmp_path / "else" / "where" / "runs" / "exp1").iterdir())
-    for folder in runs:
-        assert {"run.log", "status.json", ".hydra"} <= {path.name for path in folder.iterdir()}
+    logs = [path.read_text() for path in where.glob("runs/exp1/*/run.log")]
+    assert len(logs) == 2 and all("use: done in" in text for text in logs)
     assert statuses(tmp_path) == [{"code": 0, "error": None}] * 2
-    assert "use: done in" in (runs[0] / "run.log").read_text()
 
 
 @pytest.mark.parametrize("stage", FAILURES)
@@ -151,15 +149,13 @@ def test_a_job_that_was_killed_before_it_could_tell_counts_as_failed(tmp_path):
     assert codes == {"0_a": 0, "2_b": 1, "10_c": 1}
 
 
-@pytest.mark.parametrize("code", [0, 1])
-def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, capsys, monkeypatch, code):
+def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, capsys, monkeypatch):
     def table(folders):
-        if code:
-            raise StorageError("there is no table in job 0")
+        raise StorageError("there is no table in job 0")
 
     monkeypatch.setattr("sidegan.pipeline.callbacks.sweep_table", table)
-    assert command("-m", "stages=[odd]", "seed=2") == code
-    assert ("there is no table in job 0" in capsys.readouterr().err) == bool(code)
+    assert command("-m", "stages=[odd]", "seed=2") == 1
+    assert "there is no table in job 0" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("name", "kind"), [("loky", "Loky"), ("dask", "Dask")])
@@ -206,17 +202,7 @@ def test_settings_of_ones_own_lie_in_a_folder_of_ones_own(command, capsys, tmp_p
     assert "name: planar2" in capsys.readouterr().out
 
 
-HEAVY = {
-    "torch",
-    "numpy",
-    "pandas",
-    "mlflow",
-    "pytorch_lightning",
-    "pinocchio",
-    "pygmo",
-    "matplotlib",
-    "joblib",
-}
+HEAVY = {"torch", "numpy", "pandas", "mlflow", "pytorch_lightning", "pinocchio", "pygmo", "matplotlib"}
 
 
 def test_the_configuration_is_shown_without_a_heavy_import(tmp_path):
