@@ -114,12 +114,7 @@ MIMIC = two_joints(extra='<mimic joint="first"/>')
 TWO_TREES = more(one_joint(), link("lost"))
 REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
-    "two trees": (
-        more(one_joint(), link("lost")),
-        r"choose one, robot\.base=base",
-        Setup(base="base"),
-        "turn",
-    ),
+    "two trees": (TWO_TREES, r"choose one, robot\.base=base", Setup(base="base"), "turn"),
     "a floating base": (FLOATING, r"robot\.base=lower has it stand still", Setup(base="lower"), "second"),
 }
 

@@ -10,7 +10,7 @@ import torch
 import trimesh
 
 from sidegan import robot as room
-from sidegan.errors import ConfigError, RobotError, ShapeError, SideganError, StorageError
+from sidegan.errors import ConfigError, RobotError, ShapeError, StorageError
 from sidegan.robot import Arm, Drives, Limits, Setup, load_robot, write_mjcf, write_urdf
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
@@ -108,17 +108,11 @@ def no_mesh(at: At) -> Arm:
     return at.load(one_joint(collision=mesh(at.write("box.stl", "no mesh"))))
 
 
-def misshapen(shape: tuple[int, ...]):
-    return lambda at: room.inconsistent_links(at.planar, torch.ones(shape, dtype=torch.float64))
-
-
 ROD = (2.0, 0.0, 0.0, 0.4, 0.1, 0.0, 0.1, 0.0, 0.0, 0.002)
-HANDS = joint("left", "lower", "thumb") + link("thumb") + joint("right", "lower", "finger") + link("finger")
-TWO_HANDS = robot(link("base", ""), joint("first", "base", "lower"), link("lower"), HANDS)
-TWO_ARMS = robot(HANDS.replace("lower", "base") + link("base", ""))
+HANDS = joint("left", "base", "thumb") + link("thumb") + joint("right", "base", "finger") + link("finger")
+TWO_ARMS = robot(HANDS + link("base", ""))
 LOOP = more(two_joints(), joint("third", "base", "upper"))
 RING = robot(joint("a", "x", "y"), joint("b", "y", "x"), link("x"), link("y"))
-TWO_BASES = more(one_joint(), link("lost"))
 BOMB = '<!DOCTYPE bomb [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + one_joint()
 THIEF = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;"/>'
 SNAKE = robot(link("0"), *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for k in range(1, 34)))
@@ -147,18 +141,13 @@ REFUSED = {
         (lambda at: load_robot(at.folder), "is a folder, expected a URDF file"),
         (lambda at: load_robot("a" * 5000 + ".urdf"), "cannot look for"),
         # The tree of links and joints.
-        (robot(), "has 0 links without a parent [], expected one"),
         (one_joint(kind="fixed"), "has no joints that move"),
-        (one_joint(kind="floating"), "joint 'turn' is floating: the arm's base must be fixed"),
         (one_joint(kind="planar"), "joint 'turn' is planar"),
         (one_joint(kind="hinge"), "of type 'hinge', expected revolute, prismatic, cont"),
-        (two_joints(extra='<mimic joint="first"/>'), "joint 'second' mimics another"),
-        (TWO_HANDS, "joints 'left' and 'right' both hang on joint 'first', expected one chain"),
         (TWO_ARMS, "joints 'left' and 'right' both hang on the base, expected one chain"),
         (more(RING, link("base")), "no joints lead from 'base' to x, y, expected one tree"),
         (LOOP, "joint 'third' leads to link 'upper', as another joint does"),
         (RING, "has 0 links without a parent [], expected one, the base"),
-        (TWO_BASES, "has 2 links without a parent ['base', 'lost'], expected one, the base"),
         (two_joints().replace('"second"', '"first"'), "has 2 joints named 'first', expected different"),
         (one_joint().replace('child link="arm"', 'child link="leg"'), "joins the link 'leg'"),
         (one_joint().replace('<child link="arm"/>', ""), "joint 'turn': <joint> has no <child>"),
@@ -182,11 +171,9 @@ REFUSED = {
         (axis("0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
         (inertia("1.5", "-1.5"), "link 'arm' has the mass -1.5 kg, expected 0"),
         (inertia("1.5", "nan"), "link 'arm': <mass value='nan'>"),
-        (inertia('iyy="0.03"', ""), "<inertia> has no 'iyy'"),
         (one_joint("<inertial/>"), "link 'arm': <inertial> has no <mass>"),
         # Shapes.
         (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
-        (shape("<sphere/>"), "link 'arm': <sphere> has no 'radius'"),
         (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
         (shape('<box size="1 -1 1"/>'), "<box size='1 -1 1'>, expected more than 0"),
         (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),
@@ -233,8 +220,7 @@ REFUSED = {
         (rewritten(None), "has no URDF to start from"),
     ],
     ShapeError: [
-        (misshapen((2, 9)), "expected (2, 10)"),
-        (misshapen((1, 2, 10)), "expected (2, 10)"),
+        (lambda at: room.inconsistent_links(at.planar, torch.ones(1, 2, 10)), "expected (2, 10)"),
         (lambda at: write_urdf(at.planar, torch.ones(3, 10), at.folder / "out"), "(3, 10), expected (2, 10)"),
         (lambda at: Drives(TWO, THREE, TWO), "one number per joint"),
     ],
@@ -248,9 +234,7 @@ CASES = [(error, case, words) for error, cases in REFUSED.items() for case, word
 
 
 @pytest.mark.parametrize(("error", "case", "words"), CASES, ids=[words for *_, words in CASES])
-def test_is_refused(
-    error: type[SideganError], case: str | Callable[[At], object], words: str, load, planar, tmp_path, capfd
-) -> None:
+def test_is_refused(error, case, words, load, planar, tmp_path, capfd):
     (tmp_path / "file").touch()
     pattern = ".*".join(map(re.escape, words.split(" … ")))
     with pytest.raises(error, match=f"(?s){pattern}") as caught:
