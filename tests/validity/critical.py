@@ -1,6 +1,6 @@
 """Builders of the room: segments, arms with hulls, trajectories that are critical in one constraint alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +11,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.arm import Pieces
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from sidegan.validity.bounds import cell_motion, derivative_bound, jerk_bound
 
-KINDS = ("position", "velocity", "acceleration", "jerk", "torque", "collision", "desk", "box")
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
 BALL, HULL = Sphere((0.5, 0.3, 0.6), 0.15), Convex.between((0.6, -0.4, 0.2), (0.6, -0.4, 0.9), 0.08)
@@ -25,10 +25,10 @@ def drawn(trajectory: Trajectory, batch: int, seed: int = 0) -> Tensor:
     return torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
 
 
-def random_segments(count: int, seed: int = 0) -> tuple[Tensor, Tensor]:
-    """Both ends of segments [m], two of (3, count)."""
+def random_segments(count: int, seed: int = 0, sets: int = 1) -> tuple[Tensor, ...]:
+    """Both ends of segments [m], (3, count) each, of one set after another."""
     generator = torch.Generator().manual_seed(seed)
-    return (0.6 * torch.randn(2, 3, count, generator=generator, dtype=torch.float64)).unbind()
+    return (0.6 * torch.randn(2 * sets, 3, count, generator=generator, dtype=torch.float64)).unbind()
 
 
 def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
@@ -76,86 +76,34 @@ def thick(arm: Arm, factor: float) -> Arm:
     return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
 
 
-def isolated(arm: Arm, kind: str) -> Constraints:
-    """Constraints of an arm that only one kind can violate within a few turns of every joint."""
-    free = replace(
-        arm,
-        position_lower=1000 * arm.position_lower,
-        position_upper=1000 * arm.position_upper,
-        velocity_limit=1000 * arm.velocity_limit,
-        torque_limit=torch.full_like(arm.torque_limit, torch.inf),
-    )
-    bare = replace(free, capsules=only(arm.capsules, torch.arange(0)))
-    last = replace(free, capsules=only(arm.capsules, torch.tensor([-1])))
-    thick = replace(free, capsules=replace(arm.capsules, radius=arm.capsules.radius + 0.02))
-    match kind:
-        case "position":
-            lower, upper = 0.7 * arm.position_lower, 0.7 * arm.position_upper
-            return Constraints(replace(bare, position_lower=lower, position_upper=upper))
-        case "velocity":
-            return Constraints(replace(bare, velocity_limit=arm.velocity_limit))
-        case "acceleration" | "jerk":
-            limit = torch.full_like(arm.velocity_limit, HIGHEST[kind])
-            return Constraints(replace(bare, **{f"{kind}_limit": limit}))
-        case "torque":
-            return Constraints(replace(bare, torque_limit=0.4 * arm.torque_limit))
-        case "collision":
-            return Constraints(thick)
-        case "desk":
-            return Constraints(last, [DESK])
-        case "box":
-            return Constraints(last, [BOX])
-    raise ValueError(kind)
-
-
 def limited(arm: Arm, names: Sequence[str], share: float = 1.0) -> Arm:
     """An arm with some limits of acceleration and jerk; of every third joint there is none."""
     free = torch.arange(arm.joints) % 3 == 2
-    limits = {
-        f"{name}_limit": torch.where(free, torch.inf, share * HIGHEST[name] * arm.velocity_limit)
-        for name in names
-    }
-    return replace(arm, **limits)
+    limits = {name: share * HIGHEST[name] * arm.velocity_limit for name in names}
+    return replace(arm, **{f"{name}_limit": x.where(~free, torch.inf) for name, x in limits.items()})
 
 
-def named(kind: str) -> str:
-    """The margin that a kind of constraint shows in."""
-    return "keep_out" if kind in ("desk", "box") else kind
-
-
-def margins_at(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor
-) -> dict[str, Tensor]:
-    """Smallest margin over the elements at each time, (B, T), by constraint."""
-    parts: dict[str, list[Tensor]] = {name: [] for name in constraints.labels}
-    for piece in c.split(max(1, 20_000 // len(times))):
-        states = (trajectory.derivative(piece, times, order) for order in range(constraints.orders))
-        margins = constraints.margins(*(x.flatten(0, 1) for x in states))
-        for name, margin in margins.items():
-            parts[name].append(margin.amin(1).reshape(len(piece), len(times)))
-    return {name: torch.cat(pieces) for name, pieces in parts.items()}
+def margins_of(constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor) -> dict:
+    """Margins (B, T, K) by constraint."""
+    states = (trajectory.derivative(c, times, order) for order in range(constraints.orders))
+    margins = constraints.margins(*(x.flatten(0, 1) for x in states))
+    return {name: margin.unflatten(0, (len(c), len(times))) for name, margin in margins.items()}
 
 
 def smallest(constraints: Constraints, trajectory: Trajectory, c: Tensor, rate: float) -> dict[str, Tensor]:
     """Smallest margin over the period, (B,), by constraint, at a sampling rate [Hz]."""
-    margins = margins_at(constraints, trajectory, c, trajectory.times(rate))
-    return {name: margin.amin(1) for name, margin in margins.items()}
+    times = trajectory.times(rate)
+    least: dict[str, list[Tensor]] = {name: [] for name in constraints.labels}
+    for part in c.split(max(1, 20_000 // len(times))):
+        for name, margin in margins_of(constraints, trajectory, part, times).items():
+            least[name].append(margin.amin((1, 2)))
+    return {name: torch.cat(found) for name, found in least.items()}
 
 
-def scaled_to(margin: Callable[[Tensor], Tensor], c: Tensor, target: float, most: float = 4.0) -> Tensor:
-    """Each trajectory scaled up from rest until its margin, (B,), first falls to the target.
-
-    The margin stays above the target by a hair. Those that never fall so far are left out.
-    """
-    scales = torch.linspace(0, most, 41, dtype=c.dtype)
-    below = torch.stack([margin(c * s) < target for s in scales])
-    falls = below.any(0) & ~below[0]
-    c, first = c[falls], below.int().argmax(0)[falls]
-    low, high = scales[first - 1], scales[first]
-    everything = torch.ones(len(below[0]), *c.shape[1:], dtype=c.dtype)
-    for _ in range(30):
-        middle = (low + high) / 2
-        everything[falls] = c * middle[:, None, None, None]
-        bad = (margin(everything) < target)[falls]
-        low, high = torch.where(bad, low, middle), torch.where(bad, middle, high)
-    return c * low[:, None, None, None]
+def cells(trajectory: Trajectory, c: Tensor, half: float) -> Iterator[tuple[Tensor, ...]]:
+    """Five cells of a period: times (21,) in each, positions and velocities at its centre, its bounds."""
+    bounds = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
+    for centre in torch.linspace(half, trajectory.period - half, 5, dtype=torch.float64).tolist():
+        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
+        q, dq, ddq = (x[:, 0] for x in trajectory.roll_out(c, times[10:11])[1:])
+        yield times, q, dq, cell_motion(dq, ddq, *bounds, half)

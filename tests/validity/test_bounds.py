@@ -28,7 +28,7 @@ from sidegan.validity.capsules import capsule_axes
 from sidegan.validity.moving import Moving
 from tests.chains import random_chain, random_states
 
-from .critical import drawn
+from .critical import cells, drawn, margins_of
 
 CHAINS = [0, 1, 2, 3, 5, 9]  # joints; 0: the LWR
 REGIONS = (
@@ -57,27 +57,15 @@ def within_limits(arm: Arm, batch: int, seed: int) -> tuple[Trajectory, Tensor]:
     return trajectory, c * ((arm.position_upper - arm.position_lower) / 2 / reach)[:, :, None, None]
 
 
-def margins_in_cells(constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor) -> dict:
-    """Margins (B, T, K) by constraint."""
-    motion = trajectory.roll_out(c, times)
-    flat = [x.flatten(0, 1) for x in motion[1:]]
-    return {name: m.reshape(len(c), len(times), -1) for name, m in constraints.margins(*flat).items()}
-
-
 @pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
 def test_no_margin_changes_by_more_than_its_slack(chain: Arm, half: float) -> None:
     constraints = Constraints(chain, REGIONS)
     trajectory, c = within_limits(chain, 8, chain.joints)
     slack = Slack(constraints)
-    jerk, snap = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
-    for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
-        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
-        sampled = margins_in_cells(constraints, trajectory, c, times)
-        motion = trajectory.roll_out(c, torch.tensor([centre], dtype=torch.float64))
-        cell = cell_motion(motion.velocity[:, 0], motion.acceleration[:, 0], jerk, snap, half)
+    for times, _, _, cell in cells(trajectory, c, half):
         bounds = slack.of(cell, half)
-        for name, margins in sampled.items():
+        for name, margins in margins_of(constraints, trajectory, c, times).items():
             change = (margins - margins[:, 10:11]).abs().amax(1)
             assert (change <= bounds[name] + ROUNDING).all(), name
 
@@ -141,13 +129,9 @@ def test_no_link_comes_nearer_to_a_region_in_a_cell_than_its_bound(seed: int, ha
     constraints, sharp = Constraints(random_chain(5, seed)[0], REGIONS), []
     trajectory, c = within_limits(constraints.arm, 6, seed)
     c, slack = 0.3 * c, Slack(constraints)
-    bounds = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
-    for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
-        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
-        sampled = margins_in_cells(constraints, trajectory, c, times)["keep_out"]
-        motion = trajectory.roll_out(c, times[10:11])
-        cell = cell_motion(motion.velocity[:, 0], motion.acceleration[:, 0], *bounds, half)
-        moving = Moving(constraints.pieces, slack, motion.position[:, 0], motion.velocity[:, 0], cell, half)
+    for times, q, dq, cell in cells(trajectory, c, half):
+        sampled = margins_of(constraints, trajectory, c, times)["keep_out"]
+        moving = Moving(constraints.pieces, slack, q, dq, cell, half)
         asked = torch.nonzero(sampled[:, 10] > 0)
         least = moving.regions(constraints.kept_out, constraints.guarded, asked)
         assert (least <= sampled.amin(1)[tuple(asked.T)] + 1e-9).all()
@@ -222,14 +206,11 @@ def test_no_point_of_a_capsule_moves_faster_than_its_reach(chain: Arm) -> None:
     half=st.sampled_from([0.1, 0.02, 1e-3]),
     centre=st.floats(0, 1),
 )
-def test_no_derivative_drifts_further_in_a_cell_than_its_bound(
-    order: int, seed: int, harmonics: int, half: float, centre: float
-) -> None:
+def test_no_derivative_drifts_further_in_a_cell_than_its_bound(order, seed, harmonics, half, centre):
     trajectory = Trajectory(3, harmonics, 3.0)
     c = drawn(trajectory, 6, seed)
     middle = half + centre * (3.0 - 2 * half)
-    times = middle + half * torch.linspace(-1, 1, 41, dtype=torch.float64)
-    times = times.clamp(0, 3.0)
+    times = (middle + half * torch.linspace(-1, 1, 41, dtype=torch.float64)).clamp(0, 3.0)
     x = trajectory.derivative(c, times, order)
     change = (x - x[:, 20:21]).abs().amax(1)
     bound = derivative_bound(trajectory, c, order + 2)

@@ -18,7 +18,7 @@ from sidegan.validity.closest import closest
 from tests.chains import lenient, random_chain, random_states
 from tests.robot.urdf import INERTIA, collision, joint, link, robot
 
-Quad = tuple[Tensor, Tensor, Tensor, Tensor]
+from .critical import random_segments
 
 
 def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -42,20 +42,15 @@ def exact_distance(*ends: Tensor) -> np.ndarray:
     return np.where(inside, np.abs((r * normal).sum(0)) / np.sqrt(safe), distance).astype(float)
 
 
-def random_segments(count: int, seed: int = 0) -> Quad:
-    generator = torch.Generator().manual_seed(seed)
-    return torch.randn(4, 3, count, generator=generator, dtype=torch.float64).unbind()
-
-
 def test_segment_distance_is_exact() -> None:
-    segments = random_segments(50_000)
+    segments = random_segments(50_000, sets=2)
     np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=1e-11)
 
 
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-12, 0.0])
 def test_nearly_parallel_segments(angle: float) -> None:
     """A hand apart, and such that cross."""
-    a, b, shift, wobble = random_segments(20_000, seed=1)
+    a, b, shift, wobble = random_segments(20_000, 1, 2)
     for length in (1e-3, 1.0):
         along = length * b
         start = a + 0.5 * length * wobble + 0.1 * shift / shift.norm(dim=0)
@@ -67,7 +62,7 @@ def test_nearly_parallel_segments(angle: float) -> None:
 
 @pytest.mark.parametrize("length", [0.0, 1e-200, 1e-9, 1e-5])
 def test_segments_that_are_points(length: float) -> None:
-    a1, b1, a2, b2 = random_segments(2_000, seed=3)
+    a1, b1, a2, b2 = random_segments(2_000, 3, 2)
     dot, other = a1 + length * b1, a2 + length * b2
     for segments in ((a1, dot, a2, b2), (a2, b2, a1, dot), (a1, dot, a2, other), (a1, dot, a1, dot)):
         np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
@@ -88,12 +83,12 @@ def test_segments_on_a_lattice(numbers: list[float]) -> None:
 
 
 def test_gradient_of_the_distance_agrees_with_finite_differences() -> None:
-    segments = tuple(x.clone().requires_grad_(True) for x in random_segments(40, seed=4))
+    segments = tuple(x.clone().requires_grad_(True) for x in random_segments(40, 4, 2))
     assert torch.autograd.gradcheck(segment_distance, segments)
 
 
 def test_gradient_is_finite_where_segments_meet() -> None:
-    a, b, c, _ = (x.clone().requires_grad_(True) for x in random_segments(5))
+    a, b, c, _ = (x.clone().requires_grad_(True) for x in random_segments(5, sets=2))
     segment_distance(a, b, a, c).sum().backward()
     assert all(torch.isfinite(x.grad).all() for x in (a, b, c))
 

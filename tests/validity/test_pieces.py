@@ -1,5 +1,6 @@
 """What is inside of capsules: distances against coal, the two ways to find them, and the proof by them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import coal
@@ -15,13 +16,13 @@ from torch import Tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
-from sidegan.validity.bounds import Slack, cell_motion, derivative_bound, jerk_bound
+from sidegan.validity.bounds import Slack, cell_motion
 from sidegan.validity.hulls import apart
 from sidegan.validity.moving import Moving
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain, random_states
 
-from .critical import filled, moderate, only
+from .critical import cells, filled, moderate, only
 from .test_fused import assert_same
 
 seeds = st.integers(0, 10**6)
@@ -45,13 +46,11 @@ def convex(points: np.ndarray) -> coal.ConvexBase:
 
 def by_coal(one: np.ndarray, other: np.ndarray, turns: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Signed distances [m], (N,), of a hull from another one that is placed."""
-    first, second, still = convex(one), convex(other), coal.Transform3s()
-    return np.array([
-        coal.distance(
-            first, still, second, coal.Transform3s(turn, place), coal.DistanceRequest(), coal.DistanceResult()
-        )
-        for turn, place in zip(turns, places)
-    ])  # fmt: skip
+    first, second, still, found = convex(one), convex(other), coal.Transform3s(), []
+    for turn, place in zip(turns, places):
+        there, asked = coal.Transform3s(turn, place), (coal.DistanceRequest(), coal.DistanceResult())
+        found.append(coal.distance(first, still, second, there, *asked))
+    return np.array(found)
 
 
 def placements(random: np.random.Generator, count: int, far: float) -> tuple[np.ndarray, np.ndarray]:
@@ -69,9 +68,7 @@ def test_distance_of_hulls_is_that_of_coal(seed: int) -> None:
     touching = expected < -1e-6
     assert np.isneginf(found[touching]).all()
     clear = expected > 1e-6
-    np.testing.assert_allclose(
-        found[clear], expected[clear], rtol=0, atol=2e-6
-    )  # coal's own tolerance is 1e-6
+    np.testing.assert_allclose(found[clear], expected[clear], rtol=0, atol=2e-6)  # coal's own is 1e-6
 
 
 @settings(max_examples=50)
@@ -110,32 +107,26 @@ def test_pieces_are_never_nearer_than_their_capsules(seed: int) -> None:
         assert torch.equal(margins["collision"][:, still], of_capsules["collision"][:, still])
 
 
-def in_cell(seed: int, half: float, centre: float) -> tuple[Moving, Tensor, Tensor, Tensor]:
-    """Pairs of a random arm in a cell, which are asked about, and how near capsules and pieces come."""
+def in_cells(seed: int, half: float) -> Iterator[tuple[Moving, Tensor, Tensor, Tensor]]:
+    """Pairs of a random arm in cells, which are asked about, and how near capsules and pieces come."""
     arm = filled(random_chain(5, seed)[0], seed)
     constraints, trajectory = constrained(arm, ()), Trajectory(5, 3, 3.0)
     c = 0.5 * moderate(arm, trajectory, 6, seed)
-    q, dq, ddq = (x[:, 0] for x in trajectory.roll_out(c, torch.tensor([centre], dtype=torch.float64))[1:])
-    bounds = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
-    motion = cell_motion(dq, ddq, *bounds, half)
-    pairs = Moving(constraints.pieces, Slack(constraints), q, dq, motion, half)
     asked = torch.cartesian_prod(torch.arange(6), torch.nonzero(constraints.pieces.finer)[:, 0])
-    times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
-    capsules, pieces = [], []
-    for q in trajectory.roll_out(c, times).position.unbind(1):
-        still = torch.zeros_like(q)
-        margins = constraints.capsule_margins(q, still, still)["collision"]
-        capsules.append(margins[tuple(asked.T)])
-        pieces.append(constraints.pieces.lower(q, asked))
-    return pairs, asked, torch.stack(capsules), torch.stack(pieces)
+    for times, *states, motion in cells(trajectory, c, half):
+        capsules, pieces = [], []
+        for q in trajectory.roll_out(c, times).position.unbind(1):
+            capsules.append(constraints.capsule_margins(q, 0 * q, 0 * q)["collision"][tuple(asked.T)])
+            pieces.append(constraints.pieces.lower(q, asked))
+        pairs = Moving(constraints.pieces, Slack(constraints), *states, motion, half)
+        yield pairs, asked, torch.stack(capsules), torch.stack(pieces)
 
 
 @pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_pair_comes_nearer_in_a_cell_than_its_bound(seed: int, half: float) -> None:
     sharp = []
-    for centre in torch.linspace(half, 3.0 - half, 5, dtype=torch.float64).tolist():
-        pairs, asked, capsules, pieces = in_cell(seed, half, centre)
+    for pairs, asked, capsules, pieces in in_cells(seed, half):
         for bound, seen in ((pairs.capsules(asked), capsules), (pairs.inside(asked), pieces)):
             clear = seen.isfinite().all(0)
             assert clear.any() and (bound[clear] <= seen.amin(0)[clear] + 1e-7).all()

@@ -13,6 +13,7 @@ from sidegan.validity import Box, Convex, Plane, Region, Sphere
 from sidegan.validity.scene import read_scene
 
 from .critical import random_segments
+from .test_pieces import convex
 
 BALL, ROD = Sphere((0.1, -0.2, 0.3), 0.3), Convex.between((-0.2, 0.1, 0.0), (0.3, -0.2, 0.4), 0.2)
 BOX = Box((-0.3, -0.2, 0.1), (0.5, 0.4, 0.3))
@@ -87,13 +88,7 @@ def coals(body):
     """The body as coal has it, without our planes."""
     if isinstance(body, Sphere):
         return coal.Sphere(body.radius), coal.Transform3s(np.eye(3), np.array(body.centre))
-    hull, mesh = ConvexHull(body.points), coal.BVHModelOBBRSS()
-    mesh.beginModel(len(hull.simplices), len(body.points))
-    mesh.addVertices(body.points)
-    mesh.addTriangles(hull.simplices)
-    mesh.endModel()
-    mesh.buildConvexHull(True, "Qt")
-    return mesh.convex, coal.Transform3s.Identity()
+    return convex(body.points[ConvexHull(body.points).vertices]), coal.Transform3s.Identity()
 
 
 @pytest.mark.parametrize("name", BODIES)
