@@ -73,9 +73,11 @@ def recorded(model, samples=1500, noise=0.0, seed=0):
     return measured(model, multisine(model.joints, samples, seed), noise, seed)
 
 
-def half_still(model, noise, elbow=1e-2):
-    """Measurements of a planar arm whose second joint hardly moves."""
-    return measured(model, [x * torch.tensor([1.0, elbow]) for x in multisine(2, 1000)], noise)
+def half_still(arm, noise, elbow=1e-2):
+    """A model of a planar arm, its estimate from a recording in which the elbow hardly moves, and that."""
+    model = model_of(arm)
+    data = measured(model, [x * torch.tensor([1.0, elbow]) for x in multisine(2, 1000)], noise)
+    return model, estimate("weighted", model, data), data
 
 
 class Fixed:

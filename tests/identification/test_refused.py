@@ -62,6 +62,10 @@ def measurements(**changes):
     return Measurements(**fields | changes)
 
 
+def consistent(model, **changes):
+    return fitted("consistent", model, PLANAR_DATA, **changes)
+
+
 def impossible_lwr():
     """A description whose links 3 and 6 cannot exist."""
     arm = load_robot("kuka_lwr4")
@@ -89,6 +93,7 @@ def summed(**changes):
     return study.combined(RigidBody(PLANAR), {"a": [sums]}, family, settings)
 
 
+NOBODY = r"no bodies that can exist meet the conditions \(margin 0.5, 0.1 kg in all\): infeasible"
 LOAD = "expected three numbers as centre, and six as inertia"
 SETTINGS = [
     *(("ols", "prior", x) for x in (0.0, float("nan"), float("inf"))),
@@ -120,27 +125,15 @@ REFUSED = [
     (ShapeError, "expected .*2", lambda: measured_by(Trajectory(3), torch.zeros(1, 3, 6, 2).double())),
     (ShapeError, "no samples to test with", lambda: score(LINEAR, torch.zeros(6), [])),
     (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
-    (
-        ShapeError,
-        r"torque of joints \[1, 2\] is constant",
-        lambda: score(MODEL, MODEL.nominal, measurements(torque=STATE + 1)),
-    ),
+    (ShapeError, r"of joints \[1, 2\] is constant", lambda: score(MODEL, MODEL.nominal, measurements())),
     (ConfigError, "at least two recordings, got 1", lambda: folds("ols", MODEL, [PLANAR_DATA])),
     (ConfigError, "3 Stribeck velocities, expected 2", lambda: model_of(PLANAR, (0.1, 0.1, 0.1))),
     (ShapeError, r"sign \(3, 2\), expected \(S, 2\)", lambda: MODEL.regressor(*[STATE] * 3, STATE[:3])),
     (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
     (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
     (RobotError, "link 'link_3': .*; link 'link_6'", impossible_lwr),
-    (
-        ConfigError,
-        "no link of planar2 has a mass",
-        lambda: fitted("consistent", MASSLESS, PLANAR_DATA, pull="euclid"),
-    ),
-    (
-        InfeasibleError,
-        r"no bodies that can exist meet the conditions \(margin 0.5, 0.1 kg in all\): infeasible",
-        lambda: fitted("consistent", MODEL, PLANAR_DATA, margin=0.5, total_mass=0.1),
-    ),
+    (ConfigError, "no link of planar2 has a mass", lambda: consistent(MASSLESS, pull="euclid")),
+    (InfeasibleError, NOBODY, lambda: consistent(MODEL, margin=0.5, total_mass=0.1)),
     (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
     (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),

@@ -27,10 +27,7 @@ def good(planar):
 
 @pytest.fixture(scope="module")
 def poor(planar):
-    """A model, its estimate from a recording in which the second joint hardly moves, and that recording."""
-    model = model_of(planar)
-    data = half_still(model, NOISE, 1e-3)
-    return model, estimate("weighted", model, data), data
+    return half_still(planar, NOISE, 1e-3)
 
 
 class TestScore:

@@ -10,7 +10,7 @@ from sidegan.identification.trust import certainty, grams_of
 from sidegan.identification.uncertain import Uncertain
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
-from tests.identification.recordings import half_still, measured, model_of
+from tests.identification.recordings import half_still, measured
 
 NOISE, RATE = 0.3, 100.0
 SEARCH = Search(starts=4, rough=15, strict=25, samples=8, reserve=0.02)
@@ -18,10 +18,7 @@ SEARCH = Search(starts=4, rough=15, strict=25, samples=8, reserve=0.02)
 
 @pytest.fixture(scope="module")
 def poor(planar):
-    """A model, its estimate from a recording in which the elbow hardly moves, and that recording."""
-    model = model_of(planar)
-    data = half_still(model, NOISE)
-    return model, estimate("weighted", model, data), data
+    return half_still(planar, NOISE)
 
 
 @pytest.fixture(scope="module")
