@@ -31,11 +31,11 @@ def options(group):
 
 EXPERIMENTS = options("experiment")
 COMPOSED = {name: composed(experiment=name).keys() for name in EXPERIMENTS}
-OPTIONS = [
-    (next(name for name in reversed(EXPERIMENTS) if path.name in COMPOSED[name]), path.name, option)
-    for path in sorted(CONF.iterdir())
-    if path.is_dir() and path.name not in ("hydra", "experiment", "base", "recorded")
-    for option in options(path.name)
+OPTIONS = [  # each in the smallest experiment that has its group
+    (min((x for x in EXPERIMENTS if group in COMPOSED[x]), key=lambda x: len(COMPOSED[x])), group, option)
+    for group in sorted(path.name for path in CONF.iterdir() if path.is_dir())
+    if group not in ("hydra", "experiment", "base", "recorded")
+    for option in options(group)
 ]
 
 
@@ -81,19 +81,6 @@ def test_the_variants_share_what_is_not_their_own():
     assert one["eigen"].epochs == 30 and one["vanilla"].epochs != 30
 
 
-def test_the_papers_constraints_are_the_desk_without_torque_limits():
-    desk, paper = configured().workspace, configured("workspace=paper").workspace
-    assert desk.torque and paper == dataclasses.replace(desk, torque=False)
-
-
-@pytest.mark.parametrize("fitness", ["eigenvalue", "diagonal"])
-def test_the_papers_seeds_have_either_fitness_and_the_papers_number(fitness):
-    config = configured("seeds=paper", "workspace=paper", "scale=paper", f"seeds.fitness={fitness}")
-    assert config.seeds.count == 1800 and config.seeds.reserve is None
-    assert config.seeds.optimiser.generations * config.seeds.optimiser.ants >= 10_000
-    assert config.seeds.optimiser.evaluations >= 10_000
-
-
 def test_a_condition_is_a_recipe_on_a_seed_set_and_the_command_overrides_it():
     ours, second = (configured(f"condition={name}") for name in ("ours", "ours_second"))
     named = dataclasses.replace(second, seed=0, condition=ours.condition)
@@ -134,12 +121,6 @@ SETUPS = [
 def test_what_is_printed_of_an_arm_is_what_must_be_typed(setup):
     typed = shlex.split(" ".join(words(setup)))
     assert configured("robot=planar2", *typed, experiment="excite").robot.setup == setup
-
-
-def test_arguments_of_a_xacro_file_may_be_numbers():
-    typed = "robot.args={length: 0.2, count: 3, gripper: true}"
-    setup = configured(typed, experiment="excite").robot.setup
-    assert setup.args == {"length": "0.2", "count": "3", "gripper": "true"}
 
 
 def test_dvc_runs_the_paper_by_stages_whose_files_and_versions_are_there():
