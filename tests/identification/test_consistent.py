@@ -8,7 +8,7 @@ import torch
 
 from sidegan.identification import estimate, score
 from sidegan.identification.consistent import Consistent, least_eigenvalues
-from sidegan.robot import pseudo_inertia
+from sidegan.robot import Drives, pseudo_inertia, write_mjcf
 from tests.identification.recordings import fitted, measured, model_of, multisine, recorded, truth_of
 
 
@@ -119,17 +119,12 @@ def test_the_pull_follows_what_the_samples_say_of_the_description(planar, right,
     assert mean[None] < near * min(mean.values()) and mean[None] < 0.9 * max(mean.values())
 
 
-def test_links_are_accepted_by_mujoco_and_pinocchio(noisy, found):
-    links, bodies = links_of(noisy[0], found["logdet"]), []
+def test_links_are_accepted_by_mujoco_and_pinocchio(noisy, found, arm, tmp_path):
+    links = links_of(noisy[0], found["logdet"])
     for row in links.numpy():
         inertia = pin.Inertia.FromDynamicParameters(row)
         assert np.linalg.eigvalsh(inertia.inertia).min() > 0
         assert np.linalg.eigvalsh(pin.PseudoInertia.FromInertia(inertia).toMatrix()).min() > 0
-        i = inertia.inertia
-        full = " ".join(f"{x:.17g}" for x in (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
-        place = " ".join(f"{x:.17g}" for x in inertia.lever)
-        inertial = f'mass="{inertia.mass:.17g}" pos="{place}" fullinertia="{full}"'
-        bodies.append(f"<body><joint/><inertial {inertial}/></body>")
-    xml = f"<mujoco><worldbody>{''.join(bodies)}</worldbody></mujoco>"
-    loaded = mujoco.MjModel.from_xml_string(xml)
-    np.testing.assert_allclose(loaded.body_mass[1:], links[:, 0], rtol=1e-9)
+    write_mjcf(arm, links, tmp_path / "arm.xml", Drives.none(7))
+    loaded = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    np.testing.assert_allclose(loaded.body_mass[-7:], links[:, 0], rtol=1e-9)

@@ -37,10 +37,8 @@ def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:
     c = torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
     motion = trajectory.roll_out(c, trajectory.times(50.0))
     room = (arm.position_upper - arm.position_lower) / 2
-    use = torch.maximum(
-        (motion.position - torch.tensor(trajectory.home)).abs().amax(1) / room,
-        motion.velocity.abs().amax(1) / arm.velocity_limit,
-    )
+    away = (motion.position - torch.tensor(trajectory.home)).abs().amax(1) / room
+    use = torch.maximum(away, motion.velocity.abs().amax(1) / arm.velocity_limit)
     share = torch.empty(batch, 1, dtype=torch.float64).uniform_(0.05, 1.2, generator=generator)
     return c * (share / use)[:, :, None, None]
 

@@ -57,7 +57,7 @@ def within_limits(arm: Arm, batch: int, seed: int) -> tuple[Trajectory, Tensor]:
     return trajectory, c * ((arm.position_upper - arm.position_lower) / 2 / reach)[:, :, None, None]
 
 
-@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
+@pytest.mark.parametrize("half", [0.05, 0.0005])
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
 def test_no_margin_changes_by_more_than_its_slack(chain: Arm, half: float) -> None:
     constraints = Constraints(chain, REGIONS)
@@ -123,7 +123,7 @@ def test_torque_rates_are_those_of_the_chain_rule(chain: Arm) -> None:
     torch.testing.assert_close(RigidBody(arm).torque_rate(*states), rate_of(arm, *states))
 
 
-@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
+@pytest.mark.parametrize("half", [0.05, 0.0005])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_link_comes_nearer_to_a_region_in_a_cell_than_its_bound(seed: int, half: float) -> None:
     constraints, sharp = Constraints(random_chain(5, seed)[0], REGIONS), []

@@ -11,7 +11,7 @@ from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import lenient, random_states
 
-from .critical import BENT, DESK, limited, only, thick
+from .critical import BALL, BENT, DESK, HULL, limited, only, thick
 
 
 def test_pair_that_the_description_names_is_excepted(arm: Arm) -> None:
@@ -70,9 +70,13 @@ def test_torque_counts_only_where_it_is_limited_and_wanted(planar: Arm) -> None:
     assert "torque" in Constraints(planar).labels
     assert "torque" not in Constraints(planar, torque=False).labels
     assert "torque" not in Constraints(free).labels
-    q = torch.tensor([[1.0, 1.0]], dtype=torch.float64)
-    margin = Constraints(half).margins(q, 0 * q, 0 * q)["torque"][0]
-    assert margin[0] == torch.inf and torch.isfinite(margin[1])
+    constraints, q = Constraints(half, [DESK]), torch.tensor([[0.1, -0.2], [0.3, 0.4]], dtype=torch.float64)
+    margins = constraints.margins(q, q, q)
+    shares = constraints.relative(margins, 0.1)
+    assert (margins["torque"][:, 0] == torch.inf).all() and (shares["torque"][:, 0] == 1).all()
+    torch.testing.assert_close(shares["torque"][:, 1], margins["torque"][:, 1] / 3.0)
+    torch.testing.assert_close(shares["keep_out"], margins["keep_out"] / 0.1)
+    assert all(share.isfinite().all() for share in shares.values())
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -85,7 +89,7 @@ def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) ->
 
 
 def test_margins_follow_labels_type_and_device(arm: Arm, device: torch.device) -> None:
-    constraints = Constraints(arm, [DESK, Box((0.3, 0.3, 0.3), (0.6, 0.6, 0.6))])
+    constraints = Constraints(arm, [DESK, Box((0.3, 0.3, 0.3), (0.6, 0.6, 0.6)), BALL, HULL])
     states = random_states(arm, 30)
     exact = constraints.margins(*states)
     for name, margin in constraints.margins(*(x.to(device, torch.float32) for x in states)).items():
@@ -120,18 +124,6 @@ def test_a_home_may_come_near_a_limit_and_no_further(planar: Arm, kind: str, bey
             constraints.refuse_home(home)
     else:
         constraints.refuse_home(home)
-
-
-def test_shares_of_limits_are_numbers_where_only_some_joints_state_a_torque_limit(planar):
-    limit = torch.tensor([50.0, torch.inf], dtype=torch.float64)
-    constraints = Constraints(replace(planar, torque_limit=limit), [Plane((0, 0, 1), 0.1)])
-    q = torch.tensor([[0.1, -0.2], [0.3, 0.4]], dtype=torch.float64)
-    margins = constraints.margins(q, q, q)
-    shares = constraints.relative(margins, 0.1)
-    torch.testing.assert_close(shares["torque"][:, 0], margins["torque"][:, 0] / 50.0)
-    assert (shares["torque"][:, 1] == 1.0).all()
-    torch.testing.assert_close(shares["keep_out"], margins["keep_out"] / 0.1)
-    assert all(torch.isfinite(share).all() for share in shares.values())
 
 
 def test_limits_of_acceleration_and_jerk_are_constraints_where_there_are_any(arm: Arm) -> None:

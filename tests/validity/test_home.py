@@ -24,31 +24,26 @@ def bent_arm() -> Arm:
     return replace(arm, position_lower=lower, position_upper=upper)
 
 
-@pytest.fixture
-def bent() -> Arm:
-    return bent_arm()
-
-
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
 def test_zeros_are_left_alone_where_they_are_feasible(name):
     assert default_home(Constraints(load_robot(name), [Plane((0, 0, 1), 0.1)])) is None
 
 
-def test_zeros_at_a_limit_leave_no_room_to_move(bent):
+def test_zeros_at_a_limit_leave_no_room_to_move():
+    bent = bent_arm()
     bent.position_lower[0] = 0
     assert default_home(Constraints(bent)) == pytest.approx((0.75, 0), abs=1e-3)
 
 
-def test_where_zeros_are_out_of_range_it_is_the_middle(bent):
-    assert default_home(Constraints(bent)) == pytest.approx((1, 0), abs=1e-3)
+def test_where_zeros_are_out_of_range_it_is_the_middle():
+    assert default_home(Constraints(bent_arm())) == pytest.approx((1, 0), abs=1e-3)
 
 
-def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same(bent):
-    regions = [Plane((0, 0, 1), 0.7)]  # the elbow is too low with the first joint in the middle
+def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same():
+    bent, regions = bent_arm(), [Plane((0, 0, 1), 0.7)]  # the elbow is too low in the middle
     with pytest.raises(InfeasibleError, match="keep_out of forearm"):
         Constraints(bent, regions).refuse_home((1, 0))
     home = default_home(Constraints(bent, regions))
-    assert home is not None
     Constraints(bent, regions).refuse_home(home)
     middle, half = (bent.position_lower + bent.position_upper) / 2, bent.position_upper - bent.position_lower
     assert ((torch.tensor(home) - middle).abs() / half).max() < 0.15

@@ -122,7 +122,7 @@ def in_cells(seed: int, half: float) -> Iterator[tuple[Moving, Tensor, Tensor, T
         yield pairs, asked, torch.stack(capsules), torch.stack(pieces)
 
 
-@pytest.mark.parametrize("half", [0.05, 0.01, 0.0005])
+@pytest.mark.parametrize("half", [0.05, 0.0005])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_pair_comes_nearer_in_a_cell_than_its_bound(seed: int, half: float) -> None:
     sharp = []
