@@ -57,7 +57,6 @@ def at_once(samples):
 
 
 def white(shape, *seed):
-    """Standard normal draws."""
     return torch.from_numpy(np.random.default_rng(seed).normal(size=shape))
 
 
@@ -69,7 +68,6 @@ def measured(model, states, noise=0.0, seed=0, parameters=None):
 
 
 def recorded(model, samples=1500, noise=0.0, seed=0):
-    """Measurements of a motion of all joints."""
     return measured(model, multisine(model.joints, samples, seed), noise, seed)
 
 

@@ -49,7 +49,6 @@ class TestFit:
             torch.testing.assert_close(links, model.arm.inertial_parameters, rtol=1e-2, atol=2e-3)
 
     def test_a_tool_that_the_description_lacks_is_found_without_freeing_the_other_links(self, arm):
-        """Links are pulled each as strongly as the samples make probable."""
         links = arm.inertial_parameters.clone()
         links[-1] += torch.tensor([1.3, 0, 0, 0.104, 0.0113, 0, 0.0113, 0, 0, 0.002], dtype=torch.float64)
         other, model = model_of(replace(arm, inertial_parameters=links)), model_of(arm)

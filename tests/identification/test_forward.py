@@ -43,7 +43,6 @@ def test_the_right_model_follows_and_a_wrong_one_does_not(planar, segment):
 
 
 def test_mujoco_and_pinocchio_go_the_same_way(planar, segment):
-    """A model with less mass, without friction, let go from one state."""
     light = replace(planar, inertial_parameters=0.8 * planar.inertial_parameters)
     short = Segment(*(x[300:365] for x in segment))
     found = forward_errors(light, drives(), NOTHING, [short], longest=0.6)

@@ -109,7 +109,6 @@ def for_goal(problem, aim, count):
 
 
 def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem):
-    """Each goal's own design, beside those of the others, by each goal."""
     designs = {}
     for name, wanted in WANTED.items():
         aim = aim_of(problem, wanted)

@@ -55,7 +55,6 @@ def test_the_load_comes_back_within_its_deviations(found, load):
 
 
 def test_deviations_are_those_of_the_errors_that_are_made(arm, load):
-    """Over repeated noise the estimate's spread is what is told."""
     model, errors, told = model_of(arm), [], []
     quiet = runs(arm, 0 * load, 0, 0.0, 400), runs(arm, load, 1, 0.0, 400)
     for seed in range(8):

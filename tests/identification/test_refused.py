@@ -67,7 +67,6 @@ def consistent(model, **changes):
 
 
 def impossible_lwr():
-    """A description whose links 3 and 6 cannot exist."""
     arm = load_robot("kuka_lwr4")
     parameters = arm.inertial_parameters.clone()
     parameters[2, 4], parameters[5, 0] = 10.0, 1e-3

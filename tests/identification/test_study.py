@@ -52,7 +52,6 @@ def test_there_is_a_row_for_everything(body, families, planar):
 
 
 def test_a_repeat_draws_the_same_noise_for_every_set(body, families):
-    """The same set under two names cannot be told apart, and neither by who stands beside it."""
     sets, tests = families
     twice = {"a": sets["seeds"], "long-6": sets["long-6"], "b": sets["seeds"]}
     results, facts = compare(body, (twice, tests))

@@ -28,7 +28,6 @@ def of_file(**changes):
 
 
 def load_recording(path, columns, joint_names):
-    """A whole recording of a file."""
     return whole(Source(Path(path), columns, tuple(joint_names)))
 
 
@@ -66,7 +65,6 @@ def clock():
 
 @pytest.fixture
 def recording(planar, clock):
-    """A recording of the planar arm without faults."""
     return recorded(planar, clock)
 
 

@@ -92,7 +92,6 @@ def test_a_part_of_a_recording_is_held_out(planar, clock):
 
 
 def test_drives_that_count_the_other_way_round_have_the_same_noise(planar, recording):
-    """A gain below zero must not make the noise of a joint nothing."""
     noisy = replace(recording, torque=recording.torque + 0.1 * torch.randn(recording.torque.shape).double())
     gains = torch.tensor([-2.0, 3.0], dtype=torch.float64)
     currents = replace(noisy, torque=None, current=noisy.torque / gains)

@@ -45,7 +45,6 @@ def test_a_measured_delay_is_taken_off(planar):
 
 
 def test_what_cannot_be_told_is_left_as_it_is(planar):
-    """Noise that drowns the torque."""
     checked = check_recording(late(planar, 0.0, noise=30.0, seconds=10), planar, of_file(delay=None))
     assert not checked.delay.believed and "left as it is" in "; ".join(checked.statements)
 

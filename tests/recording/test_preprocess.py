@@ -13,7 +13,6 @@ from tests.recording.conftest import of_file, part_of, recorded, states
 
 
 def cut(recording, *places):
-    """The same recording in pieces."""
     return [part_of(recording, slice(a, b)) for a, b in pairwise([0, *places, len(recording)])]
 
 

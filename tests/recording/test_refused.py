@@ -113,7 +113,6 @@ def test_files_cut_off(made, tmp_path, write):
 
 
 def but(signal, change):
-    """A change of one signal."""
     return lambda recording: replace(recording, **{signal: change(getattr(recording, signal))})
 
 
@@ -127,12 +126,10 @@ def currents(factor=1.0):
 
 
 def of_elbow(signal, change):
-    """A change of one signal of the second joint."""
     return but(signal, lambda x: torch.stack([x[:, 0], change(x[:, 1])], 1))
 
 
 def shuffled(time):
-    """A sample that is stamped like an earlier one."""
     return torch.where(torch.arange(len(time)) == 100, time[90], time)
 
 
@@ -143,7 +140,6 @@ def interrupted(time):
 
 
 def limited(torque):
-    """The planar arm with other limits of torque [N·m]."""
     return replace(PLANAR, torque_limit=torch.full((2,), torque, dtype=torch.float64))
 
 

@@ -39,7 +39,6 @@ def triangles(seed: int, count: int) -> np.ndarray:
 
 
 def box(x: float, y: float, z: float, place=(0, 0, 0)) -> np.ndarray:
-    """Triangles of a box, (12, 3, 3)."""
     return np.array(trimesh.creation.box((x, y, z)).triangles) + place
 
 
@@ -63,7 +62,6 @@ def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 
 def area(some: np.ndarray) -> float:
-    """Twice the area of triangles."""
     return np.linalg.norm(np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0]), axis=1).sum()
 
 
@@ -158,7 +156,6 @@ def test_a_thinned_hull_does_not_depend_on_where_the_body_is_or_what_is_inside()
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    """An empty cache."""
     monkeypatch.setenv(covers.VARIABLE, str(tmp_path / "cache"))
     return tmp_path / "cache" / "shapes"
 

@@ -21,14 +21,11 @@ from .urdf import INERTIA, collision, joint, link, mesh, more, one_joint, robot,
 
 @dataclass(frozen=True)
 class At:
-    """Where a case happens."""
-
     load: Callable[..., Arm]
     folder: Path
     planar: Arm
 
     def write(self, name: str, content: str | bytes) -> str:
-        """The path of a new file."""
         (self.folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
         return str(self.folder / name)
 
@@ -75,7 +72,6 @@ def pose(home: str, srdf: str = "small.srdf"):
 
 
 def body(*parameters: float):
-    """An arm whose second link has these inertial parameters."""
     links = torch.tensor([ROD, parameters], dtype=torch.float64)
     return lambda at: room.require_consistent(random_chain(2, 0)[0], links)
 

@@ -199,8 +199,6 @@ XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 def xacro(argument: str = "", text: str = XACRO):
-    """Loading a xacro file."""
-
     def run(folder, **args):
         (folder / "arm.urdf.xacro").write_text(text.format(argument=argument))
         return load_robot(folder / "arm.urdf.xacro", Setup(args=args or None))

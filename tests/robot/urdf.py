@@ -32,7 +32,6 @@ def robot(*parts: str, name: str = "small") -> str:
 
 
 def more(text: str, *parts: str) -> str:
-    """A robot's text with more parts."""
     return text.replace("</robot>", "".join(parts) + "</robot>")
 
 

@@ -20,7 +20,6 @@ BENT = (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0)  # a home of seven joints
 
 
 def drawn(trajectory: Trajectory, batch: int, seed: int = 0) -> Tensor:
-    """Random coefficients."""
     generator = torch.Generator().manual_seed(seed)
     return torch.randn(batch, *trajectory.shape, generator=generator, dtype=torch.float64)
 
@@ -64,13 +63,11 @@ def filled(arm: Arm, seed: int) -> Arm:
 
 
 def only(capsules: Capsules, which: Tensor) -> Capsules:
-    """Some of an arm's capsules."""
     names = tuple(capsules.names[k] for k in which.tolist())
     return Capsules(capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], names)
 
 
 def thick(arm: Arm, factor: float) -> Arm:
-    """An arm with thicker capsules."""
     return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
 
 

@@ -290,7 +290,6 @@ def test_a_valid_trajectory_never_exceeds_and_one_that_does_is_refused(names, se
     limits = arm.higher_limits
 
     def use(c: Tensor, samples: int) -> Tensor:
-        """Largest share of a limit that is used, (B,)."""
         times = torch.linspace(0, period, samples, dtype=torch.float64)
         peaks = {x: trajectory.derivative(c, times, HIGHER[x]).abs().amax(1) for x in limits}
         return torch.stack([peaks[x] / limits[x] for x in limits]).amax((0, 2))

@@ -34,7 +34,6 @@ FAR = 0.04  # [m]
     ],
 )
 def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, clearance, apart) -> None:
-    """And links may keep less from each other than from regions."""
     plain, clear = Constraints(arm, regions), Constraints(arm, regions, clearance=clearance, apart=apart)
     states = random_states(arm, 200)
     one, other = plain.margins(*states), clear.margins(*states)

@@ -36,7 +36,6 @@ def home(*position, arm=PLANAR):
 
 
 def weak(arm, *limits):
-    """An arm with other limits of torque [N·m]."""
     return replace(arm, torque_limit=torch.tensor(limits, dtype=torch.float64))
 
 
@@ -66,8 +65,6 @@ def scene(text):
 
 
 def touching(**setup):
-    """An arm of thick links."""
-
     def run(folder):
         (folder / "arm.urdf").write_text(chain(0.31))
         Constraints(load_robot(folder / "arm.urdf", Setup(**setup)))

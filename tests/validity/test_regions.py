@@ -185,8 +185,6 @@ plane
 
 @pytest.fixture
 def read(tmp_path):
-    """The regions of a scene's text."""
-
     def of(text):
         (tmp_path / "file.scene").write_text(text)
         return read_scene(tmp_path / "file.scene")
