@@ -56,27 +56,15 @@ def planted(task):
     return made, pool, places
 
 
-def test_the_greedy_score_takes_what_excites_most_first_and_then_what_differs(planted, build):
-    made, pool, places = planted
-    selection(made, pool).make(build)
-    chosen = Library.load(build.folder / LIBRARY, made.arm).coefficients
-    library = pool.library
-    size, total = library.diagonal.norm(dim=1), library.diagonal.sum(1)
-    first = (size / size.max() + total / total.max()).argmax()
-    torch.testing.assert_close(chosen[0], library.coefficients[first], rtol=0, atol=1e-12)
-    moving = (torch.cdist(chosen.flatten(1), library.coefficients[places].flatten(1)) < 1e-9).any(1)
-    assert 3 <= int(moving.sum()) < 6  # what differs most from one that moves is one that does not
-
-
-@pytest.mark.parametrize("method", ["d_optimal", "a_optimal"])
-def test_a_selection_finds_the_trajectories_that_excite(planted, build, method):
+@pytest.mark.parametrize(("method", "least"), [("greedy", 3), ("d_optimal", 6), ("a_optimal", 6)])
+def test_a_selection_finds_the_trajectories_that_excite(planted, build, method, least):
     made, pool, places = planted
     made = made.with_settings(selection=replace(made.cfg.selection, method=method))
     selection(made, pool).make(build)
     chosen = Library.load(build.folder / LIBRARY, made.arm).coefficients
-    best = pool.library.coefficients[places]
-    nearest = torch.cdist(best.flatten(1), chosen.flatten(1)).argmin(1)
-    torch.testing.assert_close(chosen[nearest], best, rtol=0, atol=1e-12)
+    apart = torch.cdist(chosen.flatten(1), pool.library.coefficients[places].flatten(1))
+    moving = int((apart < 1e-9).any(1).sum())
+    assert least <= moving and (method != "greedy" or moving < 6)  # greedy: what differs most is one at rest
 
 
 def test_random_trajectories_are_checked_and_those_that_fail_are_missing(task, build):
