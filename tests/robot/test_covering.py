@@ -253,19 +253,14 @@ class TestKept:
         assert not (tmp_path / "none.npz").exists()
 
 
-@pytest.fixture
-def ring_file(tmp_path, cache):
-    """A rod that turns inside of a ring, far from its wall."""
+def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free_and_that_is_kept(tmp_path, cache, monkeypatch):
     trimesh.creation.annulus(0.10, 0.12, 0.1, sections=24).export(tmp_path / "ring.stl")
-    trimesh.creation.box((0.03, 0.03, 0.4)).export(tmp_path / "rod.stl")
+    trimesh.creation.box((0.03, 0.03, 0.4)).export(tmp_path / "rod.stl")  # far from the ring's wall
     first = joint("first", "base", "lower", origin='xyz="0 0 0"') + link("lower")
     second = joint("second", "lower", "upper", origin='xyz="0.02 0 0"')
     ring, rod = link("base", mesh("ring.stl")), link("upper", INERTIA + mesh("rod.stl"))
-    (tmp_path / "robot.urdf").write_text(robot(ring, first, second, rod))
-    return tmp_path / "robot.urdf"
-
-
-def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free_and_that_is_kept(ring_file, monkeypatch):
+    ring_file = tmp_path / "robot.urdf"
+    ring_file.write_text(robot(ring, first, second, rod))
     coarse = load_robot(ring_file, Setup(pieces=2, finer=2, may_touch=[("base", "upper")]))
     assert coarse.capsules.owners.count("base") <= 2
     fine = load_robot(ring_file, Setup(pieces=2))

@@ -106,21 +106,22 @@ def test_points_are_where_pinocchio_puts_them(joints: int) -> None:
                 np.testing.assert_allclose(found[:, k, n], expected, atol=1e-13)
 
 
-def coal_results(arm: Arm, constraints: Constraints, q: Tensor) -> list[list[tuple]]:
-    """Signed distances [m] of pairs, and from one nearest point to the other, at each position."""
-    model, geometry = pinocchio_model(arm), capsule_geometry(arm)
-    for first, second in constraints.pairs.tolist():
-        geometry.addCollisionPair(pin.CollisionPair(first, second))
-    data, places = model.createData(), geometry.createData()
+def coal_results(model, geometry, pairs, q):
+    """By coal, at each position: distances [m] of pairs with nearest points, and where the shapes are."""
+    for pair in pairs:
+        geometry.addCollisionPair(pin.CollisionPair(*pair))
+    data, shapes = model.createData(), geometry.createData()
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    places.distanceRequests[:] = [request] * len(constraints.pairs)
-    found = []
+    shapes.distanceRequests[:] = [request] * len(pairs)
     for position in q.numpy():
-        pin.computeDistances(model, data, geometry, places, position)
-        results = places.distanceResults
-        found.append([(x.min_distance, x.getNearestPoint1() - x.getNearestPoint2()) for x in results])
-    return found
+        pin.computeDistances(model, data, geometry, shapes, position)
+        yield list(shapes.distanceResults), shapes.oMg
+
+
+def of_capsules(constraints, q):
+    arm = constraints.arm
+    return coal_results(pinocchio_model(arm), capsule_geometry(arm), constraints.pairs.tolist(), q)
 
 
 @pytest.mark.parametrize("thicker", [0.0, 0.05, 0.15])
@@ -129,8 +130,8 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     arm = lenient(replace(arm, capsules=replace(arm.capsules, radius=arm.capsules.radius + thicker)))
     constraints = Constraints(arm)
     q = random_states(arm, 1_000, seed=7)[0]
-    ours, results = constraints.clearances(q)["collision"].numpy(), coal_results(arm, constraints, q)
-    theirs = np.array([[distance for distance, _ in row] for row in results])
+    ours = constraints.clearances(q)["collision"].numpy()
+    theirs = np.array([[one.min_distance for one in results] for results, _ in of_capsules(constraints, q)])
     apart, deep = theirs > 1e-6, theirs < -1e-6
     assert apart.sum() > 1000 and (thicker < 0.1 or deep.sum() > 1000)
     np.testing.assert_allclose(ours[apart], theirs[apart], atol=1e-9)
@@ -139,18 +140,19 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
 
 def test_the_closest_pair_and_its_points_are_coals(arm):
     constraints, q = Constraints(arm), random_states(arm, 60)[0]
-    found, places = closest(constraints, q), coal_results(arm, constraints, q)
-    names, apart = constraints.labels["collision"], 0
-    for k, results in enumerate(places):
-        distance, between = min(results, key=lambda one: one[0])
+    found, names, apart = closest(constraints, q), constraints.labels["collision"], 0
+    for k, (results, _) in enumerate(of_capsules(constraints, q)):
+        which = int(np.argmin([one.min_distance for one in results]))
+        distance = results[which].min_distance
         assert float(found.distance[k]) == pytest.approx(distance, abs=1e-6)
         if distance < 0.01:
             continue  # coal's points of what overlaps are others
         apart += 1
-        assert found.names[int(found.which[k])] == names[[one for one, _ in results].index(distance)]
+        assert found.names[int(found.which[k])] == names[which]
+        between = np.linalg.norm(results[which].getNearestPoint1() - results[which].getNearestPoint2())
         one, other = found.points[k].numpy()
         assert np.linalg.norm(one - other) == pytest.approx(float(found.distance[k]), abs=1e-9)
-        assert np.linalg.norm(one - other) == pytest.approx(np.linalg.norm(between), abs=1e-5)
+        assert np.linalg.norm(one - other) == pytest.approx(between, abs=1e-5)
     assert apart > 20
 
 
@@ -163,18 +165,15 @@ def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
     links = link("l0", box[0]), link("l1"), link("l2", INERTIA + box[1])
     file = tmp_path / "plates.urdf"
     file.write_text(robot(*links, first, second))
-    arm = load_robot(file)
-    constraints, q = Constraints(arm), random_states(arm, 200)[0]
+    constraints = Constraints(load_robot(file))
     assert bool(constraints.pieces.finer.all())
+    q = random_states(constraints.arm, 200)[0]
     found = closest(constraints, q)
     whole = pin.buildModelFromUrdf(str(file))
     geometry = pin.buildGeomFromUrdf(whole, str(file), pin.GeometryType.COLLISION)
-    geometry.addCollisionPair(pin.CollisionPair(0, 1))
-    data, shapes = whole.createData(), geometry.createData()
     apart = 0
-    for k, position in enumerate(q.numpy()):
-        pin.computeDistances(whole, data, geometry, shapes, position)
-        theirs = shapes.distanceResults[0].min_distance
+    for k, (results, places) in enumerate(coal_results(whole, geometry, [(0, 1)], q)):
+        theirs = results[0].min_distance
         if theirs < 1e-3:
             continue
         apart += 1
@@ -182,7 +181,7 @@ def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
         assert np.linalg.norm(one - other) == pytest.approx(theirs, abs=1e-6)
         assert float(found.distance[k]) == pytest.approx(theirs, abs=1e-6)
         for point, body in ((one, 0), (other, 1)):
-            local = shapes.oMg[body].actInv(point)
+            local = places[body].actInv(point)
             half = np.array([[0.25, 0.2, 0.01], [0.15, 0.005, 0.1]][body])
             assert (np.abs(local) <= half + 1e-9).all() and np.isclose(np.abs(local), half).any()
     assert apart > 60
