@@ -15,8 +15,8 @@ from tests.recording.conftest import load_recording, of_file, part_of, real, rec
 GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)
 
 
-def joined_warnings(recording, arm, **settings):
-    return "\n".join(check_recording(recording, arm, of_file(**settings)).warnings)
+def joined_warnings(recording, arm):
+    return "\n".join(check_recording(recording, arm, of_file()).warnings)
 
 
 def test_a_good_recording_raises_no_suspicion(planar, recording):

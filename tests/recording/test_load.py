@@ -79,17 +79,11 @@ def test_what_was_written_is_read_at_once_and_in_pieces(made, tmp_path, write, c
 
 def garbled(lines):
     lines[5] = lines[5] + ",7,8"
+    lines[8] = lines[8].rsplit(",", 1)[0] + ",1e300"
     lines[9] = "garbage" + lines[9][lines[9].index(",") :]
     lines[12] = lines[12].rsplit(",", 2)[0]
     lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
-
-
-def cut_short(lines):
     lines[-1] = lines[-1][:-30]
-
-
-def beyond_any_sensor(lines):
-    lines[8] = lines[8].rsplit(",", 1)[0] + ",1e300"
 
 
 def unfilled(lines):
@@ -98,17 +92,12 @@ def unfilled(lines):
     lines[0] = ",".join([*lines[0].split(",")[:-2], "nan", "0.5"])
 
 
-GARBLED = {6: "9 fields, expected 7", 10: "no number in t", 13: "no number in tau1, tau2"}
-CORRUPT = [
-    (garbled, None, [6, 10, 13, 21], GARBLED),
-    (cut_short, None, [201], {}),
-    (beyond_any_sensor, None, [9], {9: "no number in tau2"}),
-    (unfilled, HEADER, [1], {1: "no number in tau1"}),
-]
+GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
+CORRUPT = [(garbled, None, GARBLED), (unfilled, HEADER, {1: "no number in tau1"})]
 
 
-@pytest.mark.parametrize(("change", "header", "rows", "reasons"), CORRUPT)
-def test_corrupt_rows_are_left_out_and_named(made, tmp_path, change, header, rows, reasons):
+@pytest.mark.parametrize(("change", "header", "reasons"), CORRUPT)
+def test_corrupt_rows_are_left_out_and_named(made, tmp_path, change, header, reasons):
     path = write_csv(made, tmp_path)
     lines = path.read_text().splitlines()
     change(lines)
@@ -116,8 +105,8 @@ def test_corrupt_rows_are_left_out_and_named(made, tmp_path, change, header, row
     for size in (199, 10_000):
         parts = list(Source(path, of_file(header=header), JOINTS, rows=size))
         found = dict(row for part in parts for row in part.corrupt)
-        assert sorted(found) == rows and found | reasons == found
-        kept = [k for k in range(200) if k + (1 if header else 2) not in rows]
+        assert sorted(found) == sorted(reasons) and all(reasons[row] in found[row] for row in found)
+        kept = [k for k in range(200) if k + (1 if header else 2) not in reasons]
         torch.testing.assert_close(torch.cat([part.time for part in parts]), made.time[kept])
 
 
