@@ -12,6 +12,8 @@ from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
 NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
+POSE = '<joint name="shoulder" value="0.1"/><joint name="elbow" value="-0.2"/>'
+SRDF = f'<robot name="planar2"><group_state name="ready" group="arm">{POSE}</group_state></robot>'
 
 
 @pytest.fixture

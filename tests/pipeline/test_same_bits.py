@@ -64,9 +64,8 @@ def test_sets_may_come_in_any_order_in_one_process(here):
     assert digests([*reversed(NAMES)]) == here
 
 
-@pytest.mark.parametrize("shift", [1, 6])
-def test_numbers_may_lie_anywhere_in_memory(here, shift):
-    assert digests([*NAMES], shift) == here
+def test_numbers_may_lie_anywhere_in_memory(here):
+    assert digests([*NAMES], shift=3) == here
 
 
 def test_several_threads_change_nothing(here):

@@ -15,6 +15,7 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
+from tests.pipeline.conftest import SRDF
 from tests.tiny import tiny
 
 
@@ -144,9 +145,7 @@ def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(task, 
     assert found.trajectory.home == pytest.approx((1, 0), abs=1e-3) and task().home is None
     same = task(PART, f"trajectory.home={list(found.home)}")
     assert seed_set(found).digest == seed_set(same).digest != seed_set(task()).digest
-    pose = '<joint name="shoulder" value="0.1"/><joint name="elbow" value="-0.2"/>'
-    group = f'<group_state name="ready" group="arm">{pose}</group_state>'
-    (tmp_path / "arm.srdf").write_text(f'<robot name="planar2">{group}</robot>')
+    (tmp_path / "arm.srdf").write_text(SRDF)
     assert task(f"robot.srdf={tmp_path}/arm.srdf", "robot.home=ready").trajectory.home == (0.1, -0.2)
 
 

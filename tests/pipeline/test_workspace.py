@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from sidegan.errors import InfeasibleError
 from sidegan.pipeline.workspace import Region, Workspace
@@ -59,13 +60,13 @@ def test_regions_of_all_kinds(tmp_path, planar):
 
 
 def test_a_mesh_is_known_by_what_is_in_its_file_and_told_where_it_is_not_convex(tmp_path, planar, caplog):
-    import trimesh
-
-    made = {"a": 1.0, "b": 1.0, "c": 2.0}
-    one, same, other = (
-        workspace(tetrahedron(tmp_path / f"{name}.obj", scale)) for name, scale in made.items()
+    texts = (
+        tetrahedron(tmp_path / "a.obj"),
+        tetrahedron(tmp_path / "b.obj"),
+        tetrahedron(tmp_path / "c.obj", 2.0),
     )
-    assert one.stamped(planar) == same.stamped(planar) != other.stamped(planar)
+    one, same, other = (workspace(text).stamped(planar) for text in texts)
+    assert one == same != other
     trimesh.creation.annulus(0.3, 0.5, 0.1).export(tmp_path / "ring.stl")
     workspace(f"{{mesh: {{file: {tmp_path}/ring.stl}}}}").shapes(planar)
     assert "% of its hull, all of which is kept out of" in caplog.text
