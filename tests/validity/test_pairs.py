@@ -110,13 +110,6 @@ def test_pairs_of_an_srdf_are_exempt_only_where_the_user_says_so(write) -> None:
     assert arm.digest != kept.digest == load_robot(file).digest
 
 
-def test_a_description_may_name_pairs_itself(write) -> None:
-    said = '<disable_collisions link1="one" link2="three" reason="a cover"/>'
-    arm = load_robot(write(more(chain(0.05), said)))
-    assert ("one", "three", "a cover") in arm.may_touch
-    assert frozenset({"one", "three"}) not in names(arm)
-
-
 def test_what_never_touches_is_dropped_on_proof_and_only_then(write) -> None:
     pytest.importorskip("numba")
     box = collision('<box size="0.2 0.04 0.04"/>', 'xyz="0.15 0 0"')  # along the links
