@@ -62,6 +62,12 @@ def test_without_validation_recordings_take_turns(planar, recordings):
     assert result.trust.folds is not None
 
 
+def test_one_recording_is_tested_on_itself_and_that_is_said(planar, recordings):
+    result = identified(planar, recordings[:1])
+    assert result.kind.startswith("in sample") and result.tests is result.trained
+    assert any("held out" in reason for reason in result.trust.reasons)
+
+
 def test_running_a_recommended_trajectory_gives_the_samples_of_its_whole_period(planar, recordings, tmp_path):
     trajectory = Trajectory(2, 3, 4.0)
     c = 0.3 * torch.randn(3, *trajectory.shape, generator=torch.Generator().manual_seed(0)).double()
