@@ -4,7 +4,6 @@ import io
 import logging
 import math
 import sys
-import time
 
 import pytest
 from hypothesis import given
@@ -13,29 +12,23 @@ from hypothesis import strategies as st
 from sidegan.base import progress
 from sidegan.base.names import plain
 from sidegan.base.progress import ConsoleHandler, bar, duration, speed
+from tests.waiting import wait_until
 
-NUMBERS = [
-    (131.6, ".2g", "130"),
-    (-99950.0, ".3g", "-100000"),
-    (999_600.0, ".3g", "1e6"),
-    (8.951e12, ".3g", "8.95e12"),
-    (3.6e-7, ".2g", "3.6e-7"),
-    (0.00047, ".3g", "0.00047"),
-    (0.123, ".0%", "12%"),
-    (1234.5, ",.0f", "1,234"),
-    (math.inf, ".3g", "inf"),
-    (math.nan, ".3g", "nan"),
+WORDS = [
+    (plain(131.6, ".2g"), "130"),
+    (plain(-99950.0, ".3g"), "-100000"),
+    (plain(999_600.0, ".3g"), "1e6"),
+    (plain(3.6e-7, ".2g"), "3.6e-7"),
+    (plain(0.00047, ".3g"), "0.00047"),
+    (plain(0.123, ".0%"), "12%"),
+    (plain(1234.5, ",.0f"), "1,234"),
+    (plain(math.nan, ".3g"), "nan"),
+    *zip(map(duration, (0.04, 12.4, 200, 50_400)), ("0.0 s", "12 s", "3 min 20 s", "14 h 0 min")),
+    *zip(map(speed, (0, 0.2, 31, 310_000)), ("", "12/min", "31/s", "310,000/s")),
 ]
 
 
-@pytest.mark.parametrize(
-    ("found", "words"),
-    [
-        *((plain(value, form), words) for value, form, words in NUMBERS),
-        *zip(map(duration, (0.04, 12.4, 200, 50_400)), ("0.0 s", "12 s", "3 min 20 s", "14 h 0 min")),
-        *zip(map(speed, (0, 0.2, 31, 310_000)), ("", "12/min", "31/s", "310,000/s")),
-    ],
-)
+@pytest.mark.parametrize(("found", "words"), WORDS)
 def test_numbers_durations_and_rates_in_words(found, words):
     assert found == words
 
@@ -72,11 +65,10 @@ def test_on_a_terminal_bars_are_live_may_nest_and_go_away(monkeypatch, caplog):
     with pytest.raises(KeyboardInterrupt), bar("outer", 2) as outer, bar("inner", 3) as inner:
         outer(1)
         inner(2)
-        end = time.monotonic() + 60  # a thread of its own draws ten times a second, when it has its turn
-        while not (drawn := all(word in terminal.getvalue() for word in words)) and time.monotonic() < end:
-            time.sleep(0.05)
+        # A thread of its own draws ten times a second, when it has its turn.
+        wait_until(lambda: all(word in terminal.getvalue() for word in words))
         raise KeyboardInterrupt
-    assert drawn and sys.stderr is terminal and caplog.text == ""
+    assert sys.stderr is terminal and caplog.text == ""
 
 
 def test_log_lines_go_to_standard_error_as_it_is_now(monkeypatch):

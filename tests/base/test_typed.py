@@ -22,12 +22,15 @@ class Inner:
             raise ConfigError(f"a small one has at most 10, got {self.count}")
 
 
+Share = Annotated[float, Bound(">", 0), Bound("≤", 1)]
+
+
 @dataclasses.dataclass(frozen=True)
 class Outer:
     seed: Natural
     rate: Positive
     weight: NonNegative
-    share: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    share: Share
     name: str
     on: bool
     corner: tuple[float, float]
@@ -36,24 +39,13 @@ class Outer:
     many: dict[str, Inner]
     home: list[float] | None
     words: dict[str, Text]
-    files: list[str] | Annotated[float, Bound(">", 0), Bound("<", 1)]
+    files: list[str] | Share
 
 
-GOOD = {
-    "seed": 0,
-    "rate": 100,
-    "weight": 0.0,
-    "share": 1,
-    "name": "a",
-    "on": True,
-    "corner": [1, 2.5],
-    "sizes": [6, 210],
-    "inner": {"count": 3, "kind": "small"},
-    "many": {"first": {"count": 30, "kind": "large", "optional": 2}},
-    "home": None,
-    "words": {"number": 0.2, "whole": 3, "truth": True, "text": "a b"},
-    "files": 0.5,
-}
+GOOD = {"seed": 0, "rate": 100, "weight": 0.0, "share": 1, "name": "a", "on": True, "corner": [1, 2.5]}
+GOOD |= {"sizes": [6, 210], "home": None, "inner": {"count": 3, "kind": "small"}, "files": 0.5}
+GOOD |= {"many": {"first": {"count": 30, "kind": "large", "optional": 2}}}
+GOOD |= {"words": {"number": 0.2, "whole": 3, "truth": True, "text": "a b"}}
 
 
 def test_every_kind_of_value_is_read():
@@ -72,6 +64,8 @@ def test_what_was_read_reads_back_the_same(seed, rate, name):
 
 
 COUNT = "a whole number ≥ 1 and ≤ 1e+09"
+# One mistake, and not a missing setting too.
+MISSPELT = "inner.cuont: there is no such setting; did you mean inner.count?"
 
 
 @pytest.mark.parametrize(
@@ -92,15 +86,11 @@ COUNT = "a whole number ≥ 1 and ≤ 1e+09"
         ("inner", {"count": 1, "kind": "huge"}, "inner.kind is 'huge', expected one of small, large"),
         ("inner", {"kind": "small"}, f"inner.count is missing, expected {COUNT}"),
         ("inner", {"count": 11, "kind": "small"}, "inner: a small one has at most 10, got 11"),
-        (
-            "inner",  # one mistake, and not a missing setting too
-            {"cuont": 3, "kind": "small"},
-            "inner.cuont: there is no such setting; did you mean inner.count?",
-        ),
+        ("inner", {"cuont": 3, "kind": "small"}, MISSPELT),
         ("many", {"x": {"count": "y", "kind": "small"}}, f"many.x.count is 'y', expected {COUNT}"),
         ("home", "zero", "home is 'zero', expected a list, each item a number"),
         ("words", {"one": [1]}, "words.one is [1], expected text or a number"),
-        ("files", 1, "files is 1, expected a list, each item text, or a number > 0 and < 1"),
+        ("files", 2, "files is 2, expected a list, each item text, or a number > 0 and ≤ 1"),
         ("files", [2], "files[0] is 2, expected text"),
     ],
 )
@@ -111,10 +101,8 @@ def test_a_wrong_value_is_named_with_its_key_and_what_was_expected(key, value, w
 
 
 def test_all_problems_are_told_at_once():
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(ConfigError, match=r"(?s)^3 settings are wrong\n.*extra.*seed.*inner\.count"):
         build(Outer, {**GOOD, "seed": "x", "inner": {"count": 0, "kind": "small"}, "extra": 1})
-    assert str(error.value).splitlines()[0] == "3 settings are wrong"
-    assert all(key in str(error.value) for key in ("seed", "inner.count", "extra"))
 
 
 def test_what_is_meant_is_looked_for_in_the_same_group_first_and_elsewhere_then():
