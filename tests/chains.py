@@ -81,9 +81,8 @@ def random_states(arm: Arm, count: int, seed: int = 0) -> tuple[Tensor, Tensor, 
 
 def _inertia(random: np.random.Generator) -> pin.Inertia:
     half = random.normal(size=(3, 3)) * 0.2
-    return pin.Inertia(
-        random.uniform(0.3, 5.0), random.uniform(-0.3, 0.3, 3), half @ half.T + 0.01 * np.eye(3)
-    )
+    mass, centre = random.uniform(0.3, 5.0), random.uniform(-0.3, 0.3, 3)
+    return pin.Inertia(mass, centre, half @ half.T + 0.01 * np.eye(3))
 
 
 def _capsules(random: np.random.Generator, joints: int) -> Capsules:

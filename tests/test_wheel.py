@@ -30,25 +30,23 @@ def test_every_file_of_ours_is_in_the_wheel_and_nothing_else():
     assert not [path for path in held if path.endswith((".nbc", ".nbi", ".pyc"))]
 
 
+CODE = """
+import shutil, sys
+from pathlib import Path
+root = Path(sys.argv[1])
+shutil.copytree(root / "sidegan", "sidegan", ignore=shutil.ignore_patterns("__pycache__"))
+shutil.copytree(root / "conf", "sidegan/conf")
+sys.path.insert(0, ".")
+from sidegan.pipeline.run import CONF, main
+assert CONF == Path("sidegan/conf").resolve(), CONF
+sys.argv = ["sidegan", "+experiment=excite", "--cfg", "job"]
+sys.exit(main())
+"""
+
+
 def test_settings_are_found_in_the_wheel_where_there_is_no_clone(tmp_path):
     """The package's own copy of conf/, as the wheel has it, goes before the one beside the package."""
-    code = (
-        "import shutil, sys; from pathlib import Path; root = Path(sys.argv[1])\n"
-        "shutil.copytree(root / 'sidegan', 'sidegan', ignore=shutil.ignore_patterns('__pycache__'))\n"
-        "shutil.copytree(root / 'conf', 'sidegan/conf')\n"
-        "sys.path.insert(0, '.')\n"
-        "from sidegan.pipeline.run import CONF\n"
-        "assert CONF == Path('sidegan/conf').resolve(), CONF\n"
-        "sys.argv = ['sidegan', '+experiment=excite', '--cfg', 'job']\n"
-        "from sidegan.pipeline.run import main\n"
-        "sys.exit(main())"
-    )
-    ran = subprocess.run(
-        [sys.executable, "-I", "-c", code, str(ROOT)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    command = [sys.executable, "-I", "-c", CODE, str(ROOT)]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert ran.returncode == 0, ran.stderr
     assert "experiment: excite" in ran.stdout

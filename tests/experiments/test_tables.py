@@ -84,16 +84,11 @@ def test_table_3_is_the_norm_and_what_it_would_be_of_one_sample(whole):
 
 
 def test_epochs_to_reliability():
-    shares = {
-        ("eigen", 0): (0.1, 0.85, 0.7),
-        ("eigen", 1): (0.9, 0.2, 0.95),
-        ("diagonal", 0): (0.9, 0.9, 0.9),
-        ("diagonal", 1): (0.8, 0.1, 0.9),
-        ("vanilla", 0): (0.1, None, 0.1),
-    }
+    runs = [("eigen", 0, (0.1, 0.85, 0.7)), ("eigen", 1, (0.9, 0.2, 0.95)), ("vanilla", 0, (0.1, None, 0.1))]
+    runs += [("diagonal", 0, (0.9, 0.9, 0.9)), ("diagonal", 1, (0.8, 0.1, 0.9))]
     rows = [
         {"variant": name, "training": k, "epoch": epoch, "success": share}
-        for (name, k), run in shares.items()
+        for name, k, run in runs
         for epoch, share in enumerate(run, 1)
     ]
     table = training.speed(pd.DataFrame(rows))

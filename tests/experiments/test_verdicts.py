@@ -65,19 +65,22 @@ def test_a_verdict_needs_the_whole_interval_and_every_seed_set():
     assert above(effect(1.0, trainings=1, sets=("a",))) == UNDECIDED  # one training says nothing
     torn = pd.concat([effect(3.0, 0.1, ("a",), 8), effect(-0.2, 0.1, ("b",), 2)])
     assert interval(torn).low > 0 and above(torn) == UNDECIDED
+    assert not_below(effect(0.0)) == HOLDS and not_below(effect(-1.0)) == NOT
+    assert not_below(effect(0.0, trainings=1, sets=("a",))) == UNDECIDED
 
 
 def test_what_lies_about_a_bound_is_not_decided():
     assert above(effect(0.8), 0.8) == OPEN and below(effect(0.8), 0.8) == OPEN
     assert above(effect(1.0), 0.8) == HOLDS and below(effect(1.0), 0.8) == NOT
     assert beside(verdicts.proportion(0.5, 10), 0.5) == OPEN
+
+
+def test_a_claim_about_several_holds_of_each_or_in_part():
+    assert together([HOLDS, HOLDS]) == HOLDS and together([HOLDS, NOT]) == PART
+    assert together([HOLDS, UNDECIDED]) == PART and together([NOT, UNDECIDED]) == NOT
+    assert together([UNDECIDED, UNDECIDED]) == UNDECIDED and together([]) == UNKNOWN
     assert together([OPEN, OPEN]) == OPEN and together([OPEN, HOLDS]) == PART
     assert together([OPEN, UNDECIDED]) == OPEN and together([OPEN, NOT]) == NOT
-
-
-def test_what_is_not_detectably_smaller_needs_more_than_one_training():
-    assert not_below(effect(0.0)) == HOLDS and not_below(effect(-1.0)) == NOT
-    assert not_below(effect(0.0, trainings=1, sets=("a",))) == UNDECIDED
 
 
 @pytest.mark.parametrize("values", [(1.0, 1.0, 0.97), (0.0, 0.02, 0.3), (1.0, 1.0, 1.0)])
@@ -116,12 +119,6 @@ def test_a_verdict_says_where_the_valid_alone_would_give_another():
     assert one.verdict == HOLDS and "by which" not in one.ours
     nothing = over_both({"eigen": effect(1.0)}, {"eigen": effect(1.0) * np.nan}, above)
     assert nothing.ours.endswith(UNKNOWN) and "nothing to measure" in nothing.ours
-
-
-def test_a_claim_about_several_holds_of_each_or_in_part():
-    assert together([HOLDS, HOLDS]) == HOLDS and together([HOLDS, NOT]) == PART
-    assert together([HOLDS, UNDECIDED]) == PART and together([NOT, UNDECIDED]) == NOT
-    assert together([UNDECIDED, UNDECIDED]) == UNDECIDED and together([]) == UNKNOWN
 
 
 def test_a_share_of_draws_has_an_exact_interval():

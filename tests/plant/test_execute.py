@@ -67,22 +67,14 @@ def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
         torch.testing.assert_close(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
 
 
-def test_a_known_arm_is_tracked_and_the_standard_plant_is_not_quite(arm, motions, standard):
+def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions, standard):
     motion = motions(arm, period=8.0)
-    known, usual = (
-        (Plant(arm, settings).execute(motion, 0).position - motion.position[0]).abs()
-        for settings in (IDEAL, standard)
+    known = [replace(IDEAL, feed_forward=share) for share in (1.0, 0.9, 0.5)]
+    exact, less, least, usual = (
+        Plant(arm, one).execute(motion, 0).position - motion.position[0] for one in (*known, standard)
     )
-    assert known.max() < 1e-4 < rms(usual) < 1e-2
-
-
-def test_a_controller_that_knows_less_tracks_worse(arm, motions):
-    motion = motions(arm)
-    errors = [
-        rms(Plant(arm, replace(IDEAL, feed_forward=share)).execute(motion, 0).position - motion.position[0])
-        for share in (1.0, 0.9, 0.5)
-    ]
-    assert errors[0] < errors[1] < errors[2]
+    assert exact.abs().max() < 1e-4 < rms(usual) < 1e-2
+    assert rms(exact) < rms(less) < rms(least)
 
 
 def test_motions_are_executed_one_after_another(planar, motions, standard):
@@ -96,29 +88,29 @@ def test_motions_are_executed_one_after_another(planar, motions, standard):
         assert torch.equal(mine, theirs)
 
 
-class TestSensors:
-    def test_positions_are_whole_counts(self, planar, motions):
-        settings = replace(IDEAL, encoder_resolution=[1e-3, 0.0])
-        executed = Plant(planar, settings).execute(motions(planar), 0)
-        true = Plant(planar, IDEAL).execute(motions(planar), 0)
-        counts = executed.position[:, 0] / 1e-3
-        torch.testing.assert_close(counts, counts.round(), rtol=0, atol=1e-9)
-        assert (executed.position - true.position).abs().amax(0)[0] <= 0.5e-3 + 1e-12
-        assert torch.equal(executed.position[:, 1], true.position[:, 1])
-        assert torch.equal(executed.velocity[:, 1], true.velocity[:, 1])
-        assert (executed.velocity - true.velocity)[:, 0].abs().max() <= 0.5 + 1e-3  # half a count per ms
+def test_positions_are_whole_counts(planar, motions):
+    settings = replace(IDEAL, encoder_resolution=[1e-3, 0.0])
+    executed, true = (Plant(planar, one).execute(motions(planar), 0) for one in (settings, IDEAL))
+    counts = executed.position[:, 0] / 1e-3
+    torch.testing.assert_close(counts, counts.round(), rtol=0, atol=1e-9)
+    assert (executed.position - true.position).abs().amax(0)[0] <= 0.5e-3 + 1e-12
+    assert torch.equal(executed.position[:, 1], true.position[:, 1])
+    assert torch.equal(executed.velocity[:, 1], true.velocity[:, 1])
+    assert (executed.velocity - true.velocity)[:, 0].abs().max() <= 0.5 + 1e-3  # half a count per ms
 
-    def test_torques_have_the_stated_noise_and_bias(self, planar, motions):
-        settings = replace(IDEAL, torque_noise=[0.5, 2.0], torque_bias=[-3.0, 0.25])
-        executed = Plant(planar, settings).execute(motions(planar, period=16.0), 0)
-        true = Plant(planar, IDEAL).execute(motions(planar, period=16.0), 0)
-        noise = executed.torque - true.torque
-        assert torch.equal(executed.position, true.position)
-        assert noise.mean(0).tolist() == pytest.approx([-3.0, 0.25], abs=0.06)  # 4σ of 16,001 samples
-        assert noise.std(0).tolist() == pytest.approx([0.5, 2.0], rel=0.03)
 
-    def test_a_seed_is_a_recording(self, planar, motions, standard):
-        plant, motion = Plant(planar, standard), motions(planar)
-        one, same, other = (plant.execute(motion, seed).torque for seed in (1, 1, 2))
-        assert torch.equal(one, same)
-        assert not torch.equal(one, other)
+def test_torques_have_the_stated_noise_and_bias(planar, motions):
+    settings, motion = (
+        replace(IDEAL, torque_noise=[0.5, 2.0], torque_bias=[-3.0, 0.25]),
+        motions(planar, period=16.0),
+    )
+    executed, true = (Plant(planar, one).execute(motion, 0) for one in (settings, IDEAL))
+    noise = executed.torque - true.torque
+    assert torch.equal(executed.position, true.position)
+    assert noise.mean(0).tolist() == pytest.approx([-3.0, 0.25], abs=0.06)  # 4σ of 16,001 samples
+    assert noise.std(0).tolist() == pytest.approx([0.5, 2.0], rel=0.03)
+
+
+def test_a_seed_is_a_recording(planar, motions, standard):
+    one, same, other = (Plant(planar, standard).execute(motions(planar), seed).torque for seed in (1, 1, 2))
+    assert torch.equal(one, same) and not torch.equal(one, other)

@@ -17,21 +17,18 @@ from tests.recording.conftest import of_file
 FAMILY = Trajectory(7, 6, 16.0)
 
 
-def measurements_of(executed, joint_names, settings):
-    recording = Recording("plant", joint_names, *executed[:3], torque=executed.torque)
-    return [Measurements(*segment[1:]) for segment in preprocess(recording, settings)]
-
-
 @pytest.fixture(scope="module")
 def executions(arm, standard):
+    """Measurements of each of eight executions."""
     start = torch.Generator().manual_seed(0)
     c = Problem(Constraints(arm, []), FAMILY).start(8, start, reach=0.8)
-    plant = Plant(arm, standard)
-    motions = (FAMILY.roll_out(one[None], FAMILY.times(standard.rate)) for one in c)
-    executed = [
-        plant.execute(*each) for each in zip(motions, np.random.SeedSequence(0).spawn(len(c)), strict=True)
-    ]
-    return [measurements_of(one, arm.joint_names, of_file(bandwidth=6 / 16)) for one in executed]
+    plant, found = Plant(arm, standard), []
+    for one, seed in zip(c, np.random.SeedSequence(0).spawn(len(c))):
+        executed = plant.execute(FAMILY.roll_out(one[None], FAMILY.times(standard.rate)), seed)
+        recording = Recording("plant", arm.joint_names, *executed[:3], torque=executed.torque)
+        segments = preprocess(recording, of_file(bandwidth=6 / 16))
+        found.append([Measurements(*segment[1:]) for segment in segments])
+    return found
 
 
 def test_friction_rotors_and_bias_come_back(arm, standard, executions):

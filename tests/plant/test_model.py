@@ -37,10 +37,9 @@ def test_inverse_dynamics_are_pinocchios(name):
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3, 6, 9])
-@pytest.mark.parametrize("seed", range(2))
-def test_inverse_dynamics_of_any_chain_are_ours(chain, joints, seed):
-    arm = chain(joints, seed)
-    states = random_states(arm, 50, seed)
+def test_inverse_dynamics_of_any_chain_are_ours(chain, joints):
+    arm = chain(joints, 0)
+    states = random_states(arm, 50)
     torques = inverse_dynamics(mujoco_model(arm), *states)
     torch.testing.assert_close(torques, RigidBody(arm).torque(*states), rtol=0, atol=1e-9)
 

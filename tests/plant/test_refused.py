@@ -13,12 +13,16 @@ def weak(arm):
     return replace(arm, torque_limit=torch.tensor([200.0, 1.0], dtype=torch.float64))
 
 
-def links(arm, *changes):
-    """The arm with link parameters changed: link, parameter and factor."""
-    parameters = arm.inertial_parameters.clone()
-    for link, parameter, factor in changes:
-        parameters[link, parameter] *= factor
-    return replace(arm, inertial_parameters=parameters)
+def links(*changes):
+    """Change link parameters of an arm: link, parameter and factor."""
+
+    def change(arm):
+        parameters = arm.inertial_parameters.clone()
+        for link, parameter, factor in changes:
+            parameters[link, parameter] *= factor
+        return replace(arm, inertial_parameters=parameters)
+
+    return change
 
 
 def not_finite(motion):
@@ -26,47 +30,31 @@ def not_finite(motion):
     return motion
 
 
-def execute(make=lambda arm: arm, change=lambda motion: motion, rate=1000.0, **settings):
-    return lambda arm, motions: Plant(make(arm), replace(IDEAL, **settings)).execute(
-        change(motions(arm, rate=rate)), 0
-    )
+def same(x):
+    return x
 
 
-EXECUTED = [
-    (InfeasibleError, r"'elbow' does not follow: after 0\.\d+ s .* 0.1 rad .* limit of 1 N·m", execute(weak)),
-    (
-        InfeasibleError,
-        "0.01 rad off its reference$",
-        execute(bandwidth=[0.2], feed_forward=0.0, tolerance=0.01),
-    ),
-    (InfeasibleError, "does not follow", execute(bandwidth=[800.0], damping_ratio=[0.05])),
-    (
-        RobotError,
-        "'upper_arm': .* too far out for its inertia",
-        execute(lambda arm: links(arm, (0, slice(4, 10), 0.1))),
-    ),
-    (ShapeError, r"0\.01 s, expected 0\.001 s: the plant runs at 1000 Hz", execute(rate=100.0)),
-    (ShapeError, "velocity of the motion is not finite", execute(change=not_finite)),
-    (
-        RobotError,
-        "MuJoCo refuses planar2",
-        execute(lambda arm: links(arm, (slice(None), slice(None), 1e-17))),
-    ),
-    *(
-        (
-            ConfigError,
-            rf"plant.{name} has 3 values, expected 2 \(one per joint\) or one",
-            execute(**{name: [0.1] * 3}),
-        )
-        for name in ("viscous", "coulomb", "rotor_inertia", "bandwidth", "torque_bias")
-    ),
+FOLLOWS_NOT = r"'elbow' does not follow: after 0\.\d+ s .* 0.1 rad .* limit of 1 N·m"
+LOOSE = {"bandwidth": [0.2], "feed_forward": 0.0, "tolerance": 0.01}
+THIN, LIGHT = links((0, slice(4, 10), 0.1)), links((slice(None), slice(None), 1e-17))
+MANY = r"plant.viscous has 3 values, expected 2 \(one per joint\) or one"
+EXECUTED = [  # the error, its words, and what is changed of arm, motion, rate [Hz] and settings
+    (InfeasibleError, FOLLOWS_NOT, weak, same, 1000.0, {}),
+    (InfeasibleError, "0.01 rad off its reference$", same, same, 1000.0, LOOSE),
+    (InfeasibleError, "does not follow", same, same, 1000.0, {"bandwidth": [800.0], "damping_ratio": [0.05]}),
+    (RobotError, "'upper_arm': .* too far out for its inertia", THIN, same, 1000.0, {}),
+    (RobotError, "MuJoCo refuses planar2", LIGHT, same, 1000.0, {}),
+    (ShapeError, r"0\.01 s, expected 0\.001 s: the plant runs at 1000 Hz", same, same, 100.0, {}),
+    (ShapeError, "velocity of the motion is not finite", same, not_finite, 1000.0, {}),
+    (ConfigError, MANY, same, same, 1000.0, {"viscous": [0.1] * 3}),
 ]
 
 
-@pytest.mark.parametrize(("error", "words", "use"), EXECUTED)
-def test_executed(planar, motions, error, words, use):
+@pytest.mark.parametrize(("error", "words", "make", "change", "rate", "settings"), EXECUTED)
+def test_executed(planar, motions, error, words, make, change, rate, settings):
+    motion = change(motions(planar, rate=rate))
     with pytest.raises(error, match=words):
-        use(planar, motions)
+        Plant(make(planar), replace(IDEAL, **settings)).execute(motion, 0)
 
 
 def test_a_motion_of_another_arm(arm, planar, motions):
@@ -76,7 +64,7 @@ def test_a_motion_of_another_arm(arm, planar, motions):
 
 def test_every_link_that_cannot_exist_is_named(arm):
     with pytest.raises(RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -"):
-        mujoco_model(links(arm, (1, 0, 0.0), (4, 0, -1.0)))
+        mujoco_model(links((1, 0, 0.0), (4, 0, -1.0))(arm))
 
 
 @pytest.mark.parametrize(("error", "path"), [(ConfigError, "a.xlsx"), (StorageError, "file/a.csv")])

@@ -19,7 +19,7 @@ from sidegan.plant.varied import VariedPlant, VariedSettings, _later, torque_sca
 from sidegan.robot import load_robot
 from tests.settings import CONF
 
-OFF = {"stribeck": 0.0, "load": 0.0, "asymmetry": 0.0, "position": 0.0, "ripple": 0.0}
+OFF = dict.fromkeys(("stribeck", "load", "asymmetry", "position", "ripple"), 0.0)
 SEED = 3
 
 
@@ -32,7 +32,7 @@ def settings():
 @pytest.fixture(scope="module")
 def plain(settings):
     """Friction of a model's class, sensors without errors."""
-    sensors = {"compliance": 0.0, "backlash": 0.0, "encoder": 0.0, "resolution": 0.0, "delay": 0.0}
+    sensors = dict.fromkeys(("compliance", "backlash", "encoder", "resolution", "delay"), 0.0)
     return replace(settings, friction=replace(settings.friction, **OFF), **sensors)
 
 
@@ -50,13 +50,12 @@ def test_motor_torque_is_the_true_arms_with_rotor_and_friction(name, plain, moti
     arm = load_robot(name)
     made = plant(arm, plain, "linear")
     signals = made.follow(motions(arm, 3, rate=500.0))
-    q = torch.from_numpy(signals.link)
-    rate = plain.rate
+    q, rate = torch.from_numpy(signals.link), plain.rate
     before = (q[:, 1:-1] - q[:, :-2]) * rate  # semi-implicit steps: the speed at which a step begins
     acceleration = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
-    states = q[:, 1:-1], before, acceleration
-    rigid = RigidBody(made.true).torque(*states) + torch.from_numpy(made.rotor) * acceleration
-    expected = rigid + torch.from_numpy(made.law.linear(before.numpy()))
+    rigid = RigidBody(made.true).torque(q[:, 1:-1], before, acceleration)
+    expected = rigid + torch.from_numpy(made.rotor) * acceleration
+    expected += torch.from_numpy(made.law.linear(before.numpy()))
     torch.testing.assert_close(torch.from_numpy(signals.torque[:, 1:-1]), expected, rtol=0, atol=1e-5)
 
 
