@@ -12,19 +12,21 @@ from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError, ShapeError, SideganError
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.networks import Generator
+from sidegan.gan.published import ConvolutionalGenerator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
+from sidegan.seeds.published import Layout
 
-_FORMAT = 2
+_FORMAT = 3
 
 
 @dataclass(frozen=True)
 class TrajectoryGenerator:
     """A generator with its scale, the trajectories' family and the robot that it was trained for."""
 
-    network: Generator  # noise → images
-    scaling: Scaling  # images → coefficients
+    network: Generator | ConvolutionalGenerator  # noise → images
+    scaling: Scaling | Layout  # images → coefficients
     trajectory: Trajectory  # the family of trajectories
     robot: str  # name of the arm
     digest: str  # of the arm's numbers
@@ -37,7 +39,7 @@ class TrajectoryGenerator:
         """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed."""
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
-        images = self.network(self.network.draw(count, _random(seed)))
+        images = self.network.sample(count, _random(seed))
         c = self.scaling.to(images).coefficients(images)
         return (c if self.limits is None else self.limits(c)).double().cpu()
 
@@ -52,8 +54,11 @@ class TrajectoryGenerator:
             "trajectory": self.trajectory.describe(),
             "network": network.settings,
             "limited": self.limits is not None,
+            "published": isinstance(self.scaling, Layout),
         }
-        tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread}
+        tensors = {}
+        if isinstance(self.scaling, Scaling):
+            tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread}
         if self.limits is not None:
             tensors |= {"room": self.limits.room, "speed": self.limits.speed}
             tensors |= {f"inverse_{name}": x for name, x in self.limits.inverse.items()}
@@ -103,7 +108,7 @@ def _stored_limits(content: dict[str, Any], family: Trajectory) -> LimitLayer:
 
 def _stored_network(
     meta: dict[str, Any], content: dict[str, Any], family: Trajectory
-) -> tuple[Generator, Scaling]:
+) -> tuple[Generator, Scaling] | tuple[ConvolutionalGenerator, Layout]:
     """Network and scale of a generator's file, after a look at their numbers.
 
     Raises:
@@ -117,6 +122,10 @@ def _stored_network(
     stated = [x for x in meta["network"].values() if isinstance(x, int)]
     if max(stated, default=0) > sum(x.numel() for x in weights.values()):  # before so much is asked for
         raise ShapeError(f"its weights are fewer than the sizes {meta['network']} need")
+    if meta["published"]:
+        published, layout = ConvolutionalGenerator(**meta["network"]), Layout(family.joints, family.harmonics)
+        published.load_state_dict(weights)
+        return published, layout
     network = Generator(**meta["network"])
     if network.shape != (2, family.joints, family.harmonics):
         raise ShapeError(f"its network makes images {network.shape} for {family.joints} joints")

@@ -16,6 +16,7 @@ from torch.utils.data import DataLoader
 
 from sidegan.base.storage import read_torch
 from sidegan.errors import ArtifactError, SideganError
+from sidegan.gan.published import PublishedSampler
 from sidegan.gan.schedule import Schedule
 from sidegan.gan.terms import Adversary, LossTerm, Sampler
 
@@ -40,7 +41,9 @@ class Training(pl.LightningModule):
         schedule: how long and how fast.
     """
 
-    def __init__(self, name: str, sampler: Sampler, terms: Sequence[LossTerm], schedule: Schedule) -> None:
+    def __init__(
+        self, name: str, sampler: Sampler | PublishedSampler, terms: Sequence[LossTerm], schedule: Schedule
+    ) -> None:
         super().__init__()
         self.automatic_optimization = False
         self.name, self.sampler, self.schedule = name, sampler, schedule

@@ -84,6 +84,10 @@ class Generator(nn.Module):
         z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
         return (2 * z - 1).to(parameter.device)
 
+    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+        """Images (count, 2, J, H) of as much noise."""
+        return self(self.draw(count, generator))
+
     @torch.no_grad()
     def _unit_spread(self) -> None:
         spread = self(self.draw(256)).std(0).mean()

@@ -23,6 +23,16 @@ _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
 
 
 @dataclass(frozen=True)
+class PublishedSurrogates:
+    """How the published surrogates are trained."""
+
+    shipped: bool  # the authors' weights from seeds.folder in place of a training
+    predictor_steps: Count  # of batches of 100
+    converter_steps: Count
+    converters: Count  # of which the best on held-out seeds is kept
+
+
+@dataclass(frozen=True)
 class SurrogateSettings:
     """How success predictor and converters are trained, before any variant that learns from them."""
 
@@ -32,6 +42,7 @@ class SurrogateSettings:
     margin_steps: Count  # time points per trajectory at which margins are predicted
     feature_steps: Count  # time points per trajectory that the converter sees
     negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
+    published: PublishedSurrogates | None  # as their authors published them; null: ours
 
     def __post_init__(self) -> None:
         if len(self.negatives) != 1:
@@ -120,8 +131,8 @@ def _logs(features: Tensor) -> Tensor:
 class Surrogates:
     """The frozen surrogates of one variant, as far as it needs them."""
 
-    predictor: SuccessPredictor | None = None
-    converter: Converter | None = None
+    predictor: nn.Module | None = None
+    converter: nn.Module | None = None
 
 
 class _ByMoment(nn.Sequential):

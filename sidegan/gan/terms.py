@@ -58,7 +58,7 @@ class Sampler(nn.Module):
 
     def forward(self, count: int, random: torch.Generator | None = None) -> Batch:
         """So many trajectories."""
-        images = self.network(self.network.draw(count, random))
+        images = self.network.sample(count, random)
         c = self.scaling.coefficients(images)
         if self.limits is None:
             return Batch(c, lambda: images, self.features)

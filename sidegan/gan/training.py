@@ -21,16 +21,19 @@ from sidegan.gan.limits import LimitLayer
 from sidegan.gan.loop import EpochEnd, Training, fit
 from sidegan.gan.metrics import kept_epoch, measure
 from sidegan.gan.networks import Discriminator, Generator
+from sidegan.gan.published import IMAGE, ConvolutionalGenerator, PublishedSampler, published_terms
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Surrogates
+from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
 from sidegan.gan.terms import Adversary, Batch, LossTerm, PredictedSuccess, Sampler, predicted_ratio
 from sidegan.gan.variants import Variant
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
+from sidegan.seeds.published import Layout
 from sidegan.validity import Constraints, check, summarise_faults
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
 _EPOCH = "epoch-{}.pt"  # the weights that the training would keep after it
+_SAMPLES = "samples-{}.pt"  # the images that were drawn after it
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
 _NO_SURROGATES = Surrogates()
 
@@ -42,6 +45,7 @@ class Trained:
     generator: TrajectoryGenerator
     history: list[dict[str, float]]
     epoch: int  # index in the history of the one whose generator this is
+    samples: Tensor | None = None  # images drawn after every epoch, (E · n, 2, …); None where none were
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,7 @@ class Run:
     seed: int  # of weights, noise and batches
     work: Path  # folder of the checkpoint from which an interrupted training goes on
     evaluation: int = 200  # trajectories whose true physics is measured after every epoch; 0: none
+    samples: int = 0  # trajectories drawn after every epoch, for surrogates to learn from
     device: str = "cpu"  # where the networks run
     epoch_end: EpochEnd | None = None  # called with (epoch, metrics) after every epoch
 
@@ -90,6 +95,9 @@ def train_variant(
         if not torch.isfinite(c).all():
             training.stop("not a number")
         write_torch(run.work / _EPOCH.format(epoch), training.kept.state_dict())
+        if run.samples:
+            with torch.no_grad():
+                write_torch(run.work / _SAMPLES.format(epoch), training.kept.sample(run.samples, noise).cpu())
         return measure(constraints, trajectory, c) if run.evaluation else {}
 
     loader = DataLoader(examples, schedule.batch, sampler=order)
@@ -98,7 +106,10 @@ def train_variant(
     network, names = training.kept, (constraints.arm.name, constraints.arm.digest, run.name)
     network.load_state_dict(read_torch(run.work / _EPOCH.format(kept)))
     generator = TrajectoryGenerator(network.eval(), sampler.scaling, trajectory, *names, sampler.limits)
-    return Trained(generator, training.history, kept)
+    samples = None
+    if run.samples:
+        samples = torch.cat([read_torch(run.work / _SAMPLES.format(i)) for i in range(variant.epochs)])
+    return Trained(generator, training.history, kept, samples)
 
 
 def assemble(
@@ -110,8 +121,12 @@ def assemble(
     surrogates: Surrogates = _NO_SURROGATES,
 ) -> Training:
     """Networks and loss terms of a variant, untrained; as ``train_variant``, which trains them."""
+    if variant.published is not None:
+        return _assemble_published(variant, trajectory, seeds, run, surrogates)
+    _require_surrogates(variant, run, surrogates)
     limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
-    converter = surrogates.converter if variant.features != "none" else None
+    known = surrogates.converter if variant.features != "none" else None
+    converter = known if isinstance(known, Converter) else None
     sampler = Sampler(*_network(variant, seeds), limits, converter)
     terms: list[LossTerm] = []
     if variant.exact is not None:
@@ -121,13 +136,9 @@ def assemble(
     else:
         images = sampler.scaling.image(seeds.float())
         terms.append(_adversary(variant, variant.weights.adversarial, images, lambda batch: batch.images))
-        if variant.weights.success > 0:
-            if surrogates.predictor is None:
-                raise ConfigError(f"{run.name} needs a predictor of success")
+        if variant.weights.success > 0 and isinstance(surrogates.predictor, SuccessPredictor):
             terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor))
-        if variant.features != "none":
-            if converter is None:
-                raise ConfigError(f"{run.name} needs a converter to {variant.features}")
+        if converter is not None:
             excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
             features = converter.standardise(getattr(excitation, variant.features))
             terms.append(
@@ -136,6 +147,30 @@ def assemble(
             terms.append(predicted_ratio(variant.weights.fitness, converter, variant.fitness_start))
     terms.append(distance(variant.weights.distance, distance_target(seeds, random=not variant.seeded)))
     terms.append(rank(variant.weights.rank, rank_target(seeds, variant.batch)))
+    return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
+
+
+def _require_surrogates(variant: Variant, run: Run, surrogates: Surrogates) -> None:
+    if variant.seeded and variant.weights.success > 0 and surrogates.predictor is None:
+        raise ConfigError(f"{run.name} needs a predictor of success")
+    if variant.features != "none" and surrogates.converter is None:
+        raise ConfigError(f"{run.name} needs a converter to {variant.features}")
+
+
+def _assemble_published(
+    variant: Variant, trajectory: Trajectory, seeds: Tensor, run: Run, surrogates: Surrogates
+) -> Training:
+    """The same for a variant of the published recipe."""
+    layout = Layout(trajectory.joints, trajectory.harmonics)
+    if layout.shape != IMAGE:
+        raise ConfigError(
+            f"{run.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 harmonics; "
+            f"these trajectories have {trajectory.joints} joints and {trajectory.harmonics} harmonics"
+        )
+    network = ConvolutionalGenerator(variant.noise, variant.width, variant.batch)
+    _require_surrogates(variant, run, surrogates)
+    sampler = PublishedSampler(network, layout, surrogates.converter)
+    terms = published_terms(variant, sampler, seeds, surrogates.predictor)
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
 

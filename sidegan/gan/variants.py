@@ -41,6 +41,15 @@ class Exact:
 
 
 @dataclass(frozen=True)
+class Published:
+    """What may be varied of the published recipe."""
+
+    # What the fitness loss makes small of the predicted features: their entropy as shares of their sum, by
+    # the code; minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
+    fitness: Literal["entropy", "minus_entropy", "ratio"]
+
+
+@dataclass(frozen=True)
 class Variant:
     """What one SIDE-GAN variant sees and is rewarded for, and how it is trained."""
 
@@ -70,6 +79,7 @@ class Variant:
     limited: bool  # position and velocity limits hold by construction
     clip: Positive | None  # largest norm of the generator's gradient; null: any
     exact: Exact | None  # exact physics in place of seeds, discriminators and surrogates; null: those
+    published: Published | None  # the recipe as its authors published it, ``gan.published``; null: ours
 
     def __post_init__(self) -> None:
         if max(*self.betas, self.average or 0) >= 1:
@@ -78,6 +88,8 @@ class Variant:
             self._check_seeded()
         else:
             self._check_exact(self.exact)
+        if self.published is not None:
+            self._check_published()
 
     def _check_seeded(self) -> None:
         if self.features == "none" and (self.weights.features or self.weights.fitness):
@@ -98,6 +110,20 @@ class Variant:
                 raise ConfigError(
                     f"an objective is of {term.together} trajectories together, batch is {self.batch}"
                 )
+
+    def _check_published(self) -> None:
+        ours = {
+            "weights.distance": self.weights.distance,
+            "weights.rank": self.weights.rank,
+            "gaussian_start": self.gaussian_start,
+            "minibatch": self.minibatch,
+            "limited": self.limited,
+            "exact": self.exact,
+        }
+        if switched := [name for name, value in ours.items() if value]:
+            raise ConfigError(
+                f"the published recipe has none of {', '.join(switched)}; choose published or these"
+            )
 
     @property
     def seeded(self) -> bool:

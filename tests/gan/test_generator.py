@@ -54,7 +54,7 @@ FOREIGN = "does not hold a trajectory generator"
         (lambda c: {k: v for k, v in c.items() if k != "mean"}, FOREIGN),
         (lambda c: resized(c, activation="tanh"), "'tanh'"),
         (lambda c: broken(c, trajectory={"joints": 0}), "joints and harmonics must be positive"),
-        (lambda c: broken(c, format=99), "has format 99, expected 2"),
+        (lambda c: broken(c, format=99), "has format 99, expected 3"),
         (lambda c: broken(c, trajectory={"joints": 2, "harmonics": 4}), "makes images"),
         (lambda c: resized(c, width=10**7), "fewer than the sizes"),
         (lambda c: {**c, "weights": {k: x * torch.nan for k, x in c["weights"].items()}}, "not finite"),

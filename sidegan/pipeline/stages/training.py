@@ -6,14 +6,16 @@ from functools import partial
 from typing import Any
 
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import write_json
+from sidegan.base.storage import read_torch, write_json, write_torch
 from sidegan.gan import Variant
 from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import finite
-from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
+from sidegan.seeds.published import Layout
 
+SAMPLES = "samples.pt"  # of every epoch
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
 
@@ -36,6 +38,7 @@ def generators(task: Task) -> list[tuple[str, int]]:
 def generator(task: Task, name: str, training: int, variant: Variant | None = None) -> Artifact:
     """A trained variant; one of the configured ones where none is given."""
     variant = variant or task.cfg.gan[name]
+    samples = _samples(task, variant)
     inputs = {"seeds": seed_set(task)} if variant.seeded else {}
     inputs |= {"surrogates": surrogates(task)} if variant.predicted else {}
     return task.artifact(
@@ -44,11 +47,18 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
         partial(_train, name=name, training=training, variant=variant),
         (taught(task) if variant.seeded else {})
         | asdict(variant)
-        | {"evaluation": task.cfg.scale.evaluation},
+        | {"evaluation": task.cfg.scale.evaluation}
+        | ({"samples": samples} if samples else {}),
         inputs,
         training=training,
         title=f"gan/{title(task, name, training)}",
     )
+
+
+def _samples(task: Task, variant: Variant) -> int:
+    """How many samples of each epoch a training leaves: published surrogates learn from a vanilla GAN's."""
+    faulty = variant.published is not None and not variant.predicted
+    return -(-task.cfg.surrogates.samples // variant.epochs) if faulty else 0
 
 
 def surrogates(task: Task) -> Artifact:
@@ -56,7 +66,10 @@ def surrogates(task: Task) -> Artifact:
     settings = {key: x for key, x in asdict(task.cfg.surrogates).items() if key != "negatives"}
     inputs = {"seeds": seed_set(task), "negatives": negatives(task)}
     settings |= taught(task)
-    return task.artifact("surrogates", "all", _pretrain, settings, inputs, title="surrogates", alone=True)
+    published = task.cfg.surrogates.published is not None
+    make = _pretrain_published if published else _pretrain
+    label = "published" if published else "all"
+    return task.artifact("surrogates", label, make, settings, inputs, title="surrogates", alone=True)
 
 
 def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]:
@@ -77,21 +90,28 @@ def taught(task: Task) -> dict[str, Any]:
 
 def _train(task: Task, build: Build, name: str, training: int, variant: Variant) -> None:
     from sidegan.gan.jobs import load_surrogates
+    from sidegan.gan.published_training import load_published
     from sidegan.gan.training import Run, train_variant
 
     folder = task.store.require(surrogates(task)) if variant.predicted else None
-    learnt = load_surrogates(folder, variant, task.arm, task.trajectory)
+    if variant.published is not None:
+        learnt = load_published(folder, variant)
+    else:
+        learnt = load_surrogates(folder, variant, task.arm, task.trajectory)
     run = Run(
         name,
         task.number(f"gan {name}", training),
         build.work,
         task.cfg.scale.evaluation,
+        _samples(task, variant),
         task.cfg.device,
         lambda epoch, _: build.report(epoch + 1, variant.epochs),
     )
     seeds = training_seeds(task).coefficients if variant.seeded else None
     trained = train_variant(variant, task.constraints, task.trajectory, seeds, run, learnt)
     trained.generator.save(build.folder / GENERATOR)
+    if trained.samples is not None:
+        write_torch(build.folder / SAMPLES, trained.samples)
     keep_history(build, trained.history)
     kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
     write_json(build.folder / REPORT, finite(kept))
@@ -104,6 +124,33 @@ def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
     if seconds:
         build.costs["epochs"] = seconds
     write_json(build.folder / HISTORY, rows)
+
+
+def _pretrain_published(task: Task, build: Build) -> None:
+    from sidegan.gan.published_training import PublishedPretraining, keep_shipped
+
+    settings, seeds = task.cfg.surrogates.published, training_seeds(task)
+    if settings is None:
+        raise TypeError("these surrogates are not the published ones")
+    samples = read_torch(task.store.require(negatives(task)) / SAMPLES)
+    theirs = task.store.require(seed_set(task)) / FEATURES
+    diagonal = read_torch(theirs)[: len(seeds)] if theirs.exists() else seeds.diagonal
+    features = {"spectrum": seeds.spectrum, "diagonal": diagonal}
+    layout = Layout(task.trajectory.joints, task.trajectory.harmonics)
+    pretraining = PublishedPretraining(task.check, layout, settings, seeds.coefficients, features, samples)
+    shipped = {"success": "predictor", "spectrum": "converter"} if settings.shipped else {}
+    for name, weights in shipped.items():
+        keep_shipped(build.folder, name, task.cfg.seeds.published.weights(weights))
+    trainings: dict[str, Job] = {
+        "success": partial(pretraining.train_success, build.folder, task.number("success")),
+        **{
+            name: partial(pretraining.train_features, name, build.folder, task.number(name))
+            for name in features
+        },
+    }
+    jobs = [job for name, job in trainings.items() if name not in shipped]
+    parts = run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs))
+    write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
 
 
 def _pretrain(task: Task, build: Build) -> None:

@@ -1,0 +1,167 @@
+"""Seed sets that others optimised, in the form in which the authors of the paper published theirs.
+
+Source: github.com/Instassa/SIDE-GAN-Pytorch, the accompanying code of Jegorova et al. 2020.
+
+An image (2, H + 1, J) holds the coefficients a and b, times ``SCALE``. Its first H rows are the J · H
+coefficients of a channel joint after joint, reshaped without regard to that, so that rows are not harmonics
+and columns are not joints; its last row repeats the first.
+"""
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError
+from sidegan.motion.trajectory import Trajectory
+
+SCALE = 4.9  # from coefficients [rad/s] to images; the optimiser's box of ±0.2 becomes ±0.98
+REPOSITORY = "https://github.com/Instassa/SIDE-GAN-Pytorch"
+_MASTER, _SINGLE, _LIBRARY = "train_trajectory_master*.npy", "train_trajectory_*.npy", "*.json"
+_FEATURES = "diag_master*.npy"
+WEIGHTS = {"predictor": "model_0_SR.pth", "converter": "model_0_50k_epochs.pth"}
+_SAME = 1e-3  # [rad/s] between the base pulsation of a file and that of the trajectories
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Images of the trajectories of an arm, and back."""
+
+    joints: int
+    harmonics: int
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of an image, (2, H + 1, J)."""
+        return 2, self.harmonics + 1, self.joints
+
+    def image(self, c: Tensor) -> Tensor:
+        """Images (B, 2, H + 1, J) of coefficients [rad/s], (B, J, H, 2)."""
+        rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
+        return torch.cat([rows, rows[:, :, :1]], 2)
+
+    def coefficients(self, image: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), whose last row is ignored."""
+        rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
+        return rows.permute(0, 2, 3, 1) / SCALE
+
+    def to(self, like: Tensor) -> "Layout":
+        """Itself: it has no numbers of its own, on whatever device."""
+        return self
+
+
+@dataclass(frozen=True)
+class PublishedSeeds:
+    """The seeds in the files of a folder, or of one below it.
+
+    They are all in one array, ``train_trajectory_master_.npy`` of shape (N, 2, H + 1, J), or each in an array
+    ``train_trajectory_….npy`` of shape (H + 1, J, 2), or each in a JSON file with ``coefficient_a`` and
+    ``coefficient_b`` [rad/s], joint after joint; the first of these that is there is read.
+    """
+
+    folder: Path
+
+    @cached_property
+    def files(self) -> list[Path]:
+        """The files, in order.
+
+        Raises:
+            ConfigError: when there are none.
+        """
+        for pattern in (_MASTER, _SINGLE, _LIBRARY):
+            if found := sorted(self.folder.expanduser().rglob(pattern)):
+                return found
+        raise ConfigError(
+            f"seeds.folder={self.folder}: no seeds there, expected {_MASTER}, {_SINGLE}, or JSON files with "
+            f"coefficient_a and coefficient_b; the paper's: git clone {REPOSITORY}"
+        )
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the files' contents."""
+        digest = hashlib.sha256()
+        for path in self.files:
+            digest.update(path.read_bytes())
+        return digest.hexdigest()
+
+    def read(self, trajectory: Trajectory) -> Tensor:
+        """Coefficients [rad/s], (N, J, H, 2) float64, in the order of the files.
+
+        Raises:
+            ConfigError: when a file is not of the layout, or its seeds are not of these trajectories.
+        """
+        layout = Layout(trajectory.joints, trajectory.harmonics)
+        return torch.cat([_read(path, layout, 2 * math.pi / trajectory.period) for path in self.files])
+
+    def features(self) -> Tensor | None:
+        """The authors' 35 features of every seed of the array, diag YᵀY of theirs, (N, 35); None without."""
+        found = sorted(self.folder.expanduser().rglob(_FEATURES))
+        return torch.from_numpy(_array(found[0])).double() if found else None
+
+    def weights(self, name: str) -> dict[str, Tensor]:
+        """The authors' weights of ``predictor`` or ``converter``, by the names of their layers.
+
+        Raises:
+            ConfigError: when they are not there.
+        """
+        found = sorted(self.folder.expanduser().rglob(WEIGHTS[name]))
+        if not found:
+            raise ConfigError(f"seeds.folder={self.folder}: no {WEIGHTS[name]} there, the published {name}")
+        return {key: x.float() for key, x in torch.load(found[0], "cpu", weights_only=True).items()}
+
+
+def _read(path: Path, layout: Layout, pulsation: float) -> Tensor:
+    if path.suffix == ".json":
+        return _from_json(path, layout, pulsation)
+    images = _array(path)
+    return _decoded(images if images.ndim == 4 else np.moveaxis(images[None], -1, 1), layout, path)
+
+
+def _array(path: Path) -> np.ndarray:
+    try:
+        return np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+
+
+def _decoded(images: np.ndarray, layout: Layout, path: Path) -> Tensor:
+    if images.ndim != 4 or images.shape[1:] != layout.shape:
+        raise ConfigError(
+            f"{path} has images of shape {images.shape[1:]}, expected {layout.shape} for trajectories of "
+            f"{layout.joints} joints and {layout.harmonics} harmonics"
+        )
+    x = torch.from_numpy(images.astype(np.float64))
+    if not torch.isfinite(x).all():
+        raise ConfigError(f"{path} has numbers that are not finite")
+    if not torch.equal(x[:, :, 0], x[:, :, -1]):
+        raise ConfigError(
+            f"{path} is not of the published layout: the last row of an image repeats its first"
+        )
+    return layout.coefficients(x)
+
+
+def _from_json(path: Path, layout: Layout, pulsation: float) -> Tensor:
+    size = layout.joints * layout.harmonics
+    try:
+        content = json.loads(path.read_text())
+        channels = np.array([content[f"coefficient_{name}"] for name in "ab"], dtype=np.float64)
+        frequency = float(content.get("frequency", pulsation))
+    except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
+        raise ConfigError(f"{path} has no coefficient_a and coefficient_b: {error}") from error
+    if channels.shape != (2, size) or not np.isfinite(channels).all():
+        raise ConfigError(
+            f"{path} has coefficients of shape {channels.shape}, expected (2, {size}), all finite"
+        )
+    if abs(frequency - pulsation) > _SAME:
+        raise ConfigError(
+            f"{path} has the base pulsation {frequency:g} rad/s, these trajectories {pulsation:g}: "
+            f"set trajectory.period={2 * math.pi / frequency:.6g}"
+        )
+    c = torch.from_numpy(channels).reshape(1, 2, layout.joints, layout.harmonics)
+    return c.permute(0, 2, 3, 1)

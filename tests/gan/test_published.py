@@ -1,0 +1,142 @@
+"""The published recipe: networks by the authors' weights, losses by closed forms, small trainings."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.errors import ConfigError
+from sidegan.gan import TrajectoryGenerator
+from sidegan.gan.published import (
+    IMAGE,
+    ConvolutionalDiscriminator,
+    ConvolutionalGenerator,
+    GrowingSuccess,
+    converter_network,
+    fitness_loss,
+    predictor_network,
+)
+from sidegan.gan.published_training import PublishedPretraining, load_published
+from sidegan.gan.surrogates import PublishedSurrogates
+from sidegan.gan.training import Run, train_variant
+from sidegan.motion.trajectory import Trajectory
+from sidegan.seeds.published import WEIGHTS, Layout
+from sidegan.validity import Constraints, check
+from tests.golden.make import DATA
+from tests.tiny import tiny
+
+FAMILY = Trajectory(7, 6, 2 * math.pi / 0.4)
+AUTHORS = DATA / "sidegan_authors"
+SMALL = {"width": 4, "noise": 8, "batch": 10, "steps": 3, "epochs": 2, "fitness_start": 1}
+
+
+@pytest.fixture(scope="module")
+def variants():
+    """The published variants, small."""
+    cfg = tiny("condition=published", "seeds.folder=none")
+    return {name: replace(one, **SMALL) for name, one in cfg.gan.items()}
+
+
+@pytest.fixture(scope="module")
+def papers(arm):
+    """The arm and 60 trajectories of which some are valid and some are not."""
+    noise = torch.Generator().manual_seed(0)
+    size = torch.rand(60, 1, 1, 1, generator=noise, dtype=torch.float64)
+    c = 0.2 * size * (2 * torch.rand(60, *FAMILY.shape, generator=noise, dtype=torch.float64) - 1)
+    return Constraints(arm, torque=False), c
+
+
+def train(papers, variant, work, folder=None, **options):
+    constraints, c = papers
+    run = Run("small", 0, work, **{"evaluation": 10, **options})
+    return train_variant(variant, constraints, FAMILY, c, run, load_published(folder, variant))
+
+
+@pytest.fixture(scope="module")
+def vanilla(papers, variants, tmp_path_factory):
+    return train(papers, variants["vanilla"], tmp_path_factory.mktemp("vanilla"), samples=25)
+
+
+@pytest.fixture(scope="module")
+def surrogates(papers, vanilla, tmp_path_factory):
+    """Folder of surrogates that learnt from the vanilla GAN's samples, and what is told of them."""
+    constraints, c = papers
+    made, settings = tmp_path_factory.mktemp("surrogates"), PublishedSurrogates(False, 20, 20, 2)
+    features = {"spectrum": 1 + torch.rand(60, 5), "diagonal": 1 + torch.rand(60, 4)}
+    layout = Layout(7, 6)
+    pretraining = PublishedPretraining(
+        lambda c: check(constraints, FAMILY, c), layout, settings, c, features, vanilla.samples
+    )
+    told = pretraining.train_success(made, 0, lambda done, total: None)
+    for name in features:
+        told |= pretraining.train_features(name, made, 0, lambda done, total: None)
+    return made, told
+
+
+def test_samples_of_every_epoch_are_left_for_the_predictor(vanilla):
+    assert vanilla.samples.shape == (2 * 25, *IMAGE) and vanilla.epoch == 1
+    assert not torch.equal(vanilla.samples[:25], vanilla.samples[25:])
+
+
+@pytest.mark.parametrize("name", ["eigen", "diagonal"])
+def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
+    papers, variants, surrogates, tmp_path, arm, name
+):
+    made, told = surrogates
+    assert 0 <= told["accuracy_broad"] <= 1 and told[f"error_{variants[name].features}"] < 1
+    trained = train(papers, variants[name], tmp_path / "work", made)
+    trained.generator.save(tmp_path / "generator.pt")
+    again, c = TrajectoryGenerator.load(tmp_path / "generator.pt", arm), trained.generator.sample(23, 5)
+    assert torch.equal(again.sample(23, 5), c) and c.shape == (23, *FAMILY.shape)
+    assert float(c.abs().max()) < 1 / 4.9
+
+
+def test_surrogates_are_needed_and_other_images_are_refused(papers, variants, planar, tmp_path):
+    with pytest.raises(ConfigError, match="needs a predictor of success"):
+        train(papers, variants["eigen"], tmp_path)
+    family = Trajectory(2, 3, 8.0)
+    with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
+        train_variant(
+            variants["vanilla"],
+            Constraints(planar),
+            family,
+            torch.rand(9, *family.shape),
+            Run("x", 0, tmp_path),
+        )
+    with pytest.raises(ConfigError, match="none of limited; choose"):
+        replace(variants["eigen"], limited=True)
+
+
+def test_a_batch_is_normalised_by_itself_when_sampling_too():
+    network, z = ConvolutionalGenerator(8, 4, 10), torch.rand(10, 8)
+    for one in (network, network.eval()):
+        assert torch.equal(one(z), network(z)) and one(z).shape == (10, *IMAGE)
+    assert not torch.allclose(network(z)[:5], network(z[:5]))
+    assert network.sample(23, torch.Generator().manual_seed(0)).shape == (23, *IMAGE)
+
+
+def test_discriminators_see_images_and_lists_of_any_length():
+    assert ConvolutionalDiscriminator(width=4)(torch.rand(6, *IMAGE)).shape == (6,)
+    for features in (35, 43):
+        assert ConvolutionalDiscriminator(features, 4)(torch.rand(6, features)).shape == (6,)
+
+
+def test_losses_have_their_closed_forms():
+    even, one = torch.ones(3, 8), torch.eye(8)[:2]
+    assert float(fitness_loss(5 * even, "entropy")) == pytest.approx(math.log(8), rel=1e-6)
+    assert float(fitness_loss(even, "minus_entropy")) == pytest.approx(-math.log(8), rel=1e-6)
+    assert float(fitness_loss(one, "entropy")) == pytest.approx(0, abs=1e-6)
+    assert float(fitness_loss(torch.tensor([[1.0, 4.0], [2.0, 6.0]]), "ratio")) == pytest.approx(3.5)
+    growing = GrowingSuccess(1.0, predictor_network(), 10)
+    assert [growing.weight_at(epoch, 0.0) for epoch in (0, 10, 20)] == pytest.approx([1, 1, 1.6])
+
+
+@pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' weights are not at hand")
+@pytest.mark.parametrize(
+    ("name", "network"), [("predictor", predictor_network()), ("converter", converter_network(35))]
+)
+def test_the_authors_weights_fit_the_networks(name, network):
+    weights = torch.load(AUTHORS / WEIGHTS[name], weights_only=True)
+    own = {key: x.shape for key, x in network.state_dict().items() if key != "scale"}
+    assert {key: x.shape for key, x in weights.items()} == own

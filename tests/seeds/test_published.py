@@ -1,0 +1,123 @@
+"""Seed sets of others, in the layout of the paper's authors, and their own 1800 where these are at hand."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.base.storage import write_torch
+from sidegan.errors import ArtifactError, ConfigError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.seeds.published import SCALE, Layout, PublishedSeeds
+from sidegan.seeds.result import SeedBatch
+from sidegan.seeds.shipped import ship, shipped
+from sidegan.validity import check
+from tests.golden.make import DATA
+
+AUTHORS = DATA / "sidegan_authors"
+PERIOD = 2 * np.pi / 0.4
+SMALL = Trajectory(3, 2, PERIOD)  # 3 joints, 2 harmonics
+
+
+def flat(count=4, seed=0):
+    """Coefficients [rad/s] of each channel, joint after joint, (count, 2, 6)."""
+    return np.random.default_rng(seed).uniform(-0.2, 0.2, (count, 2, 6))
+
+
+def images(coefficients):
+    """As they were published: reshaped to (harmonics, joints) all the same, and the first row repeated."""
+    rows = SCALE * coefficients.reshape(len(coefficients), 2, 2, 3)
+    return np.concatenate([rows, rows[:, :, :1]], 2)
+
+
+def written(folder, form, coefficients):
+    folder.mkdir(parents=True)
+    if form == "master":
+        np.save(folder / "train_trajectory_master_.npy", images(coefficients))
+    for number, (one, image) in enumerate(zip(coefficients, images(coefficients))):
+        if form == "single":
+            np.save(folder / f"train_trajectory_{number:03d}.npy", np.moveaxis(image, 0, -1))
+        elif form == "json":
+            content = {"coefficient_a": one[0].tolist(), "coefficient_b": one[1].tolist(), "frequency": 0.4}
+            (folder / f"data_{number:02d}.json").write_text(json.dumps(content))
+    return folder.parent  # a clone, which has them somewhere below
+
+
+@pytest.mark.parametrize("form", ["master", "single", "json"])
+def test_every_form_gives_the_same_coefficients_joint_after_joint(tmp_path, form):
+    seeds = PublishedSeeds(written(tmp_path / "seeds", form, flat()))
+    c = seeds.read(SMALL)
+    assert c.shape == (4, 3, 2, 2) and c.dtype == torch.float64
+    joint, harmonic = 1, 0
+    np.testing.assert_allclose(c[:, joint, harmonic, 0], flat()[:, 0, 2 * joint + harmonic], atol=1e-15)
+    np.testing.assert_allclose(c[:, joint, harmonic, 1], flat()[:, 1, 2 * joint + harmonic], atol=1e-15)
+    other = PublishedSeeds(written(tmp_path / "more" / "other", form, flat(seed=1)))
+    assert other.digest != seeds.digest
+
+
+def test_images_and_coefficients_are_each_others_inverse():
+    layout, c = Layout(3, 2), torch.from_numpy(flat().reshape(4, 3, 2, 2))
+    torch.testing.assert_close(layout.coefficients(layout.image(c)), c)
+    np.testing.assert_allclose(layout.image(c), images(flat_of(c)), atol=1e-15)
+
+
+def flat_of(c):
+    return c.permute(0, 3, 1, 2).reshape(len(c), 2, -1).numpy()
+
+
+def spoilt(folder, **changes):
+    (folder / "one.json").write_text(
+        json.dumps({"coefficient_a": [0.1] * 6, "coefficient_b": [0.1] * 6} | changes)
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda folder: None, "no seeds there.*git clone"),
+        (
+            lambda folder: np.save(folder / "train_trajectory_master.npy", np.zeros((2, 2, 7, 7))),
+            r"\(2, 3, 3\)",
+        ),
+        (
+            lambda folder: np.save(folder / "train_trajectory_1.npy", np.arange(18.0).reshape(3, 3, 2)),
+            "last row",
+        ),
+        (lambda folder: np.save(folder / "train_trajectory_1.npy", np.full((3, 3, 2), np.nan)), "not finite"),
+        (lambda folder: (folder / "train_trajectory_1.npy").write_bytes(b"no array"), "cannot be read"),
+        (lambda folder: spoilt(folder, frequency=0.5), r"trajectory\.period=12\.5664"),
+        (lambda folder: spoilt(folder, coefficient_a=[0.1] * 5), "no coefficient_a"),
+        (lambda folder: spoilt(folder, coefficient_b=None), "no coefficient_a and coefficient_b"),
+    ],
+)
+def test_what_is_not_of_the_layout_is_refused(tmp_path, spoil, message):
+    spoil(tmp_path)
+    with pytest.raises(ConfigError, match=message):
+        PublishedSeeds(tmp_path).read(SMALL)
+
+
+@pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' seeds are not at hand")
+def test_the_papers_seeds_are_valid_for_the_papers_arm(lwr_problem):
+    c = PublishedSeeds(AUTHORS).read(Trajectory(7, 6, PERIOD))
+    assert c.shape == (1800, 7, 6, 2) and float(c.abs().max()) == pytest.approx(0.2, abs=1e-6)
+    few, papers = c[::10], lwr_problem.constraints
+    papers = type(papers)(papers.arm, papers.regions, torque=False)
+    assert check(papers, Trajectory(7, 6, PERIOD), few).valid.double().mean() > 0.99
+    mixed = few.transpose(1, 2).reshape(few.shape)  # read as if rows were harmonics
+    assert check(papers, Trajectory(7, 6, PERIOD), mixed).valid.double().mean() < 0.05
+
+
+def test_a_file_of_seeds_gives_its_first_ones_to_the_settings_that_made_it(tmp_path):
+    batch = SeedBatch(
+        torch.from_numpy(flat().reshape(4, 3, 2, 2)), torch.arange(4.0), 5, 1, {"torque": 1}, 8.0
+    )
+    path, stamp = tmp_path / "seeds.pt", {"settings": {"box": 0.2}}
+    assert shipped(path, stamp, 2) is None
+    ship(path, stamp, batch)
+    two = shipped(path, stamp, 2)
+    assert torch.equal(two.coefficients, batch.coefficients[:2].float().double()) and two.cpu_seconds == 4
+    assert shipped(path, {"settings": {"box": 0.3}}, 2) is None and shipped(path, stamp, 5) is None
+    write_torch(path, {"other": 1})
+    with pytest.raises(ArtifactError, match=r"no file of seeds; seeds\.shipped=null"):
+        shipped(path, stamp, 2)
