@@ -14,9 +14,9 @@ from sidegan.motion.compiled.operations import columns_of_links
 class CompiledEvaluation:
     """Log fitness and violations, (B, 1 + G), by a compiled kernel; not to be shared among threads."""
 
-    def __init__(self, problem: Problem, use: float, distance: float) -> None:
+    def __init__(self, problem: Problem, distance: float) -> None:
         self.subject = _subject(problem)
-        self.measure = kernel.Measure(problem.diagonal, HOPELESS, use, distance)
+        self.measure = kernel.Measure(problem.diagonal, problem.weakest, HOPELESS, distance)
         self.room = kernel.room(self.subject)
         self.kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
@@ -30,9 +30,7 @@ class CompiledEvaluation:
 def _subject(problem: Problem) -> kernel.Subject:
     constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
     arm, base = constraints.arm, body.base
-    limit, higher = arm.torque_limit, constraints.higher_rows
-    linear = [torch.stack(problem.rooms)]
-    linear += [torch.stack([x, x]) for x in (arm.velocity_limit, *(higher if constraints.higher else []))]
+    limit = arm.torque_limit
 
     def functions(times: Tensor, orders: int) -> Tensor:
         return torch.stack([trajectory.basis(times, order).flatten(1).T for order in range(orders)])
@@ -44,11 +42,9 @@ def _subject(problem: Problem) -> kernel.Subject:
         "lower": arm.position_lower,
         "upper": arm.position_upper,
         "speed": arm.velocity_limit,
-        "higher": higher,
-        "linear": torch.stack(linear),
+        "higher": constraints.higher_rows,
         "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
-        "basis": functions(trajectory.grid(problem.samples), max(3, len(linear))),
-        "fine": functions(problem.finer_grid, len(linear)),
+        "basis": functions(trajectory.grid(problem.samples), 4 if constraints.higher else 3),
     }
     columns = columns_of_links(base.columns, body.joints)
     arrays = {name: array(x) for name, x in tensors.items()}

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from sidegan.design.problem import Problem
 from sidegan.motion.backend import usable
@@ -25,14 +24,9 @@ NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Log fitness and violations of trajectories of a problem, at its samples.
-
-    A joint that would use more than a share of a limit that is linear in its coefficients (``limit_use``) is
-    scaled down to that.
-    """
+    """Log fitness and violations of trajectories of a problem, at its samples."""
 
     problem: Problem
-    use: float  # that share
     distance: float  # clearance that counts like a whole limit [m]
 
     def __call__(self, c: np.ndarray) -> np.ndarray:
@@ -45,17 +39,12 @@ class Evaluation:
     @torch.no_grad()
     def plain(self, coefficients: np.ndarray) -> np.ndarray:
         """The same by torch: the reference."""
-        c = self.scaled(torch.from_numpy(coefficients))
+        c = torch.from_numpy(coefficients)
         constraints = self.problem.constraints
         states = (part.flatten(0, 1) for part in self.problem.states(c))
         shares = constraints.relative(constraints.margins(*states), self.distance)
         violations = [-share.reshape(len(c), -1).amin(1) for share in shares.values()]
         return torch.stack([self.problem.fitness(c).log(), *violations], 1).numpy()
-
-    @torch.no_grad()
-    def scaled(self, c: Tensor) -> Tensor:
-        """Coefficients, (B, J, H, 2), whose joints use at most that share of their limits."""
-        return c * (self.use / self.problem.limit_use(c).clamp_min(self.use))[..., None, None]
 
     @cached_property
     def _compiled(self) -> "CompiledEvaluation | None":
@@ -67,4 +56,4 @@ class Evaluation:
             return None
         from sidegan.design.compiled import CompiledEvaluation
 
-        return CompiledEvaluation(self.problem, self.use, self.distance)
+        return CompiledEvaluation(self.problem, self.distance)

@@ -1,6 +1,6 @@
 """The optimisation problem of a trajectory: make YᵀY well conditioned, inside all constraints."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -32,6 +32,7 @@ class Problem:
     trajectory: Trajectory  # the family of trajectories
     samples: int = 60  # time points per period at which the objective and the constraints are taken
     diagonal: bool = False  # optimise the diagonal fitness instead of the eigenvalue fitness
+    strongest: int | None = None  # eigenvalues that the eigenvalue fitness counts; None: all of them
 
     def __post_init__(self) -> None:
         joints, harmonics, _ = self.trajectory.shape
@@ -48,6 +49,11 @@ class Problem:
     def body(self) -> RigidBody:
         """Dynamics of the arm."""
         return self.constraints.body
+
+    @property
+    def weakest(self) -> int:
+        """Rank, from the smallest, of the first eigenvalue that counts."""
+        return 0 if self.strongest is None else max(0, len(self.body.base.columns) - self.strongest)
 
     def start(self, count: int, generator: torch.Generator, reach: float = 0.7) -> Tensor:
         """Random coefficients [rad/s], (count, J, H, 2), each joint using ``reach`` of its tightest limit."""
@@ -108,5 +114,8 @@ class Problem:
     def fitness(self, c: Tensor) -> Tensor:
         """The number to minimise, (B,), at most ``HOPELESS``."""
         excitation = excitation_of(self.body, self.gram(c))
-        value = excitation.diagonal_fitness if self.diagonal else excitation.eigenvalue_fitness
+        if self.diagonal:
+            value = excitation.diagonal_fitness
+        else:
+            value = replace(excitation, spectrum=excitation.spectrum[:, self.weakest :]).eigenvalue_fitness
         return value.nan_to_num(HOPELESS).clamp_max(HOPELESS)

@@ -4,6 +4,7 @@ Source: Jegorova et al. 2020, section V-A, with pygmo's ``gaco`` (Schlueter et a
 ``compass_search`` (Kolda, Lewis, Torczon 2003).
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,24 +19,23 @@ from sidegan.seeds.result import SeedBatch, collect
 if TYPE_CHECKING:
     import pygmo
 
-_RANGE = 0.3  # share of a joint's velocity limit that one coefficient may take
-_USE = 0.995  # of its tightest limit, to which a joint is scaled down; the rest is for what samples miss
 _DISTANCE = 1.0  # [m] clearance that counts like a whole limit
-_COMPASS_STEP, _COMPASS_STOP = 0.3, 1e-4  # first and last step, as shares of the box
+# First and last step of the compass search, as shares of the box; read from the authors' seeds.
+_COMPASS_STEP, _COMPASS_STOP = 0.5, 0.2
+_WHOLE = 1.0  # seeds are valid as they are found, or given up
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
 
 class ConditionProblem:
     """One trajectory as a pygmo problem: log fitness, and a violated margin above zero per constraint.
 
-    The decision vector is the coefficients over their range, (J · H · 2,), each in [−1, 1], before the
-    joints are scaled into their limits.
+    The decision vector is all a, then all b, over the half side of their box, (2 · J · H,), each in [−1, 1].
+    The search moves along its elements in their order, so that more of the a end on the box.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.evaluation = Evaluation(problem, _USE, _DISTANCE)
-        arm, shape = problem.constraints.arm, problem.trajectory.shape
-        self.range = np.broadcast_to(_RANGE * arm.velocity_limit.numpy()[:, None, None], shape)
+    def __init__(self, problem: Problem, box: float) -> None:
+        self.evaluation = Evaluation(problem, _DISTANCE)
+        self.box, self.shape = box, problem.trajectory.shape
 
     def __deepcopy__(self, memory: dict[int, Any]) -> "ConditionProblem":
         return self  # pygmo copies its problems; this one never changes, and its room to work is large
@@ -46,23 +46,17 @@ class ConditionProblem:
 
     def batch_fitness(self, x: np.ndarray) -> np.ndarray:
         """The same of B decision vectors laid end to end, (B · (1 + G),)."""
-        return self.evaluation(self._unscaled(x)).ravel()
+        return self.evaluation(self.coefficients(x).numpy()).ravel()
 
     def coefficients(self, x: np.ndarray) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end.
-
-        A joint that would exceed its position or velocity limit is scaled down to it. That is ours, not the
-        paper's: without it none of six searches of 20,000 evaluations on the LWR ended feasible, in boxes of
-        0.3 and of 0.1 of the velocity limits.
-        """
-        return self.evaluation.scaled(torch.from_numpy(self._unscaled(x)))
-
-    def _unscaled(self, x: np.ndarray) -> np.ndarray:
-        return x.reshape(-1, *self.range.shape) * self.range
+        """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end."""
+        joints, harmonics, pair = self.shape
+        return torch.from_numpy(self.box * x.reshape(-1, pair, joints, harmonics)).movedim(1, -1).contiguous()
 
     def get_bounds(self) -> tuple[list[float], list[float]]:
         """Lower and upper bounds of the decision vector."""
-        return [-1.0] * self.range.size, [1.0] * self.range.size
+        size = math.prod(self.shape)
+        return [-1.0] * size, [1.0] * size
 
     def get_nic(self) -> int:
         """Number of inequality constraints."""
@@ -76,16 +70,17 @@ class Paper:
     generations: int  # of the colony
     ants: int  # size of the colony
     evaluations: int  # most of the compass search
+    box: float  # largest absolute coefficient [rad/s]
     attempts: int  # most starts per seed
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
-        udp = ConditionProblem(problem)
+        udp = ConditionProblem(problem, self.box)
 
         def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
             return torch.cat([self._search(udp, child) for child in source.spawn(missing)])
 
-        return collect(problem, count, seed, self.attempts, propose)
+        return collect(problem, count, seed, self.attempts, propose, _WHOLE)
 
     def _search(self, udp: ConditionProblem, source: np.random.SeedSequence) -> Tensor:
         import pygmo as pg
@@ -100,7 +95,7 @@ class Paper:
         refined.push_back(best)
         compass = pg.compass_search(self.evaluations, _COMPASS_STEP, _COMPASS_STOP)
         refined = pg.algorithm(compass).evolve(refined)
-        return udp.coefficients(_best(refined))
+        return udp.coefficients(_best(refined)).float().double()  # as a file of seeds keeps them
 
 
 def _best(population: "pygmo.population") -> np.ndarray:

@@ -65,12 +65,15 @@ class SeedBatch:
         )
 
 
-def settle(problem: Problem, c: Tensor) -> SeedBatch:
-    """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps."""
+def settle(problem: Problem, c: Tensor, smallest: float = _SMALLEST) -> SeedBatch:
+    """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps.
+
+    They shrink to no less than a share of their size.
+    """
     c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
     valid = torch.zeros(len(c), dtype=torch.bool)
     scale = 1.0
-    while scale >= _SMALLEST and not valid.all():
+    while scale >= smallest and not valid.all():
         left = torch.nonzero(~valid)[:, 0]
         verdict = check(problem.constraints, problem.trajectory, c[left] * scale)
         c[left[verdict.valid]] *= scale
@@ -90,12 +93,14 @@ def collect(
     seed: np.random.SeedSequence,
     attempts: int,
     propose: Callable[[int, float, np.random.SeedSequence], Tensor],
+    smallest: float = _SMALLEST,
 ) -> SeedBatch:
     """Up to ``count`` seeds from a proposer of candidates; those that fail are proposed anew.
 
     It is given how many are missing, the share of the limits that starts use, and a source of random numbers.
-    Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end
-    it. Where there are more valid candidates than are missing, the best conditioned are kept.
+    Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end it. A
+    candidate shrinks to no less than a share of its size (``settle``). Where there are more valid candidates
+    than are missing, the best conditioned are kept.
 
     Raises:
         InfeasibleError: when the arm cannot rest at home.
@@ -107,7 +112,9 @@ def collect(
     missing, barren = count, 0
     for index in range(attempts):
         source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-        batches.append(settle(problem, propose(missing, _REACH ** (index + 1), source)).best(missing))
+        batches.append(
+            settle(problem, propose(missing, _REACH ** (index + 1), source), smallest).best(missing)
+        )
         missing -= len(batches[-1])
         barren = 0 if len(batches[-1]) else barren + 1
         if not missing or barren == 2:

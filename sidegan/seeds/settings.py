@@ -1,24 +1,26 @@
 """Settings of the seed set and of the single long trajectory."""
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Literal
 
-from sidegan.base.typed import Count, Seconds, Share, Size
+from sidegan.base.typed import Count, Positive, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds.gradient import Gradient
 from sidegan.seeds.make import Method
 from sidegan.seeds.paper import Paper
+from sidegan.seeds.published import REPOSITORY, PublishedSeeds
 from sidegan.validity import Constraints
 
 
 @dataclass(frozen=True)
 class Seeds:
-    """The conventional optimiser that makes the seed set."""
+    """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
     # compiled: as gradient, each start by itself, by ``sidegan.designer.Compiled`` where that serves
-    method: Literal["gradient", "paper", "compiled"]
+    method: Literal["gradient", "paper", "compiled", "published"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
     samples: Size  # time points per period
@@ -29,52 +31,55 @@ class Seeds:
     enough: Count | None = None  # seeds that do where no more become valid; null: all
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
+    box: Positive | None = None  # paper only: largest absolute coefficient [rad/s]
+    strongest: Count | None = None  # eigenvalues that the eigenvalue fitness counts; null: all of them
+    folder: str | None = None  # published only: of the files
+    shipped: str | None = None  # paper only: a file beside the settings, of seeds that they made before
 
     def __post_init__(self) -> None:
-        if self.method == "paper" and None in (self.ants, self.evaluations):
-            raise ConfigError("method paper needs ants and evaluations; choose it by seeds=paper")
-        if self.method != "paper" and (self.ants, self.evaluations) != (None, None):
-            raise ConfigError(f"ants and evaluations are of method paper; choose seeds={self.method}")
-        if (self.method == "paper") != (self.reserve is None):
+        of_paper = {"ants": self.ants, "evaluations": self.evaluations, "box": self.box}
+        if self.method == "paper" and None in of_paper.values():
+            raise ConfigError("method paper needs ants, evaluations and box; choose it by seeds=paper")
+        if self.method != "paper" and any(x is not None for x in of_paper.values()):
+            raise ConfigError(f"{', '.join(of_paper)} are of method paper; choose seeds={self.method}")
+        if (self.method in ("gradient", "compiled")) != (self.reserve is not None):
             raise ConfigError(
                 "methods gradient and compiled, and no others, need reserve; choose one by seeds=gradient"
             )
+        if self.method == "published" and self.folder is None:
+            raise ConfigError(f"folder is not set: git clone {REPOSITORY}, and seeds.folder=SIDE-GAN-Pytorch")
 
     def stamped(self) -> dict[str, Any]:
-        """Plain values by which artifacts are known; how many are enough changes no seed."""
-        return {name: x for name, x in asdict(self).items() if name != "enough"}
+        """Plain values by which artifacts are known; of a folder its contents, not its name."""
+        if self.folder is None:
+            return {
+                name: x for name, x in asdict(self).items() if name not in ("enough", "folder", "shipped")
+            }
+        return {"method": self.method, "count": self.count, "files": self.published.digest}
+
+    @property
+    def published(self) -> PublishedSeeds:
+        """The published seeds."""
+        return PublishedSeeds(Path(self.folder or ""))
 
     @property
     def optimiser(self) -> Method:
         """The configured method; for ``compiled`` the batched search, which serves everywhere."""
-        return self._optimiser(self.attempts)
-
-    @property
-    def single(self) -> Method:
-        """The configured method with one start, however it ends."""
-        return self._optimiser(1)
-
-    @property
-    def evaluations_per_start(self) -> int:
-        """Trajectories that one start evaluates."""
-        return self.steps * (self.ants or 1) + (self.evaluations or 0)
-
-    def _optimiser(self, attempts: int) -> Method:
-        if self.ants is not None and self.evaluations is not None:
-            return Paper(self.steps, self.ants, self.evaluations, attempts)
-        return Gradient(self.steps, attempts, self.reserve or 0.0)
+        if self.ants is not None and self.evaluations is not None and self.box is not None:
+            return Paper(self.steps, self.ants, self.evaluations, self.box, self.attempts)
+        return Gradient(self.steps, self.attempts, self.reserve or 0.0)
 
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """What the optimiser works on."""
-        return Problem(constraints, trajectory, self.samples, diagonal=self.fitness == "diagonal")
+        return Problem(constraints, trajectory, self.samples, self.fitness == "diagonal", self.strongest)
 
 
 @dataclass(frozen=True)
 class Long:
-    """The single long trajectory that the short ones are compared with; it is optimised as the seeds are."""
+    """The single long trajectory that the short ones are compared with, by gradients."""
 
     period: Seconds
     harmonics: list[Size]  # one trajectory for each
     samples: Size
-    steps: Count | None  # of each start, as the seeds have them; null: as many as a seed
+    steps: Count  # evaluations of each start
     starts: Count  # of which the best is kept

@@ -60,7 +60,7 @@ def test_what_stays_below_the_reserve_costs_nothing(planar_problem, random):
     torch.testing.assert_close(cost, 300 * (torch.cat(beyond, 1) ** 2).sum((1, 2)))
 
 
-@pytest.mark.parametrize("method", [Gradient(40, 5, reserve=0.05), Paper(6, 20, 200, attempts=5)])
+@pytest.mark.parametrize("method", [Gradient(40, 5, reserve=0.05), Paper(6, 20, 200, box=0.5, attempts=5)])
 def test_seeds_keep_the_limits_and_use_them(planar_problem, method):
     problem = tight(planar_problem, BOTH, 0.1)
     batch = method.optimise(problem, 3, np.random.SeedSequence(1))

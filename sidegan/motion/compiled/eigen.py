@@ -88,8 +88,8 @@ def _count(d: Array, e: Array, shifts: Array, pivots: Array, below: Array) -> No
 
 
 @kernel
-def _close_in(d: Array, e: Array, low: int, values: Array, work: Array) -> None:
-    """Write the ``low`` smallest eigenvalues and the largest ones, as many as there are values."""
+def _close_in(d: Array, e: Array, low: int, first: int, values: Array, work: Array) -> None:
+    """Write ``low`` eigenvalues from rank ``first`` on, and the largest ones, as many as there are values."""
     shifts, pivots, below, left, right = work[0], work[1], work[2], work[3], work[4]
     size, count = len(d), len(values)
     smallest, largest = d[0], d[0]
@@ -104,7 +104,7 @@ def _close_in(d: Array, e: Array, low: int, values: Array, work: Array) -> None:
                 shifts[k * _POINTS + m] = left[k] + (right[k] - left[k]) * ((m + 1) / (_POINTS + 1))
         _count(d, e, shifts, pivots, below)
         for k in range(count):
-            rank = k if k < low else size - count + k
+            rank = first + k if k < low else size - count + k
             for m in range(_POINTS):
                 shift = shifts[k * _POINTS + m]
                 if below[k * _POINTS + m] <= rank:
@@ -167,13 +167,14 @@ def room(size: int, count: int) -> tuple[Array, Array]:
 
 
 @kernel
-def ends(matrix: Array, values: Array, rows: Array, shifts: Array) -> None:
-    """Write the smallest and the largest eigenvalue, (2,), of a symmetric matrix with elements up to one.
+def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -> None:
+    """Write the eigenvalue of rank ``first``, from the smallest, and the largest one, (2,).
 
-    The matrix (p, p) is overwritten; the rest is ``room`` for two values.
+    They are those of a symmetric matrix with elements up to one. The matrix (p, p) is
+    overwritten; the rest is ``room`` for two values.
     """
     _tridiagonal(matrix, rows[0], rows[1], rows[2], rows[3])
-    _close_in(rows[0], rows[1], 1, values, shifts)
+    _close_in(rows[0], rows[1], 1, first, values, shifts)
 
 
 @kernel
@@ -190,7 +191,7 @@ def extremes(
     for b in range(len(a)):
         matrix = a[b]
         _tridiagonal(matrix, d, e, tau, w)
-        _close_in(d, e, low, values[b], shifts)
+        _close_in(d, e, low, 0, values[b], shifts)
         for k in range(values.shape[1]):
             _vector(d, e, values[b, k], vectors[b, k], w, up)
         sound[b] = _sound(d, e, values[b], vectors[b])

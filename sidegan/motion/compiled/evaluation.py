@@ -16,12 +16,11 @@ from sidegan.motion.compiled.formulas import dot, less
 from sidegan.motion.compiled.goals import to_orthonormal
 from sidegan.motion.compiled.jit import inline, kernel
 from sidegan.motion.compiled.links import Frames, frames, joint, locate, place_capsules, placement, row
-from sidegan.motion.compiled.signals import combine, highest, largest, within
+from sidegan.motion.compiled.signals import combine, largest, within
 
 # Numbers of a trajectory.
 FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
 _EPS = float(np.finfo(np.float64).eps)
-_STILL = 1e-9  # least share of a limit that a joint is taken to use
 _BLOCK = 512  # samples of all joints that stay near the processor while a basis function passes by
 
 
@@ -38,28 +37,24 @@ class Subject(NamedTuple):
     upper: Array  # position limits, (J,)
     speed: Array  # velocity limits, (J,)
     higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
-    # how far a joint may go up from home and down, velocity limits and, if any, the higher ones, (L, 2, J)
-    linear: Array
     torque: Array  # torque limits, (J,); infinite where nothing is limited
     basis: Array  # derivatives 0 to 2, or 3, of the K basis functions at the T samples, (3 or 4, K, T)
-    fine: Array  # derivatives from 0 on at the samples that joints are scaled by, (L, K, S)
 
 
 class Measure(NamedTuple):
     """What the numbers mean."""
 
     diagonal: bool  # diagonal fitness instead of the eigenvalue fitness
+    weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
     hopeless: float  # stands for an infinite fitness
-    use: float  # share of its tightest limit to which a joint that would use more is scaled down
     distance: float  # clearance that counts like a whole limit [m]
 
 
 class Room(NamedTuple):
     """Room for the kernel at work; not to be shared among threads."""
 
-    c: Array  # coefficients, (J, K)
-    lines: Array  # the joints at a block of the finer samples, (J, _BLOCK)
-    use: Array  # share of its tightest limit that each joint uses, (J,)
+    lines: Array  # jerks at a block of the samples, (J, _BLOCK)
+    jerk: Array  # largest one of each joint, (J,)
     states: Array  # (5, 1, J, T)
     torque: Array  # (1, 1, J, T)
     lanes: lanes.Room
@@ -77,9 +72,8 @@ class Room(NamedTuple):
 def room(subject: Subject) -> Room:
     """Room to evaluate trajectories of a subject."""
     joints, size = len(subject.home), len(subject.columns.kinds)
-    _, functions, samples = subject.basis.shape
+    samples = subject.basis.shape[2]
     return Room(
-        np.zeros((joints, functions)),
         lanes.aligned(joints, _BLOCK),
         np.zeros(joints),
         lanes.aligned(5, 1, joints, samples),
@@ -97,33 +91,8 @@ def room(subject: Subject) -> Room:
 
 
 @kernel
-def _scale_down(subject: Subject, most: float, x: Array, work: Room) -> None:
-    """Write coefficients, (J, K), of which each joint uses at most so much of its tightest limit."""
-    samples = subject.fine.shape[2]
-    for j in range(len(x)):
-        work.use[j] = _STILL
-    for order in range(len(subject.fine)):
-        above, below = subject.linear[order, 0], subject.linear[order, 1]
-        for first in range(0, samples, _BLOCK):
-            count = min(_BLOCK, samples - first)
-            for j in range(len(x)):
-                lanes.clear(work.lines[j])
-            combine(x, subject.fine[order], first, count, work.lines, 0)
-            for j in range(len(x)):
-                use = max(
-                    highest(work.lines[j], count, 1.0) / above[j],
-                    highest(work.lines[j], count, -1.0) / below[j],
-                )
-                work.use[j] = max(work.use[j], use)
-    for j in range(len(x)):
-        factor = most / max(work.use[j], most)
-        for k in range(x.shape[1]):
-            work.c[j, k] = x[j, k] * factor
-
-
-@kernel
-def _roll_out(subject: Subject, work: Room) -> None:
-    """Write the states of a trajectory."""
+def _roll_out(subject: Subject, x: Array, work: Room) -> None:
+    """Write the states of a trajectory with coefficients (J, K)."""
     states = work.states
     samples = states.shape[3]
     for order, state in ((0, lanes.Q), (1, lanes.DQ), (2, lanes.DDQ)):
@@ -132,7 +101,7 @@ def _roll_out(subject: Subject, work: Room) -> None:
                 states[state, 0, j, n] = subject.home[j] if order == 0 else 0.0
         for first in range(0, samples, _BLOCK):
             count = min(_BLOCK, samples - first)
-            combine(work.c, subject.basis[order], first, count, states[state, 0], first)
+            combine(x, subject.basis[order], first, count, states[state, 0], first)
     for j in range(len(subject.home)):
         for n in range(samples):
             q = states[lanes.Q, 0, j, n]
@@ -161,22 +130,22 @@ def _check_limits(subject: Subject, work: Room, numbers: Array) -> None:
 
 
 @kernel
-def _check_higher(subject: Subject, work: Room, numbers: Array) -> None:
+def _check_higher(subject: Subject, x: Array, work: Room, numbers: Array) -> None:
     """Take accelerations and jerks into account, where some are limited."""
     higher, samples = subject.higher, subject.basis.shape[2]
     for j in range(higher.shape[1]):
         acceleration = within(work.states[lanes.DDQ, 0, j], higher[0, j])
         numbers[ACCELERATION] = max(numbers[ACCELERATION], -acceleration)
-        work.use[j] = 0.0
+        work.jerk[j] = 0.0
     for first in range(0, samples if higher.shape[1] else 0, _BLOCK):
         count = min(_BLOCK, samples - first)
         for j in range(higher.shape[1]):
             lanes.clear(work.lines[j])
-        combine(work.c, subject.basis[3], first, count, work.lines, 0)
+        combine(x, subject.basis[3], first, count, work.lines, 0)
         for j in range(higher.shape[1]):
-            work.use[j] = max(work.use[j], largest(work.lines[j], count))
+            work.jerk[j] = max(work.jerk[j], largest(work.lines[j], count))
     for j in range(higher.shape[1]):
-        share = work.use[j] / higher[1, j] if math.isfinite(higher[1, j]) else 0.0
+        share = work.jerk[j] / higher[1, j] if math.isfinite(higher[1, j]) else 0.0
         numbers[JERK] = max(numbers[JERK], share - 1.0)
 
 
@@ -226,8 +195,8 @@ def _check_distances(subject: Subject, distance: float, work: Room, numbers: Arr
 
 
 @kernel
-def _spectral_ratio(subject: Subject, work: Room) -> float:
-    """Condition number of YᵀY in an orthonormal basis; infinite where a direction is not excited."""
+def _spectral_ratio(subject: Subject, weakest: int, work: Room) -> float:
+    """Largest eigenvalue of YᵀY in an orthonormal basis over that of a rank; infinite where that is zero."""
     for i in range(work.gram.shape[1]):
         lanes.clear(work.gram[0, i])
     regressor.grams(subject.chain, work.states, subject.columns, work.gram, work.lanes, work.y)
@@ -238,7 +207,7 @@ def _spectral_ratio(subject: Subject, work: Room) -> float:
         for j in range(i, len(inner)):
             inner[i, j] /= scale
             inner[j, i] = inner[i, j]
-    eigen.ends(work.inner, work.ends, work.rows, work.shifts)
+    eigen.ends(work.inner, weakest, work.ends, work.rows, work.shifts)
     low, high = work.ends[0], work.ends[1]
     return high / low if low > len(work.inner) * _EPS * high else np.inf
 
@@ -264,11 +233,13 @@ def evaluate(subject: Subject, measure: Measure, x: Array, numbers: Array, work:
     for b in range(len(x)):
         for n in range(NUMBERS):
             numbers[b, n] = -np.inf
-        _scale_down(subject, measure.use, x[b], work)
-        _roll_out(subject, work)
+        _roll_out(subject, x[b], work)
         _check_limits(subject, work, numbers[b])
-        _check_higher(subject, work, numbers[b])
+        _check_higher(subject, x[b], work, numbers[b])
         _check_distances(subject, measure.distance, work, numbers[b])
-        ratio = _diagonal_ratio(subject, work) if measure.diagonal else _spectral_ratio(subject, work)
+        if measure.diagonal:
+            ratio = _diagonal_ratio(subject, work)
+        else:
+            ratio = _spectral_ratio(subject, measure.weakest, work)
         ratio = ratio if ratio < measure.hopeless else measure.hopeless
         numbers[b, FITNESS] = math.log(ratio)

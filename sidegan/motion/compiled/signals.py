@@ -30,15 +30,6 @@ def largest(x: Array, count: int) -> float:
 
 
 @kernel
-def highest(x: Array, count: int, sign: float) -> float:
-    """How far the first samples of a signal go up from zero, or down where the sign is negative."""
-    most = 0.0
-    for n in range(count):
-        most = max(most, sign * x[n])
-    return most
-
-
-@kernel
 def within(x: Array, limit: float) -> float:
     """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
     return 1.0 - largest(x, len(x)) / limit if math.isfinite(limit) else 1.0
