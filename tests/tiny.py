@@ -14,6 +14,7 @@ TINY = (
     "scale=tiny",
     "robot=planar2",
     "workspace=free",
+    "seeds=gradient",
     "tracking=off",
     "parallel.workers=1",
     "parallel.threads=1",
@@ -63,4 +64,6 @@ def tiny(*overrides, experiment="exp1"):
     chosen = f"+experiment={experiment}"
     keys, small = _groups(chosen).keys(), [*TINY, *SMALL.get(experiment, ())]
     own = [one for one in small if re.match(r"[~+]*(\w+)", one)[1] in keys]
+    if any(one.startswith(("seeds=", "condition=")) for one in overrides):
+        own = [one for one in own if one != "seeds=gradient"]
     return validate(composed(chosen, *own, *overrides))

@@ -88,8 +88,8 @@ class Store:
             return folder
         if self.folder(artifact).exists():
             read_stamp(self.folder(artifact))  # raises, and says why, when it is damaged
-        maker = artifact.maker
-        message = f"there is no {maker}/{artifact.label} for this configuration, run stage {maker} first"
+        maker, stage = artifact.maker, artifact.maker.rpartition("_")[2]
+        message = f"there is no {maker}/{artifact.label} for this configuration, run stage {stage} first"
         differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
         if differences:
             nearest = ", ".join(min(differences, key=len)[:4])

@@ -87,9 +87,10 @@ def test_no_number_moves_without_its_makers_version(fixed, makers):
         assert x == pytest.approx(recorded[key], rel=1e-6), told
 
 
-def test_every_maker_has_a_version_and_every_version_a_maker(task):
+def test_every_maker_has_a_version_and_every_version_a_maker(task, tmp_path):
     makers = {"identify"}
-    for method in ("gradient", "compiled", "paper"):
-        made = task(f"seeds={method}", experiment="reproduction")
+    (tmp_path / "seed.json").write_text("{}")
+    for method in ("gradient", "compiled", "paper", "published"):
+        made = task(f"seeds={method}", f"seeds.folder={tmp_path}", experiment="reproduction")
         makers |= {one.maker for name in made.cfg.stages for one in stage(name).artifacts(made)}
     assert makers == set(versions())

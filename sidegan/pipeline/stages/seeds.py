@@ -1,15 +1,26 @@
-"""Stage seeds: the seed set, by the configured optimiser."""
+"""Stage seeds: the seed set, by the configured optimiser, or a published one."""
 
+import logging
 from dataclasses import replace
+from typing import Any
+
+import torch
 
 from sidegan.base.parallel import cores
-from sidegan.base.storage import write_json
+from sidegan.base.storage import write_json, write_torch
 from sidegan.designer import Compiled
+from sidegan.errors import InfeasibleError
 from sidegan.library.measure import measured, summary
+from sidegan.pipeline.compose import CONF
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
 from sidegan.seeds import Method, Seeds, Tasks, make_seeds
+from sidegan.seeds.shipped import shipped
+from sidegan.validity import summarise_faults
+
+FEATURES = "features.pt"  # the authors' own of their seeds
+log = logging.getLogger(__name__)
 
 
 def method_settings(task: Task) -> Seeds:
@@ -25,15 +36,49 @@ def seed_set(task: Task) -> Artifact:
     settings = method_settings(task)
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
-    return task.artifact(maker, label, _make, settings.stamped(), title="seeds", alone=True)
+    make = _read if settings.method == "published" else _make
+    return task.artifact(maker, label, make, settings.stamped(), title="seeds", alone=True)
+
+
+def origin(task: Task) -> dict[str, Any]:
+    """What a set is made by, however many seeds it has: the first ones of a larger set are a smaller one."""
+    stamp = seed_set(task).stamp
+    settings = stamp["settings"]["paper_seeds"]
+    kept = {name: x for name, x in settings.items() if name != "count"}
+    return {**stamp, "settings": {**stamp["settings"], "paper_seeds": kept}}
+
+
+def _read(task: Task, build: Build) -> None:
+    """The valid ones of published seeds."""
+    published = task.cfg.seeds.published.read(task.trajectory)[: task.cfg.seeds.count]
+    every = measured(task.constraints, task.trajectory, published, task.cfg.seeds.method)
+    valid = every.take(torch.nonzero(every.valid)[:, 0])
+    faults = task.check(published[~every.valid]).faults()
+    told = f"{len(valid)} of {len(every)} seeds in {task.cfg.seeds.folder} are valid"
+    told += f"; of the others, {summarise_faults(faults)}" if faults else ""
+    if not len(valid):
+        raise InfeasibleError(told)
+    log.info("%s", told)
+    valid.save(build.folder / LIBRARY)
+    features = task.cfg.seeds.published.features()
+    if features is not None and len(features) >= len(every):
+        write_torch(build.folder / FEATURES, features[: len(every)][every.valid])
+    attempts = {"attempts": len(every), "failed": len(every) - len(valid), "faults": dict(faults)}
+    write_json(build.folder / REPORT, {**summary(valid), **attempts})
 
 
 def _make(task: Task, build: Build) -> None:
     settings, workers = method_settings(task), task.cfg.parallel.workers
-    problem = settings.problem(task.constraints, task.trajectory)
-    method, size = _method(settings, workers)
-    tasks = Tasks(settings.count, size, build.work, workers, settings.enough)
-    batch = make_seeds(problem, method, tasks, task.random("seeds"))
+    batch = None
+    if settings.shipped is not None:
+        batch = shipped(CONF / "seeds" / settings.shipped, origin(task), settings.count)
+    if batch is None:
+        problem = settings.problem(task.constraints, task.trajectory)
+        method, size = _method(settings, workers)
+        tasks = Tasks(settings.count, size, build.work, workers, settings.enough)
+        batch = make_seeds(problem, method, tasks, task.random("seeds"))
+    else:
+        log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
     library = measured(task.constraints, task.trajectory, batch.coefficients, settings.method)
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = batch.cpu_seconds
