@@ -4,13 +4,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TypeAlias
 
-import numpy as np
 import pandas as pd
 
 from experiments import exp2
 from experiments.artifacts import Group
 from experiments.finding import GANS, SIDE_GANS, Finding, listed, ratios
-from experiments.verdicts import REPEAT, SEED_SET, TRAINING, above, levels, not_below, together
+from experiments.verdicts import REPEAT, SEED_SET, TRAINING, above, by_set, log_ratio, not_below, together
 from sidegan.pipeline.settings import Config
 
 OfWholeSets: TypeAlias = Callable[[pd.DataFrame, Config], Finding]
@@ -30,7 +29,7 @@ def _against_long(group: Group, frame: str) -> Finding:
     """Whether the seeds' error is below that of every reading of the single long trajectory."""
     nmse, cfg = _table1(group, frame), group.first.cfg
     names = [f"long-{h}" for h in sorted(cfg.long.harmonics)]
-    effects = {f"{n.removeprefix('long-')} harmonics": _log_ratio(nmse[n], nmse["seeds"]) for n in names}
+    effects = {f"{n.removeprefix('long-')} harmonics": log_ratio(nmse[n], nmse["seeds"]) for n in names}
     ratio = max(cfg.long.harmonics) / cfg.trajectory.harmonics
     numbers = {"fewest": min(cfg.long.harmonics), "ratio": ratio, "period": cfg.long.period}
     ours = f"error of the long one over the seeds': {ratios(effects)}"
@@ -48,11 +47,11 @@ def _real_generated_beat_seeds(group: Group) -> Finding:
 
 def _against_seeds(group: Group, frame: str) -> Finding:
     nmse = _table1(group, frame)
-    effects = {n: _log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
+    effects = {n: log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
     ours = f"error of the seeds over theirs: {ratios(effects)}"
     if frame == "errors" and len(group.frame("expected")):
         sure = _table1(group, "expected")
-        over_all = {n: _log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
+        over_all = {n: log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
         ours += f"; expected over all noise: {ratios(over_all)}"
     numbers = {"count": group.first.cfg.selection.count}
     return Finding(together(above(x) for x in effects.values()), ours, numbers)
@@ -110,8 +109,8 @@ def _smallest(effects: Mapping[str, pd.Series]) -> str:
 
 def _over_eigen(group: Group, frame: pd.DataFrame) -> dict[str, pd.Series]:
     """Logarithms of the ratios of covariance norms to eigen's, by set of the paper's table."""
-    norms = _by_set(group, frame, "covariance_norm")
-    return {n: _log_ratio(x, norms["eigen"]) for n, x in norms.items() if n not in ("eigen", _most(group))}
+    norms = by_set(frame, "covariance_norm", group.first.cfg.gan)
+    return {n: log_ratio(x, norms["eigen"]) for n, x in norms.items() if n not in ("eigen", _most(group))}
 
 
 def _most(group: Group) -> str:
@@ -122,26 +121,7 @@ def _most(group: Group) -> str:
 def _table1(group: Group, frame: str) -> dict[str, pd.Series]:
     """Unweighted nMSE of experiment 1, mean over joints, by set."""
     raw = group.frame(frame)
-    return _by_set(group, raw[~raw.weighted.astype(bool)], "nmse")
-
-
-def _by_set(group: Group, frame: pd.DataFrame, key: str) -> dict[str, pd.Series]:
-    """Mean of a column for every set by seed set and repeat, and by training where something was trained."""
-    trained, mean = group.first.cfg.gan, frame.groupby(["set", *levels(frame, REPEAT)])[key].mean()
-    parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
-    return {name: x if name in trained else x.droplevel(TRAINING) for name, x in parts.items()}
-
-
-def _log_ratio(first: pd.Series, second: pd.Series) -> pd.Series:
-    """Logarithm of a ratio, draw by draw; what was not trained stands beside every training of the other."""
-    return np.log(_matched(first, second)) - np.log(_matched(second, first))
-
-
-def _matched(values: pd.Series, other: pd.Series) -> pd.Series:
-    """Values without trainings, as often as the other has trainings."""
-    if TRAINING in values.index.names or TRAINING not in other.index.names:
-        return values
-    return values.reindex(other.droplevel(TRAINING).index).set_axis(other.index)
+    return by_set(raw[~raw.weighted.astype(bool)], "nmse", group.first.cfg.gan)
 
 
 def gain(errors: pd.DataFrame, name: str, replicas: int) -> pd.Series:

@@ -1,5 +1,7 @@
 """Tables of the reproduction report that belong to no experiment of their own."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -10,6 +12,34 @@ from sidegan.pipeline.stages.training import generator as trained
 from sidegan.pipeline.stages.training import generators, surrogates
 from sidegan.report import tables
 from sidegan.report.style import NOT_MEASURED
+
+_ON_BOX = 1e-3  # share of the largest coefficient
+_AT_LIMIT = 0.01  # rad
+
+
+def seed_sets(artifacts: Mapping[str, Artifacts]) -> pd.DataFrame:
+    """The seed sets by condition, for people."""
+    table = pd.DataFrame({name: seed_facts(one) for name, one in artifacts.items()}).T
+    return tables.formatted(table, COLUMNS["seeds"]).rename_axis("seeds of")
+
+
+def seed_facts(artifacts: Artifacts) -> dict[str, float]:
+    """Numbers by which two seed sets can be told apart."""
+    library = artifacts.task.load(seed_set(artifacts.task))
+    c, margin = library.coefficients.numpy(), library.margins["position"].numpy()
+    on_box = np.abs(c) > (1 - _ON_BOX) * np.abs(c).max()
+    lower, middle, upper = np.quantile(library.fitness, [0.25, 0.5, 0.75])
+    kept = ("count", "diagonal_ratio", "distance", "rank")
+    return {key: float(artifacts.seeds[key]) for key in kept} | {
+        "condition": middle,
+        "lower": lower,
+        "upper": upper,
+        "mean": float(np.abs(c).mean()),
+        "a_on_box": float(on_box[..., 0].mean()),
+        "b_on_box": float(on_box[..., 1].mean()),
+        "at_limit": float((margin < _AT_LIMIT).mean()),
+        "seconds": artifacts.seed_seconds,
+    }
 
 
 def densities(frame: pd.DataFrame) -> pd.DataFrame:

@@ -3,13 +3,16 @@
 Source: Jegorova et al. 2020, section V-C.
 """
 
+from collections.abc import Collection
 from pathlib import Path
 
 import pandas as pd
 
 from experiments import training
 from experiments.artifacts import Artifacts
+from experiments.finding import words
 from experiments.pages import leave
+from experiments.verdicts import CONFIDENCE, by_set, interval, log_ratio
 from experiments.words import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
@@ -35,6 +38,10 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
     shown = {
         "table1": (table1(raw, artifacts.plant, ["training", "repeat"], artifacts.expected), caption),
+        "factors": (
+            factors(raw, artifacts.expected, config.gan),
+            f"By how much generated trajectories lower the seeds' error, with {CONFIDENCE:.0%} intervals",
+        ),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
         "generators": (tables.generators(artifacts.generators), "Seeds and generators, true physics"),
@@ -66,6 +73,21 @@ def table1(
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
     table.columns = [tables.title(name) for name in columns]
     return table.rename_axis("nMSE")
+
+
+def factors(raw: pd.DataFrame, expected: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
+    """Error of the seeds over that of each generated set, drawn and expected: above one where it is better.
+
+    The intervals are over trainings and noise draws, as far as there are more than one.
+    """
+    rows = {}
+    for drawn, frame in ((SIMULATOR, raw), (EXPECTED, expected)):
+        for weighted, part in frame.groupby(frame.weighted.astype(bool)):
+            errors = by_set(part, "nmse", trained)
+            name = f"{drawn}, weighted" if weighted else drawn
+            ratios = {key: log_ratio(errors["seeds"], x) for key, x in errors.items() if key in trained}
+            rows[name] = {tables.title(key): words(interval(x).exp()) for key, x in ratios.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeds over")
 
 
 def _kind(name: str) -> str:

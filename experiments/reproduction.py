@@ -57,7 +57,8 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
             name: claims.counted(claim.findings[name].verdict for claim in judged) for name in groups
         },
     }
-    shown = {"claims": claims.table(judged)}
+    firsts = {name: group.first for name, group in groups.items()}
+    shown = {"claims": claims.table(judged), "seeds": comparisons.seed_sets(firsts)}
     drawn: dict[str, Figure] = {}
     for name, group in groups.items():
         shown |= {f"{name}-{key}": table for key, table in _tables(group).items()}

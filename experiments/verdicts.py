@@ -5,7 +5,7 @@ An effect is a series of numbers with the levels ``seed_set``, ``training`` and
 variance of its mean.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +66,18 @@ def interval(effect: pd.Series) -> Interval:
     return Interval(middle - half, middle, middle + half)
 
 
+def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str, pd.Series]:
+    """Mean of a column for every set by seed set and repeat, and by training where something was trained."""
+    mean = frame.groupby(["set", *levels(frame, REPEAT)])[key].mean()
+    parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
+    return {name: x if name in trained else _untrained(x) for name, x in parts.items()}
+
+
+def log_ratio(first: pd.Series, second: pd.Series) -> pd.Series:
+    """Logarithm of a ratio, draw by draw; what was not trained stands beside every training of the other."""
+    return np.log(_matched(first, second)) - np.log(_matched(second, first))
+
+
 def log_odds(shares: pd.Series, draws: int) -> pd.Series:
     """Log odds of shares of so many draws; their intervals, turned back, stay within 0 and 1.
 
@@ -119,6 +131,20 @@ def together(verdicts: Iterable[str]) -> str:
     if {HOLDS, PART} & set(every):
         return PART
     return NOT if NOT in every else OPEN
+
+
+def _untrained(values: pd.Series) -> pd.Series:
+    """Without the level of trainings; where there is no other, a single value."""
+    return values.droplevel(TRAINING) if values.index.nlevels > 1 else values.set_axis([0])
+
+
+def _matched(values: pd.Series, other: pd.Series) -> pd.Series:
+    """Values without trainings, as often as the other has trainings."""
+    if TRAINING in values.index.names or TRAINING not in other.index.names:
+        return values
+    if other.index.nlevels == 1:
+        return pd.Series(values.item(), other.index)
+    return values.reindex(other.droplevel(TRAINING).index).set_axis(other.index)
 
 
 def _units(values: pd.Series) -> list[list[str]]:
