@@ -5,8 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.identification import METHODS, Measurements, estimate
+from sidegan.identification.stribeck import stribeck_velocities
 from tests.identification import recordings
-from tests.identification.recordings import Fixed, model_of, noisy_rows, recorded, truth_of
+from tests.identification.recordings import Fixed, model_of, multisine, noisy_rows, recorded, truth_of
 
 PLAIN = ["ols", "weighted", "huber", "rls"]  # need no arm, and scale with the torque
 
@@ -144,3 +145,14 @@ class TestLaws:
         found = estimate("weighted", model, rest)
         assert found.condition == np.inf
         assert found.deviation[model.names.index("fv1")] == pytest.approx(1e3, rel=1e-3)
+
+
+def test_stribeck_velocities_the_one_thing_that_is_not_linear_are_found(planar):
+    truth = model_of(planar, (0.05, 0.2))
+    terms = {n: torch.tensor([2.0, 1.0]) for n in ("viscous", "coulomb", "stribeck")}
+    parameters = recordings.parameters_of(truth, terms)
+    data = recordings.measured(truth, multisine(2, 3000), 0.05, parameters=parameters)
+    found = stribeck_velocities(model_of(planar), iter([data]))
+    assert found == [0.05, 0.2]
+    better = estimate("weighted", model_of(planar, found), data)
+    assert (better.residual_rms < estimate("weighted", model_of(planar), data).residual_rms).all()
