@@ -16,12 +16,12 @@ from sidegan.validity.home import refuse_degrees
 from sidegan.validity.straight import require_straight
 
 
-def bent_arm() -> Arm:
-    """The planar arm whose first joint may be between 0.5 and 1.5 rad."""
+def bent_arm(lower: float = 0.5) -> Arm:
+    """The planar arm whose first joint may be between that and 1.5 rad."""
     arm = load_robot("planar2")
-    lower, upper = arm.position_lower.clone(), arm.position_upper.clone()
-    lower[0], upper[0] = 0.5, 1.5
-    return replace(arm, position_lower=lower, position_upper=upper)
+    limits = torch.stack([arm.position_lower, arm.position_upper])
+    limits[:, 0] = torch.tensor([lower, 1.5])
+    return replace(arm, position_lower=limits[0], position_upper=limits[1])
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
@@ -29,14 +29,9 @@ def test_zeros_are_left_alone_where_they_are_feasible(name):
     assert default_home(Constraints(load_robot(name), [Plane((0, 0, 1), 0.1)])) is None
 
 
-def test_zeros_at_a_limit_leave_no_room_to_move():
-    bent = bent_arm()
-    bent.position_lower[0] = 0
-    assert default_home(Constraints(bent)) == pytest.approx((0.75, 0), abs=1e-3)
-
-
-def test_where_zeros_are_out_of_range_it_is_the_middle():
-    assert default_home(Constraints(bent_arm())) == pytest.approx((1, 0), abs=1e-3)
+@pytest.mark.parametrize("lower", [0.0, 0.5])
+def test_where_zeros_are_at_a_limit_or_out_of_range_it_is_the_middle(lower):
+    assert default_home(Constraints(bent_arm(lower))) == pytest.approx(((lower + 1.5) / 2, 0), abs=1e-3)
 
 
 def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same():
@@ -81,21 +76,11 @@ def holding(planar: Arm, share: float) -> Arm:
         (0.801, (math.pi / 2, 0.0), 1.0),  # but not at home
         (0.99, None, 1.0),
         (0.99, (0.0, 0.0), 1.0),
+        (0.0, None, 0.8),  # without torque limits
     ],
 )
 def test_a_first_run_uses_less_than_the_limits_where_that_holds_the_arm(planar, share, home, expected):
     assert usual_effort(holding(planar, share), home) == expected
-
-
-def test_an_arm_without_torque_limits_is_held_anyway(planar):
-    assert usual_effort(replace(planar, torque_limit=torch.full((2,), torch.inf, dtype=torch.float64))) == 0.8
-
-
-def least(constraints, start, end):
-    """Smallest margin on a dense grid along the way."""
-    share = torch.linspace(0, 1, 1001, dtype=torch.float64)[:, None]
-    margins = constraints.at_rest(torch.lerp(start, end, share))
-    return min(float(x.min()) for x in margins.values() if x.numel())
 
 
 @settings(max_examples=40)
@@ -106,7 +91,8 @@ def test_the_verdict_is_that_of_a_dense_grid(arm, seed, reach):
     share = torch.rand(2, arm.joints, generator=generator, dtype=torch.float64) - 0.5
     middle, half = (arm.position_upper + arm.position_lower) / 2, arm.position_upper - arm.position_lower
     start, end = middle + reach * share * half
-    found = least(desk, start, end)
+    grid = torch.lerp(start, end, torch.linspace(0, 1, 1001, dtype=torch.float64)[:, None])
+    found = min(float(x.min()) for x in desk.at_rest(grid).values() if x.numel())
     try:
         require_straight(desk, start.tolist(), end.tolist())
     except InfeasibleError as error:

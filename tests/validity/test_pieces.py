@@ -1,6 +1,5 @@
 """What is inside of capsules: distances against coal, the two ways to find them, and the proof by them."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import coal
@@ -11,7 +10,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
-from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -44,15 +42,6 @@ def convex(points: np.ndarray) -> coal.ConvexBase:
     return coal.Convex(corners, triangles)
 
 
-def by_coal(one: np.ndarray, other: np.ndarray, turns: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Signed distances [m], (N,), of a hull from another one that is placed."""
-    first, second, still, found = convex(one), convex(other), coal.Transform3s(), []
-    for turn, place in zip(turns, places):
-        there, asked = coal.Transform3s(turn, place), (coal.DistanceRequest(), coal.DistanceResult())
-        found.append(coal.distance(first, still, second, there, *asked))
-    return np.array(found)
-
-
 def placements(random: np.random.Generator, count: int, far: float) -> tuple[np.ndarray, np.ndarray]:
     turns = np.array([pin.exp3(random.normal(size=3) * 2) for _ in range(count)])
     return turns, far * random.normal(size=(count, 3))
@@ -63,7 +52,10 @@ def test_distance_of_hulls_is_that_of_coal(seed: int) -> None:
     random = np.random.default_rng(seed)
     one, other = hull(random), hull(random)
     turns, places = placements(random, 20, 0.3)
-    expected = by_coal(one, other, turns, places)
+    first, second, still = convex(one), convex(other), coal.Transform3s()
+    asked = ((coal.DistanceRequest(), coal.DistanceResult()) for _ in turns)
+    there = map(coal.Transform3s, turns, places)
+    expected = np.array([coal.distance(first, still, second, x, *own) for x, own in zip(there, asked)])
     found = apart((one, np.tile(np.eye(3), (20, 1, 1)), np.zeros((20, 3))), (other, turns, places))
     touching = expected < -1e-6
     assert np.isneginf(found[touching]).all()
@@ -107,9 +99,10 @@ def test_pieces_are_never_nearer_than_their_capsules(seed: int) -> None:
         assert torch.equal(margins["collision"][:, still], of_capsules["collision"][:, still])
 
 
-def in_cells(seed: int, half: float) -> Iterator[tuple[Moving, Tensor, Tensor, Tensor]]:
-    """Pairs of a random arm in cells, which are asked about, and how near capsules and pieces come."""
-    arm = filled(random_chain(5, seed)[0], seed)
+@pytest.mark.parametrize("half", [0.05, 0.0005])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_pair_comes_nearer_in_a_cell_than_its_bound(seed: int, half: float) -> None:
+    arm, sharp = filled(random_chain(5, seed)[0], seed), []
     constraints, trajectory = constrained(arm, ()), Trajectory(5, 3, 3.0)
     c = 0.5 * moderate(arm, trajectory, 6, seed)
     asked = torch.cartesian_prod(torch.arange(6), torch.nonzero(constraints.pieces.finer)[:, 0])
@@ -118,21 +111,13 @@ def in_cells(seed: int, half: float) -> Iterator[tuple[Moving, Tensor, Tensor, T
         for q in trajectory.roll_out(c, times).position.unbind(1):
             capsules.append(constraints.capsule_margins(q, 0 * q, 0 * q)["collision"][tuple(asked.T)])
             pieces.append(constraints.pieces.lower(q, asked))
+        capsules, pieces = torch.stack(capsules), torch.stack(pieces)
         pairs = Moving(constraints.pieces, Slack(constraints), *states, motion, half)
-        yield pairs, asked, torch.stack(capsules), torch.stack(pieces)
-
-
-@pytest.mark.parametrize("half", [0.05, 0.0005])
-@pytest.mark.parametrize("seed", range(3))
-def test_no_pair_comes_nearer_in_a_cell_than_its_bound(seed: int, half: float) -> None:
-    sharp = []
-    for pairs, asked, capsules, pieces in in_cells(seed, half):
         for bound, seen in ((pairs.capsules(asked), capsules), (pairs.inside(asked), pieces)):
             clear = seen.isfinite().all(0)
             assert clear.any() and (bound[clear] <= seen.amin(0)[clear] + 1e-7).all()
-        apart = capsules[10] > 0.02
-        change = (pairs.motion.position_change[asked[:, 0]] * pairs.slack.pair_reach[asked[:, 1]]).sum(1)
-        sharp.append(((capsules[10] - pairs.capsules(asked)) / change)[apart & (change > 0)])
+        change = (motion.position_change[asked[:, 0]] * pairs.slack.pair_reach[asked[:, 1]]).sum(1)
+        sharp.append(((capsules[10] - pairs.capsules(asked)) / change)[(capsules[10] > 0.02) & (change > 0)])
     if half < 0.01:  # what is left is how paths bend, and what joints' motion does not do along the line
         assert torch.cat(sharp).median() < 0.5
 
