@@ -7,10 +7,10 @@ Pinocchio; ``test_arms_table.py`` goes on to trajectories.
 from pathlib import Path
 
 import pytest
-import yaml
 
 from sidegan.errors import RobotError
-from sidegan.robot import Limits, Setup
+from sidegan.pipeline.compose import composed
+from sidegan.robot import Setup
 from sidegan.robot.description import read_description
 from sidegan.robot.model import build
 from tests.robot.arms import ROBOTS, remedied
@@ -53,21 +53,11 @@ NO_ARMS = {"hector_description/robots/quadrotor_base.urdf", "iris_description/ro
 EMPTY = {"ur_description/urdf/ur3.urdf"}
 
 
-def setup_of(words: dict[str, str]) -> Setup:
-    """The setup that these words on the command line stand for."""
-    plain = {name.removeprefix("robot."): yaml.safe_load(value) for name, value in words.items()}
-    stated = [name for name in plain if name.startswith("limits.")]
-    limits = {name.removeprefix("limits."): plain.pop(name) for name in stated}
-    if "position" in limits:
-        limits["position"] = {joint: tuple(span) for joint, span in limits["position"].items()}
-    return Setup(**plain, limits=Limits(**limits))
-
-
 def readable(path: Path) -> Setup:
     """A setup with which a description can be read, found by following what the refusals say."""
 
     def read(words: list[str]) -> Setup:
-        setup = setup_of(dict(word.split("=", 1) for word in words))
+        setup = composed("+experiment=excite", *words).robot.setup if words else Setup()
         build(read_description(path, setup))
         return setup
 
