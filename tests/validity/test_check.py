@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import pytest
 import torch
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, Arm, load_robot
+from sidegan.robot import HIGHER, Arm, built_in_robots, load_robot
 from sidegan.validity import Constraints, Plane, check
 from tests.chains import random_chain
 
@@ -81,39 +81,27 @@ def family(arm: Arm, period: float = 3.0) -> Trajectory:
     return Trajectory(arm.joints, 5, period, BENT if arm.joints == 7 else None)
 
 
-@pytest.fixture(params=["arm", "planar"])
-def any_arm(request: pytest.FixtureRequest) -> Arm:
-    return request.getfixturevalue(request.param)
-
-
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_bad_only_between_coarse_samples_is_caught(kind: str, any_arm: Arm) -> None:
-    (constraints, name), trajectory = isolated(any_arm, kind), family(any_arm)
+@pytest.mark.parametrize("robot", built_in_robots())
+def test_every_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, robot: str) -> None:
+    arm = load_robot(robot)
+    (constraints, name), trajectory = isolated(arm, kind), family(arm)
 
-    def coarse(c: Tensor) -> Tensor:
-        return smallest(constraints, trajectory, c, COARSE)[name]
+    def least(rate: float, c: Tensor) -> Tensor:
+        return smallest(constraints, trajectory, c, rate)[name]
 
-    c = scaled_to(coarse, drawn(trajectory, 24), target=1e-9)
-    bad = smallest(constraints, trajectory, c, DENSE)[name] < 0
-    assert (coarse(c) >= 0).all() and bad.sum() >= 10
-    validity = check(constraints, trajectory, c)
+    between = scaled_to(partial(least, COARSE), drawn(trajectory, 24), target=1e-9)
+    bad = least(DENSE, between) < 0
+    assert (least(COARSE, between) >= 0).all() and bad.sum() >= 10  # only between coarse samples
+    validity = check(constraints, trajectory, between)
     assert not validity.valid[bad].any()
     for i in torch.nonzero(bad)[:, 0].tolist():
         assert [failure.constraint for failure in validity.failures(i)] == [name]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_tiny_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, any_arm: Arm) -> None:
-    (constraints, name), trajectory = isolated(any_arm, kind), family(any_arm)
-
-    def dense(c: Tensor) -> Tensor:
-        return smallest(constraints, trajectory, c, 200.0)[name]
-
     c = drawn(trajectory, 8, seed=1)
-    bad = scaled_to(dense, c, target=-TINY[kind]) * (1 + 1e-9)
-    good = scaled_to(dense, c, target=COMFORTABLE[kind])
-    good = good[smallest(constraints, trajectory, good, DENSE)[name] > 0.9 * COMFORTABLE[kind]]
-    assert len(bad) >= 5 and not check(constraints, trajectory, bad).valid.any()
+    tiny = scaled_to(partial(least, 200.0), c, target=-TINY[kind]) * (1 + 1e-9)
+    assert len(tiny) >= 5 and not check(constraints, trajectory, tiny).valid.any()
+    good = scaled_to(partial(least, 200.0), c, target=COMFORTABLE[kind])
+    good = good[least(DENSE, good) > 0.9 * COMFORTABLE[kind]]
     validity = check(constraints, trajectory, good)
     assert len(good) >= 5 and validity.valid.all(), validity.margins
 

@@ -11,13 +11,13 @@ from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check
+from sidegan.validity import Constraints, Convex, Plane, check
 from sidegan.validity.bounds import CellMotion, torque_bounds
 from sidegan.validity.search import Search
 from tests.chains import constrained, random_chain
 from tests.threads import several_threads
 
-from .critical import BOX, DESK, limited, moderate
+from .critical import BALL, BOX, DESK, HULL, limited, moderate
 
 pytest.importorskip("numba")
 
@@ -25,13 +25,8 @@ REGIONS = {
     "none": (),
     "desk": (DESK,),
     "box": (BOX,),
-    "round": (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1)),
-    "all": (
-        Plane((0.3, -0.2, 0.9), -0.5),
-        Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4)),
-        DESK,
-        Convex.box((0.5, 0.3, 0.2)),
-    ),
+    "round": (BALL, HULL),
+    "all": (Plane((0.3, -0.2, 0.9), -0.5), BOX, DESK, Convex.box((0.5, 0.3, 0.2))),
 }
 
 

@@ -9,7 +9,7 @@ import torch
 import yaml
 
 from sidegan.errors import InfeasibleError
-from sidegan.robot import Arm, Setup, load_robot, words
+from sidegan.robot import Arm, Setup, words
 from sidegan.validity import Constraints
 from sidegan.validity.pairs import capsule_distances, pairs_of, sampled, tell_often
 from tests.robot.urdf import ball, collision, joint, link, more, robot
@@ -23,65 +23,54 @@ def chain(radius: float) -> str:
     return robot(*parts)
 
 
-@pytest.fixture
-def write(tmp_path: Path):
-    def text(content: str, name: str = "arm.urdf") -> Path:
-        (tmp_path / name).write_text(content)
-        return tmp_path / name
-
-    return text
-
-
 def names(arm: Arm) -> set[frozenset[str]]:
     return {frozenset(arm.capsules.owners[k] for k in pair) for pair in pairs_of(arm).checked.tolist()}
 
 
-def test_neighbours_are_not_kept_apart_and_are_listed(write) -> None:
-    arm = load_robot(write(chain(0.05)))
+def test_neighbours_are_not_kept_apart_and_are_listed(load) -> None:
+    arm = load(chain(0.05))
     assert names(arm) == {frozenset(pair) for pair in (("base", "two"), ("base", "three"), ("one", "three"))}
     listed = {one.links for one in Constraints(arm).exempt}
     assert listed == {("base", "one"), ("one", "two"), ("three", "two")}
     assert Constraints(arm).excepted == {}
 
 
-def test_links_that_touch_most_of_the_time_are_told_with_what_leaves_them_unchecked(write) -> None:
+def test_links_that_touch_most_of_the_time_are_told_with_what_leaves_them_unchecked(load) -> None:
     """Balls nearly as large as they are apart: those two joints from each other touch when the arm folds."""
-    path = write(chain(0.28))
-    arm = load_robot(path)
+    arm = load(chain(0.28))
     often = Constraints(arm).often
     assert ("base", "two") in {one.links for one in often}
     assert all(0.5 <= one.share < 1 for one in often)
     told = tell_often(arm, often)
     assert "base – two" in told and "touch in" in told
     named = yaml.safe_load(re.search(r"'robot\.may_touch=([^']*)'", told).group(1))
-    free = Constraints(load_robot(path, Setup(may_touch=[tuple(pair) for pair in named])))
+    free = Constraints(load(chain(0.28), Setup(may_touch=[tuple(pair) for pair in named])))
     assert free.often == () and {one.links for one in often} <= {one.links for one in free.exempt}
-    assert Constraints(load_robot(write(chain(0.05)))).often == ()
+    assert Constraints(load(chain(0.05))).often == ()
 
 
-def test_what_stands_beside_the_arm_is_no_neighbour(write) -> None:
+def test_what_stands_beside_the_arm_is_no_neighbour(load) -> None:
     """A pillar on the base is not the link that the first joint hangs on."""
     mount = joint("mount", "base", "pillar", "fixed", 'xyz="0 0.5 0"')
-    arm = load_robot(write(more(chain(0.05), mount, link("pillar", ball(0.05)))))
+    arm = load(more(chain(0.05), mount, link("pillar", ball(0.05))))
     assert frozenset({"pillar", "one"}) in names(arm)
     assert frozenset({"base", "one"}) not in names(arm)
 
 
-def test_links_with_a_bare_one_between_them_are_neighbours_if_one_joint_is(write) -> None:
+def test_links_with_a_bare_one_between_them_are_neighbours_if_one_joint_is(load) -> None:
     text = chain(0.05).replace(link("one", ball(0.05)), link("one"))
-    arm = load_robot(write(text))
+    arm = load(text)
     assert names(arm) == {frozenset({"base", "two"}), frozenset({"base", "three"})}  # two joints between
 
 
-def test_links_that_always_touch_are_refused_with_a_remedy_that_works(write) -> None:
-    file = write(chain(0.31))
-    setup = Setup()
+def test_links_that_always_touch_are_refused_with_a_remedy_that_works(load) -> None:
+    text = chain(0.31)
     with pytest.raises(InfeasibleError, match="touch in every one of 4,000") as refused:
-        Constraints(load_robot(file, setup))
+        Constraints(load(text))
     (remedy,) = re.findall(r"'robot\.may_touch=(.*?)'", str(refused.value))
     pairs = [tuple(pair) for pair in yaml.safe_load(remedy)]
     assert ("base", "two") in pairs and ("base", "three") not in pairs
-    arm = load_robot(file, replace(setup, may_touch=pairs))
+    arm = load(text, Setup(may_touch=pairs))
     constraints = Constraints(arm)
     assert names(arm) == {frozenset({"base", "three"})}
     named = [one for one in constraints.exempt if one.why == "robot.may_touch"]
@@ -90,31 +79,32 @@ def test_links_that_always_touch_are_refused_with_a_remedy_that_works(write) -> 
     assert "may touch: base – two (robot.may_touch, touch in 100 %)" in constraints.described()
     assert constraints.doubtful
     assert words(arm.setup) == [f"'robot.may_touch={remedy}'"]
-    assert arm.digest != load_robot(file).digest
+    assert arm.digest != load(text).digest
 
 
 SRDF = '<robot name="small"><disable_collisions link1="two" link2="base" reason="Never"/></robot>'
 
 
-def test_pairs_of_an_srdf_are_exempt_only_where_the_user_says_so(write) -> None:
-    file, srdf = write(chain(0.22)), str(write(SRDF, "arm.srdf"))
-    kept = load_robot(file, Setup(srdf=srdf))
+def test_pairs_of_an_srdf_are_exempt_only_where_the_user_says_so(load, tmp_path: Path) -> None:
+    text, srdf = chain(0.22), str(tmp_path / "arm.srdf")
+    Path(srdf).write_text(SRDF)
+    kept = load(text, Setup(srdf=srdf))
     assert frozenset({"base", "two"}) in names(kept)
-    arm = load_robot(file, Setup(srdf=srdf, srdf_pairs=True))
+    arm = load(text, Setup(srdf=srdf, srdf_pairs=True))
     assert frozenset({"base", "two"}) not in names(arm)
     (one,) = [one for one in Constraints(arm).exempt if one.why == "SRDF: Never"]
     assert one.share is not None and 0.05 < one.share < 0.9
     pair = torch.tensor([[0, 2]])
     touching = float((capsule_distances(arm, sampled(arm), pair) <= 0).double().mean())
     assert one.share == pytest.approx(touching)
-    assert arm.digest != kept.digest == load_robot(file).digest
+    assert arm.digest != kept.digest == load(text).digest
 
 
-def test_what_never_touches_is_dropped_on_proof_and_only_then(write) -> None:
+def test_what_never_touches_is_dropped_on_proof_and_only_then(load) -> None:
     pytest.importorskip("numba")
     box = collision('<box size="0.2 0.04 0.04"/>', 'xyz="0.15 0 0"')  # along the links
     text, ones = chain(0.05).replace(ball(0.05), box), torch.ones(3, dtype=torch.float64)
-    arm = load_robot(write(text))
+    arm = load(text)
     calm = replace(arm, position_lower=-0.3 * ones, position_upper=0.3 * ones)
     free = replace(arm, position_lower=-3.1 * ones, position_upper=3.1 * ones)
     every = {("base", "two"), ("base", "three"), ("one", "three")}
@@ -123,10 +113,10 @@ def test_what_never_touches_is_dropped_on_proof_and_only_then(write) -> None:
     assert "3 never touch" in Constraints(calm).described()
 
 
-def test_pieces_decide_whether_links_always_touch(write) -> None:
+def test_pieces_decide_whether_links_always_touch(load) -> None:
     """Capsules around flat plates overlap wherever the arm is; the plates do not."""
     plate = collision('<box size="0.7 0.7 0.01"/>')
     text = chain(0.05).replace(ball(0.05), plate).replace('xyz="0.3 0 0"', 'xyz="0 0 0.1"')
-    arm = load_robot(write(text))
+    arm = load(text)
     assert (capsule_distances(arm, sampled(arm), torch.tensor([[0, 2]])) < 0).all()
     Constraints(arm)

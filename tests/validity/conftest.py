@@ -1,0 +1,1 @@
+from tests.robot.conftest import load  # noqa: F401
