@@ -15,16 +15,6 @@ def frame(recording):
     return pd.DataFrame(columns)
 
 
-def text(content, name="a.csv"):
-    """A writer of some text instead of a recording."""
-
-    def write(_, folder):
-        (folder / name).write_text(content)
-        return folder / name
-
-    return write
-
-
 def written(change=lambda table: table, **options):
     """A writer of a CSV whose table was changed."""
 

@@ -15,8 +15,8 @@ from sidegan.robot import load_robot
 from tests.recording.conftest import load_recording, of_file
 from tests.recording.files import (
     arrays,
-    text,
     write_bag,
+    write_csv,
     write_mcap,
     write_messages,
     write_npz,
@@ -66,7 +66,7 @@ FILES = [
     ("there is no recording", lambda _, folder: folder / "a.csv", {}),
     ("neither a file nor a folder", pipe, {}),
     ("without a bag", lambda _, folder: folder, {}),
-    (r"ends in \.xls, expected \.csv", text("x", "a.xls"), {}),
+    (r"ends in \.xls, expected \.csv", lambda made, to: write_csv(made, to).rename(to / "a.xls"), {}),
     ("1 joint names are given, the arm has 2", written(), {"joints": ["a"]}),
     ("without a number, in column tau2", written(lambda table: table.assign(tau2=np.nan)), {}),
     ("no position of 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),

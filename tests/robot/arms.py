@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from sidegan.errors import SideganError
 from sidegan.pipeline.compose import composed
@@ -66,3 +67,13 @@ def remedied(work, given=()):
                 raise
             words = more
     raise AssertionError(f"refused {_ROUNDS} times, at last with {words}")
+
+
+def shape_accuracy(constraints, judge, configurations):
+    """Shares of free random configurations that are refused, and of colliding ones that are missed."""
+    arm, random = constraints.arm, torch.Generator().manual_seed(0)
+    draw = torch.rand(configurations, arm.joints, generator=random, dtype=torch.float64)
+    q = torch.lerp(arm.position_lower, arm.position_upper, draw)
+    collided = torch.from_numpy(judge.colliding(judge.configurations(q.numpy())))
+    refused = (constraints.at_rest(q).get("collision", q.new_ones(len(q), 1)) < 0).any(1)
+    return tuple(int(x.sum()) / max(1, len(x)) for x in (refused[~collided], ~refused[collided]))

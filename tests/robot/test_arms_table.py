@@ -15,8 +15,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.report.export import markdown
 from sidegan.robot.load import _MODELS
-from tests.robot.accuracy import shape_accuracy
-from tests.robot.arms import ROBOTS, facts_of, remedied, task_of
+from tests.robot.arms import ROBOTS, facts_of, remedied, shape_accuracy, task_of
 from tests.robot.judge import Facts, Judge
 
 CONFIGURATIONS = 2_000  # random ones, that shapes are compared in

@@ -23,8 +23,7 @@ from sidegan.robot.splitting import cut_further, split
 from sidegan.validity import Constraints, default_home
 from sidegan.validity.hulls import apart
 
-from .accuracy import shape_accuracy
-from .arms import ROBOTS
+from .arms import ROBOTS, shape_accuracy
 from .judge import Facts, Judge
 from .urdf import INERTIA, joint, link, mesh, one_joint, robot
 
