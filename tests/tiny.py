@@ -64,6 +64,6 @@ def tiny(*overrides, experiment="exp1"):
     chosen = f"+experiment={experiment}"
     keys, small = _groups(chosen).keys(), [*TINY, *SMALL.get(experiment, ())]
     own = [one for one in small if re.match(r"[~+]*(\w+)", one)[1] in keys]
-    if any(one.startswith(("seeds=", "condition=")) for one in overrides):
+    if "condition" not in keys or any(one.startswith(("seeds=", "condition=")) for one in overrides):
         own = [one for one in own if one != "seeds=gradient"]
     return validate(composed(chosen, *own, *overrides))
