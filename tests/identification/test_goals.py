@@ -1,4 +1,7 @@
-"""Goals of design: against the covariance of least squares written out, and against designs without them."""
+"""Goals of design: against the covariance of least squares written out, and against designs without them.
+
+What recordings left uncertain: against trust's information, and what is identified after.
+"""
 
 from dataclasses import replace
 
@@ -8,30 +11,33 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.design.sequence import Search, information, value_and_gradient
+from sidegan.design.sequence import designed as by_search
 from sidegan.designer import DesignerSettings, Situation
 from sidegan.designer.descent import Penalties
 from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
 from sidegan.errors import InfeasibleError
-from sidegan.identification import FULL
+from sidegan.identification import FULL, estimate
 from sidegan.identification.designed import designed
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques
 from sidegan.identification.loaded import Loaded
 from sidegan.identification.model import states_within
-from sidegan.identification.uncertain import unmeasured
+from sidegan.identification.trust import certainty, grams_of
+from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
-from tests.identification.recordings import GOAL, model_of, multisine
+from tests.identification.recordings import GOAL, half_still, measured, model_of, multisine
 
-DESIGNER = DesignerSettings(40, refine=3, reserve=0.03, clearance=0.015, patience=80, rate=100.0)
-SEARCH = Search(starts=4, rough=15, strict=25, samples=4, reserve=0.02)
+NOISE, RATE = 0.3, 100.0
+DESIGNER = DesignerSettings(40, refine=3, reserve=0.03, clearance=0.015, patience=80, rate=RATE)
+SEARCH = Search(starts=4, rough=15, strict=25, samples=8, reserve=0.02)
 TERMS = replace(FULL, sign_width=0.03)
 WANTED = {"all": "all", "links": ["forearm"], "payload": "payload", "prediction": "prediction"}
 
 
 @pytest.fixture(scope="module")
 def problem(planar):
-    return Problem(Constraints(planar), Trajectory(2, harmonics=3, period=6.0))
+    return Problem(Constraints(planar), Trajectory(2, harmonics=3, period=8.0))
 
 
 def aim_of(problem, wanted):
@@ -132,7 +138,7 @@ def test_a_designer_is_asked_for_the_goal_itself_beside_what_was_told(problem, w
     aim.take(information(problem, aim, c[2:], 40)[0])
     numbers = ArmNumbers(problem.constraints, problem.trajectory)
     scene, descents = numbers.scene(Situation()), PlainDescents(numbers, DESIGNER)
-    descent = descents.descent(scene, aim.asked(DESIGNER.rate), Penalties(0.0, 0.0, 0.0, 0.0))
+    descent = descents.descent(scene, aim.asked(RATE), Penalties(0.0, 0.0, 0.0, 0.0))
     x = (c[:2].flatten(2).numpy() @ np.linalg.inv(numbers.turn).T) / scene.size
     found = [descent.evaluate(one, np.zeros_like(one))[0] for one in x]
     count = 1 if wanted == "prediction" else len(aim.goal.names)
@@ -158,3 +164,73 @@ def test_where_nothing_can_be_proven_that_is_told(planar):
     problem = Problem(Constraints(planar, [Plane(normal=(1, 0, 0), offset=-0.3)]), behind)
     with pytest.raises(InfeasibleError, match="at home, keep_out of"):
         for_goal(problem, aim_of(problem, "all"), 1)
+
+
+@pytest.fixture(scope="module")
+def poor(planar):
+    return half_still(planar, NOISE)
+
+
+def rest_of(poor):
+    model, found, _ = poor
+    return Uncertain(model, found.covariance, certainty(found), RATE)
+
+
+def test_what_trajectories_tell_is_what_trust_says(poor, problem):
+    model, found, _ = poor
+    trajectories = problem.start(5, torch.Generator().manual_seed(0), reach=0.5)
+    new = information(problem, rest_of(poor), trajectories, 80)
+    scale = found.deviation
+    expected = grams_of(model, found, problem.trajectory, trajectories, 80) * RATE * 8.0
+    torch.testing.assert_close(new, expected * scale * scale[:, None], rtol=1e-6, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def made(poor, problem):
+    """A designed trajectory, and its aim then."""
+    aim = rest_of(poor)
+    return by_search(problem, aim, 1, SEARCH, torch.Generator().manual_seed(0)), aim
+
+
+def test_a_designed_one_keeps_the_limits_and_tells_more_than_random_ones(poor, problem, made):
+    c, aim = made
+    assert check(problem.constraints, problem.trajectory, c).valid.all()
+    drawn = problem.start(200, torch.Generator().manual_seed(2), reach=0.8)
+    drawn = drawn[check(problem.constraints, problem.trajectory, drawn).valid]
+    assert len(drawn) > 20
+    values = rest_of(poor).value(information(problem, rest_of(poor), torch.cat([c, drawn]), 80))
+    assert values[0] < values[1:].min()
+    assert 0 < aim.left < 0.6 and rest_of(poor).left == 1
+    assert (aim.deviations < aim.before).all()
+
+
+def test_what_is_identified_after_is_as_certain_as_promised(poor, problem, made):
+    (model, before, data), (c, aim) = poor, made
+    states = [x[0] for x in problem.trajectory.roll_out(c, problem.trajectory.times(RATE))[1:]]
+    after = estimate("weighted", model, [data, measured(model, states, NOISE, 9)])
+    change = torch.logdet(after.covariance) - torch.logdet(before.covariance)
+    torch.testing.assert_close(aim.before, before.deviation, rtol=1e-6, atol=0)
+    torch.testing.assert_close(aim.deviations, after.deviation, rtol=0.3, atol=0)
+    assert float((change / (2 * model.count)).exp()) == pytest.approx(aim.left, rel=0.15)
+
+
+def known(model, covariance):
+    aim = Uncertain(model, covariance, torch.ones(model.joints).double(), RATE)
+    return torch.from_numpy(aim.asked(RATE).prior)
+
+
+def test_what_is_known_is_the_inverse_of_the_covariance_in_whatever_units(poor):
+    model, random = poor[0], torch.Generator().manual_seed(0)
+    root = torch.randn(model.count, model.count, generator=random, dtype=torch.float64)
+    unit = 10.0 ** torch.linspace(-3, 1, model.count, dtype=torch.float64)
+    units, covariance = torch.outer(unit, unit), root @ root.T + torch.eye(model.count).double()
+    found = known(model, units * covariance) * units
+    torch.testing.assert_close(found, torch.linalg.inv(covariance), rtol=1e-6, atol=1e-6)
+
+
+def test_what_is_certain_is_known_much_better_than_what_is_not(poor):
+    variance = torch.ones(poor[0].count, dtype=torch.float64)
+    variance[:2] = torch.tensor([4.0, 0.0])
+    found = known(poor[0], torch.diag(variance))
+    torch.testing.assert_close(found.diagonal()[[0, 2]], torch.tensor([0.25, 1.0], dtype=torch.float64))
+    assert found[1, 1] > 1e6 and (found - torch.diag(found.diagonal())).abs().max() < 1e-6
