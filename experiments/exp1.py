@@ -12,7 +12,7 @@ from experiments import training
 from experiments.artifacts import Artifacts
 from experiments.finding import words
 from experiments.pages import leave
-from experiments.verdicts import CONFIDENCE, by_set, interval, log_ratio
+from experiments.verdicts import CONFIDENCE, TRAINING, by_set, interval, log_ratio
 from experiments.words import PAPER
 from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
@@ -40,7 +40,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "table1": (table1(raw, artifacts.plant, ["training", "repeat"], artifacts.expected), caption),
         "factors": (
             factors(raw, artifacts.expected, config.gan),
-            f"By how much generated trajectories lower the seeds' error, with {CONFIDENCE:.0%} intervals",
+            f"Error of the seeds over that of seeds and generated ones, with {CONFIDENCE:.0%} intervals",
         ),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
@@ -78,16 +78,23 @@ def table1(
 def factors(raw: pd.DataFrame, expected: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
     """Error of the seeds over that of each generated set, drawn and expected: above one where it is better.
 
-    The intervals are over trainings and noise draws, as far as there are more than one.
+    The intervals are over noise draws, and over trainings where there are several.
     """
     rows = {}
     for drawn, frame in ((SIMULATOR, raw), (EXPECTED, expected)):
         for weighted, part in frame.groupby(frame.weighted.astype(bool)):
             errors = by_set(part, "nmse", trained)
             name = f"{drawn}, weighted" if weighted else drawn
-            ratios = {key: log_ratio(errors["seeds"], x) for key, x in errors.items() if key in trained}
+            generated = [key for key in tables.ordered(list(errors)) if key in trained]
+            ratios = {key: _of_several(log_ratio(errors["seeds"], errors[key])) for key in generated}
             rows[name] = {tables.title(key): words(interval(x).exp()) for key, x in ratios.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeds over")
+
+
+def _of_several(effect: pd.Series) -> pd.Series:
+    """An effect without the level of trainings where there is a single one, but several draws."""
+    alone = effect.index.nlevels > 1 and effect.index.get_level_values(TRAINING).nunique() == 1
+    return effect.droplevel(TRAINING) if alone else effect
 
 
 def _kind(name: str) -> str:

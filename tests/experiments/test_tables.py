@@ -53,10 +53,11 @@ def test_expected_errors_stand_below_those_of_some_draws_and_what_was_not_made_h
 def test_factors_are_ratios_of_errors_draw_by_draw_with_their_intervals():
     base = {"eigen": 1.0, "long-6": 3.0, "seeds": 2.0}
     raw = results(lambda name, repeat: base[name] * (1 + repeat))
-    raw = pd.concat([raw, raw[raw["set"] == "eigen"].assign(training=1)])
     sure = results(lambda name, repeat: base[name], repeats=1).drop(columns="repeat")
     worse = sure[sure["set"] == "eigen"].assign(training=1)
     both = pd.concat([sure, worse.assign(nmse=4 * worse.nmse)])
+    assert exp1.factors(raw, sure, ["eigen"]).loc[exp1.SIMULATOR].item() == "2 (2 … 2)"  # over draws
+    raw = pd.concat([raw, raw[raw["set"] == "eigen"].assign(training=1)])
     table = exp1.factors(raw, both, ["eigen"])
     assert list(table.columns) == ["seeds + eigen"] and table.loc[exp1.SIMULATOR].item() == "2 (2 … 2)"
     alone = exp1.factors(raw, sure, ["eigen"]).loc[exp1.EXPECTED].item()
