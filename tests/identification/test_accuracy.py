@@ -12,20 +12,6 @@ from sidegan.identification.accuracy import inflation_of
 from sidegan.robot import load_robot
 from tests.identification.recordings import Fixed, at_once, model_of, multisine, recorded, truth_of, white
 
-DRAWS = 50
-
-
-def errors_over_draws(model, samples, colour, method):
-    """Errors over their stated deviations, (draws, P)."""
-    y, truth = model.regressor(*multisine(model.joints, samples, seed=4)), truth_of(model)
-    fixed, level = Fixed(y), torch.linspace(2.0, 0.2, model.joints, dtype=torch.float64)
-    found = []
-    for k in range(DRAWS):
-        noise = torch.from_numpy(colour(white((samples, model.joints), k, 7).numpy()).copy())
-        one = estimate(method, fixed, fixed.measurements(y @ truth + level * noise))
-        found.append((one.parameters - truth) / one.deviation)
-    return torch.stack(found)
-
 
 def as_it_is(noise):
     return noise
@@ -52,7 +38,14 @@ class TestStatedDeviations:
         ],
     )
     def test_hold(self, name, method, samples, colour, error):
-        found = errors_over_draws(model_of(load_robot(name)), samples, colour, method)
+        model, found = model_of(load_robot(name)), []
+        y, truth = model.regressor(*multisine(model.joints, samples, seed=4)), truth_of(model)
+        fixed, level = Fixed(y), torch.linspace(2.0, 0.2, model.joints, dtype=torch.float64)
+        for k in range(50):
+            noise = torch.from_numpy(colour(white((samples, model.joints), k, 7).numpy()).copy())
+            one = estimate(method, fixed, fixed.measurements(y @ truth + level * noise))
+            found.append((one.parameters - truth) / one.deviation)
+        found = torch.stack(found)
         assert (found.abs() <= 3).double().mean() >= 0.99
         assert found.std() == pytest.approx(1.0, abs=error)
 

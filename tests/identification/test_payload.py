@@ -36,13 +36,9 @@ def runs(arm, load, seed, noise, samples=1500, size=1.0):
     return Measurements(q, dq, ddq, torque + noise * white(torque.shape, seed, 5))
 
 
-@pytest.fixture(scope="module")
-def found(arm, load):
+def test_the_load_comes_back_within_its_deviations(arm, load):
     free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
-    return identify_payload(model_of(arm), [free], [laden])
-
-
-def test_the_load_comes_back_within_its_deviations(found, load):
+    found = identify_payload(model_of(arm), [free], [laden])
     truth = torch.from_numpy(load)
     np.testing.assert_allclose(values_of(truth)[:4], [MASS, *CENTRE], atol=1e-12)
     np.testing.assert_allclose(values_of(truth)[[4, 6, 9]], np.diag(INERTIA), atol=1e-12)

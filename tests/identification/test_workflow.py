@@ -94,16 +94,12 @@ def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
     assert preferred("weighted", {}) == CONSISTENT
 
 
-@pytest.fixture(scope="module")
-def strange(planar):
-    """Checked recordings of an arm whose second link has a moment of inertia below zero."""
+@pytest.mark.parametrize("validated", [True, False])
+def test_the_model_to_use_predicts_better(planar, validated):
+    """The true arm's second link has a moment of inertia below zero."""
     links = planar.inertial_parameters.clone()
     links[1, 4:] *= -2
-    return [checked(replace(planar, inertial_parameters=links), planar, seed) for seed in (0, 1)]
-
-
-@pytest.mark.parametrize("validated", [True, False])
-def test_the_model_to_use_predicts_better(planar, strange, validated):
+    strange = [checked(replace(planar, inertial_parameters=links), planar, seed) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:] if validated else [])
     assert result.use == "weighted" and bool(result.halves) == (not validated)
     assert result.unseen["weighted"] < result.unseen[CONSISTENT] / 1.1

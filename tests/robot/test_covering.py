@@ -47,12 +47,6 @@ def on_sphere(count: int, seed: int = 0) -> np.ndarray:
     return points * 0.1 / np.linalg.norm(points, axis=1, keepdims=True)
 
 
-def points_on(some: np.ndarray, seed: int) -> np.ndarray:
-    """The corners of triangles, and points on them, (M, 3)."""
-    shares = np.random.default_rng(seed).dirichlet([1, 1, 1], len(some))
-    return np.concatenate([some.reshape(-1, 3), np.einsum("nk,nki->ni", shares, some)])
-
-
 def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
     """Distance [m], (N,), of points (N, 3) from a hull; 0 inside."""
     still = np.tile(np.eye(3), (len(points), 1, 1))
@@ -74,7 +68,8 @@ def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, count, 
     made = covers.make("", np.array_split(whole, min(meshes, count)), pieces, further)
     most = pieces + (meshes - 1 if min(meshes, count) <= pieces else 0)
     assert 1 <= len(made.segments) <= max(most, further)
-    points = points_on(whole, seed)
+    shares = np.random.default_rng(seed).dirichlet([1, 1, 1], len(whole))
+    points = np.concatenate([whole.reshape(-1, 3), np.einsum("nk,nki->ni", shares, whole)])
     outside = [
         np.maximum(from_segment(ends, points) - radius, from_hull(points, hull) - rounding)
         for (ends, radius), hull, rounding in zip(made.segments, made.corners, made.rounding)

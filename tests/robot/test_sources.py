@@ -51,15 +51,9 @@ MJCF = """<mujoco model="toy">
 </mujoco>"""
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    """A cache of fitted shapes that tests share."""
-    return tmp_path_factory.mktemp("cache")
-
-
 @pytest.fixture
-def mjcf(tmp_path, cache, monkeypatch):
-    monkeypatch.setenv("SIDEGAN_CACHE", str(cache))
+def mjcf(tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path_factory.getbasetemp() / "shapes"))  # that tests share
     trimesh.convex.convex_hull(CORNERS).export(tmp_path / "box.obj")
     (tmp_path / "toy.xml").write_text(MJCF)
     return tmp_path / "toy.xml"

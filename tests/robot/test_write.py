@@ -136,48 +136,44 @@ def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
     assert [other.joint(i).name for i in range(arm.joints)] == list(arm.joint_names)
 
 
-class TestUsd:
-    """What Pixar's own library reads in the USD of an arm is the arm."""
+def test_pixars_library_reads_the_arms_links_friction_and_rotors(arm, tmp_path):
+    pytest.importorskip("urdf_usd_converter")
+    from pxr import Gf, Usd, UsdPhysics
 
-    @pytest.fixture(autouse=True)
-    def installed(self):
-        pytest.importorskip("urdf_usd_converter")
+    own = drives(7)
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "arm.urdf", own)
+    rotors = dict(zip(arm.joint_names, own.rotor_inertia.tolist()))
+    write_usd(tmp_path / "arm.urdf", arm.urdf, rotors, tmp_path / "arm.usdc")
+    assert {path.name for path in tmp_path.iterdir()} == {"arm.urdf", "arm.usdc"}
+    stage = Usd.Stage.Open(str(tmp_path / "arm.usdc"))
+    prims = {prim.GetName(): prim for prim in stage.Traverse()}
+    centres, inertias = about_the_centre(arm.inertial_parameters)
+    for k, (body, name) in enumerate(zip(arm.link_names, arm.joint_names)):
+        mass = UsdPhysics.MassAPI(prims[body])
+        assert mass.GetMassAttr().Get() == pytest.approx(float(arm.inertial_parameters[k, 0]), rel=1e-6)
+        np.testing.assert_allclose(mass.GetCenterOfMassAttr().Get(), centres[k], atol=1e-6)
+        turn = np.array(Gf.Matrix3d(Gf.Quatd(mass.GetPrincipalAxesAttr().Get()))).T
+        found = turn @ np.diag(mass.GetDiagonalInertiaAttr().Get()) @ turn.T
+        np.testing.assert_allclose(found, inertias[k], atol=1e-5)
+        expected = {
+            "damping": float(own.viscous[k]) * math.pi / 180,  # N·m·s per degree
+            "friction": float(own.coulomb[k]),
+            "armature": float(own.rotor_inertia[k]),
+        }
+        for kind, value in expected.items():
+            assert prims[name].GetAttribute(f"newton:{kind}").Get() == pytest.approx(value, rel=1e-6)
 
-    def test_links_friction_and_rotors_are_those_of_the_arm(self, arm, tmp_path):
-        from pxr import Gf, Usd, UsdPhysics
 
-        own = drives(7)
-        write_urdf(arm, arm.inertial_parameters, tmp_path / "arm.urdf", own)
-        rotors = dict(zip(arm.joint_names, own.rotor_inertia.tolist()))
-        write_usd(tmp_path / "arm.urdf", arm.urdf, rotors, tmp_path / "arm.usdc")
-        assert {path.name for path in tmp_path.iterdir()} == {"arm.urdf", "arm.usdc"}
-        stage = Usd.Stage.Open(str(tmp_path / "arm.usdc"))
-        prims = {prim.GetName(): prim for prim in stage.Traverse()}
-        centres, inertias = about_the_centre(arm.inertial_parameters)
-        for k, (body, name) in enumerate(zip(arm.link_names, arm.joint_names)):
-            mass = UsdPhysics.MassAPI(prims[body])
-            assert mass.GetMassAttr().Get() == pytest.approx(float(arm.inertial_parameters[k, 0]), rel=1e-6)
-            np.testing.assert_allclose(mass.GetCenterOfMassAttr().Get(), centres[k], atol=1e-6)
-            turn = np.array(Gf.Matrix3d(Gf.Quatd(mass.GetPrincipalAxesAttr().Get()))).T
-            found = turn @ np.diag(mass.GetDiagonalInertiaAttr().Get()) @ turn.T
-            np.testing.assert_allclose(found, inertias[k], atol=1e-5)
-            expected = {
-                "damping": float(own.viscous[k]) * math.pi / 180,  # N·m·s per degree
-                "friction": float(own.coulomb[k]),
-                "armature": float(own.rotor_inertia[k]),
-            }
-            for kind, value in expected.items():
-                assert prims[name].GetAttribute(f"newton:{kind}").Get() == pytest.approx(value, rel=1e-6)
+def test_meshes_are_in_the_usd_and_lost_ones_are_left_out(file, tmp_path):  # noqa: F811
+    pytest.importorskip("urdf_usd_converter")
+    from pxr import Usd, UsdGeom
 
-    def test_meshes_are_in_the_file_and_lost_ones_are_left_out(self, file, tmp_path):  # noqa: F811
-        from pxr import Usd, UsdGeom
-
-        (tmp_path / "else").mkdir()
-        copied = tmp_path / "else" / "copied.urdf"
-        copied.write_text(file.read_text())
-        trimesh.creation.box((1, 2, 3)).export(tmp_path / "plate.stl")  # of scale 0.1 in the description
-        write_usd(copied, file, {}, tmp_path / "two.usda")
-        stage = Usd.Stage.Open(str(tmp_path / "two.usda"))
-        (mesh,) = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-        bounds = UsdGeom.BBoxCache(0, ["default", "render"]).ComputeLocalBound(mesh.GetPrim())
-        np.testing.assert_allclose(bounds.ComputeAlignedRange().GetSize(), [0.1, 0.2, 0.3], atol=1e-6)
+    (tmp_path / "else").mkdir()
+    copied = tmp_path / "else" / "copied.urdf"
+    copied.write_text(file.read_text())
+    trimesh.creation.box((1, 2, 3)).export(tmp_path / "plate.stl")  # of scale 0.1 in the description
+    write_usd(copied, file, {}, tmp_path / "two.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "two.usda"))
+    (mesh,) = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    bounds = UsdGeom.BBoxCache(0, ["default", "render"]).ComputeLocalBound(mesh.GetPrim())
+    np.testing.assert_allclose(bounds.ComputeAlignedRange().GetSize(), [0.1, 0.2, 0.3], atol=1e-6)

@@ -20,13 +20,6 @@ BALL, ROD = Sphere((0.1, -0.2, 0.3), 0.3), Convex.between((-0.2, 0.1, 0.0), (0.3
 BOX = Box((-0.3, -0.2, 0.1), (0.5, 0.4, 0.3))
 
 
-def from_box(points: np.ndarray) -> np.ndarray:
-    """Signed distances [m], (...,), of points (..., 3) to BOX, face by face."""
-    lower, upper = np.array(BOX.lower), np.array(BOX.upper)
-    within = np.minimum(points - lower, upper - points).min(-1)
-    return np.where(within > 0, -within, np.linalg.norm(points - np.clip(points, lower, upper), axis=-1))
-
-
 def test_plane_measures_the_lower_end() -> None:
     plane = Plane((0.0, 3.0, 4.0), 2.0)  # the normal becomes (0, 0.6, 0.8)
     a, b = torch.tensor([[1.0, 5.0, 0.0]]).T, torch.tensor([[1.0, 0.0, 5.0]]).T
@@ -40,7 +33,11 @@ def test_plane_measures_the_lower_end() -> None:
 def test_box_margin_is_the_least_along_the_segment() -> None:
     a, b = random_segments(300)
     shares = torch.linspace(0, 1, 201, dtype=torch.float64)[:, None, None]
-    brute = from_box(torch.lerp(a, b, shares).permute(0, 2, 1).numpy()).min(0)
+    points = torch.lerp(a, b, shares).permute(0, 2, 1).numpy()
+    lower, upper = np.array([BOX.lower, BOX.upper])
+    within = np.minimum(points - lower, upper - points).min(-1)  # face by face
+    beside = np.linalg.norm(points - np.clip(points, lower, upper), axis=-1)
+    brute = np.where(within > 0, -within, beside).min(0)
     margin = BOX.margin(a, b).numpy()
     assert (brute - (a - b).norm(dim=0).numpy() / 400 <= margin).all() and (margin <= brute + 1e-8).all()
     assert (margin < 0).sum() > 30 and (margin > 0).sum() > 100
