@@ -185,15 +185,9 @@ def test_what_trajectories_tell_is_what_trust_says(poor, problem):
     torch.testing.assert_close(new, expected * scale * scale[:, None], rtol=1e-6, atol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def made(poor, problem):
-    """A designed trajectory, and its aim then."""
-    aim = rest_of(poor)
-    return by_search(problem, aim, 1, SEARCH, torch.Generator().manual_seed(0)), aim
-
-
-def test_a_designed_one_keeps_the_limits_and_tells_more_than_random_ones(poor, problem, made):
-    c, aim = made
+def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, problem):
+    (model, before, data), aim = poor, rest_of(poor)
+    c = by_search(problem, aim, 1, SEARCH, torch.Generator().manual_seed(0))
     assert check(problem.constraints, problem.trajectory, c).valid.all()
     drawn = problem.start(200, torch.Generator().manual_seed(2), reach=0.8)
     drawn = drawn[check(problem.constraints, problem.trajectory, drawn).valid]
@@ -202,10 +196,6 @@ def test_a_designed_one_keeps_the_limits_and_tells_more_than_random_ones(poor, p
     assert values[0] < values[1:].min()
     assert 0 < aim.left < 0.6 and rest_of(poor).left == 1
     assert (aim.deviations < aim.before).all()
-
-
-def test_what_is_identified_after_is_as_certain_as_promised(poor, problem, made):
-    (model, before, data), (c, aim) = poor, made
     states = [x[0] for x in problem.trajectory.roll_out(c, problem.trajectory.times(RATE))[1:]]
     after = estimate("weighted", model, [data, measured(model, states, NOISE, 9)])
     change = torch.logdet(after.covariance) - torch.logdet(before.covariance)

@@ -39,10 +39,8 @@ def facts_of(task):
         root.remove(extra)
     floors = [region.offset for region in constraints.regions if isinstance(region, Plane)]
     limits = {kind: dict(x) for kind, x in vars(task.cfg.robot.limits).items() if x}
-    for kind, values in (("acceleration", arm.acceleration_limit), ("jerk", arm.jerk_limit)):
-        if values is not None:
-            finite = {n: x for n, x in zip(arm.joint_names, values.tolist()) if np.isfinite(x)}
-            limits[kind] = finite | limits.get(kind, {})
+    for kind, values in arm.higher_limits.items():
+        limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
         locked=choose(read_tree(root, str(arm.urdf), arm.setup.base), arm.setup).locked,
         exempt=[list(one.links) for one in constraints.exempt if one.why != "never touch"],

@@ -1,12 +1,25 @@
-"""The built-in arms: the LWR IV against the figures it was written from (dynamics: tests/motion)."""
+"""The built-in arms: the LWR IV against the figures it was written from (dynamics: tests/motion).
+
+What a link can be: against mass distributions and Pinocchio's pseudo-inertia.
+"""
 
 import numpy as np
 import pinocchio as pin
+import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import capsule_geometry, pinocchio_model
-from tests.chains import random_states
+from sidegan.robot import (
+    built_in_robots,
+    capsule_geometry,
+    inconsistent_links,
+    load_robot,
+    pinocchio_model,
+    pseudo_inertia,
+)
+from tests.chains import random_chain, random_states
 from tests.recording.conftest import real
 
 CAPSULES = [  # end points and radius [m]; the base's from the world, 0.01 m below its own frame
@@ -60,3 +73,36 @@ def test_capsules_of_the_lwr_are_those_of_the_table_and_pinocchio_sees_the_same(
 def test_torque_limits_of_planar2_are_generous(planar):
     q, dq, ddq = random_states(planar, 500)
     assert (RigidBody(planar).torque(q, dq, 2 * ddq).abs() < planar.torque_limit).all()
+
+
+def links(parameters):
+    """Links of parameters (J, 10) that cannot exist, of some arm."""
+    return inconsistent_links(random_chain(len(parameters), 0)[0], parameters)
+
+
+@pytest.mark.parametrize("name", built_in_robots())
+def test_built_in_arms_are_consistent(name):
+    assert inconsistent_links(load_robot(name)) == []
+
+
+def test_a_flat_plate_is_consistent():
+    plate = torch.tensor([[1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.02, 0.0, 0.0, 0.03]], dtype=torch.float64)
+    assert links(plate) == []
+
+
+def test_pseudo_inertia_is_pinocchios():
+    arm, _ = random_chain(4, 0)
+    for mine, row in zip(pseudo_inertia(arm.inertial_parameters), arm.inertial_parameters):
+        theirs = pin.Inertia.FromDynamicParameters(row.numpy()).toPseudoInertia().toMatrix()
+        np.testing.assert_allclose(mine, theirs, atol=1e-12)
+
+
+@given(st.integers(0, 2**31), st.integers(4, 9), st.sampled_from([0.0, 0.1, 1.0, 5.0]))
+def test_consistent_means_a_positive_definite_pseudo_inertia(seed, count, beside):
+    """Of masses at points, which exist by construction, and of what is beside these."""
+    random = np.random.default_rng(seed)
+    mass, place = random.uniform(0.1, 2.0, count), random.normal(size=(count, 3))
+    points = sum(pin.Inertia(m, p, np.zeros((3, 3))).toDynamicParameters() for m, p in zip(mass, place))
+    link = torch.from_numpy(points + beside * random.normal(size=10))[None]
+    definite = bool((torch.linalg.eigvalsh(pseudo_inertia(link)) > 0).all())
+    assert (links(link) == []) == definite and (definite or beside)

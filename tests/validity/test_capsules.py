@@ -42,11 +42,6 @@ def exact_distance(*ends: Tensor) -> np.ndarray:
     return np.where(inside, np.abs((r * normal).sum(0)) / np.sqrt(safe), distance).astype(float)
 
 
-def test_segment_distance_is_exact() -> None:
-    segments = random_segments(50_000, sets=2)
-    np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=1e-11)
-
-
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-12, 0.0])
 def test_nearly_parallel_segments(angle: float) -> None:
     """A hand apart, and such that cross."""
@@ -60,9 +55,9 @@ def test_nearly_parallel_segments(angle: float) -> None:
     assert segment_distance(a - b, a + b, a - other, a + other).max() < 3e-7
 
 
-@pytest.mark.parametrize("length", [0.0, 1e-200, 1e-9, 1e-5])
-def test_segments_that_are_points(length: float) -> None:
-    a1, b1, a2, b2 = random_segments(2_000, 3, 2)
+@pytest.mark.parametrize("length", [0.0, 1e-200, 1e-9, 1e-5, 1.0])
+def test_the_distance_of_segments_and_points_is_exact(length: float) -> None:
+    a1, b1, a2, b2 = random_segments(20_000, 3, 2)
     dot, other = a1 + length * b1, a2 + length * b2
     for segments in ((a1, dot, a2, b2), (a2, b2, a1, dot), (a1, dot, a2, other), (a1, dot, a1, dot)):
         np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
