@@ -24,12 +24,6 @@ def model(arm):
     return model_of(arm)
 
 
-def coloured(shape, keep, seed=0):
-    draw = np.random.default_rng(seed).standard_normal(shape)
-    draw[1:] *= (1 - keep**2) ** 0.5
-    return torch.from_numpy(lfilter([1.0], [1.0, -keep], draw, axis=0))
-
-
 def planted(model, states, amounts):
     """Torque of the model with its true parameters, and misfits of so much of each form, (J, K)."""
     q, dq, _ = states
@@ -47,7 +41,9 @@ def amounts_of(model, kind, size=SIZE):
 
 def recorded(model, amounts, keep=0.0, seed=0, moves=1.0):
     states = [moves * x for x in multisine(model.joints, SAMPLES)]
-    noise = NOISE * coloured(states[0].shape, keep, seed)
+    draw = np.random.default_rng(seed).standard_normal(states[0].shape)
+    draw[1:] *= (1 - keep**2) ** 0.5
+    noise = NOISE * torch.from_numpy(lfilter([1.0], [1.0, -keep], draw, axis=0))
     return Measurements(*states, planted(model, states, amounts) + noise)
 
 

@@ -18,20 +18,16 @@ from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(2, harmonics=4, period=8.0)
 NOISE, RATE = 0.2, 200.0
+COEFFICIENTS = 0.11 * torch.randn(3, 2, 4, 2, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
 PAUSE = 3.1237  # [s] before each, no whole number of samples
 
 
 @pytest.fixture(scope="module")
-def coefficients():
-    return 0.11 * torch.randn(3, 2, 4, 2, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
-
-
-@pytest.fixture(scope="module")
-def sent(planar, coefficients, tmp_path_factory):
+def sent(planar, tmp_path_factory):
     """Folder of three tables as excite writes them."""
     folder = tmp_path_factory.mktemp("run") / "trajectories"
     folder.mkdir()
-    for k, c in enumerate(coefficients):
+    for k, c in enumerate(COEFFICIENTS):
         course = Course.of(planar.joint_names, FAMILY.roll_out(c[None], FAMILY.times(100)))
         (folder / f"{k + 1}.csv").write_text(csv_text(course))
     (folder / "all.csv").write_text("not,of,interest")
@@ -39,11 +35,11 @@ def sent(planar, coefficients, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def true(planar, coefficients):
+def true(planar):
     """What the servos made of them, without sensors."""
     settings = replace(IDEAL, rate=1000.0, viscous=[1.0], coulomb=[0.5], feed_forward=0.5)
     plant, times = Plant(planar, settings), FAMILY.times(settings.rate)
-    return [plant.follow(FAMILY.roll_out(c[None], times)) for c in coefficients]
+    return [plant.follow(FAMILY.roll_out(c[None], times)) for c in COEFFICIENTS]
 
 
 def logged(planar, true, order, delay=0.0, gap=None):

@@ -16,7 +16,7 @@ from sidegan.errors import RobotError
 from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.capsule_fit import fit, from_segment, hull_volume, volume
-from sidegan.robot.covering import cover, subdivided
+from sidegan.robot.covering import cover
 from sidegan.robot.hull import thinned
 from sidegan.robot.kept import save_shapes
 from sidegan.robot.splitting import cut_further, split
@@ -113,13 +113,6 @@ def test_a_capsule_is_close_to_the_smallest_around_a_rod_askew():
     assert volume(capsule) <= 1.02 * np.pi * 0.05**2 * (4 / 3 * 0.05 + 1.0)
 
 
-def test_subdividing_keeps_the_surface():
-    whole = triangles(1, 20)
-    fine = subdivided(whole, 0.05)
-    assert area(fine) == pytest.approx(area(whole), rel=1e-9)
-    assert np.linalg.norm(np.roll(fine, -1, axis=1) - fine, axis=2).max() <= 0.05
-
-
 def test_a_plane_divides_triangles_and_leaves_nothing_out():
     random = np.random.default_rng(0)
     whole, normal = random.normal(size=(200, 3, 3)), np.array([1.0, 2.0, 2.0]) / 3
@@ -164,10 +157,7 @@ def arm_file(tmp_path, cache):
 
 
 def accuracy_of(arm, configurations):
-    """Shares of free configurations that are refused and of colliding ones that are missed.
-
-    Pairs that the arm does not keep apart are left out, but for those that are said never to touch.
-    """
+    """As ``shape_accuracy``, of the pairs that the arm keeps apart or says never to touch."""
     constraints = Constraints(arm, torque=False)
     exempt = [list(one.links) for one in constraints.exempt if one.why != "never touch"]
     judge = Judge(arm.urdf, arm.joint_names, Facts(exempt=exempt))

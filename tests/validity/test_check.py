@@ -26,36 +26,31 @@ TINY = dict(zip(KINDS, (1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6)))
 COMFORTABLE = dict(zip(KINDS, (1e-3, 5e-3, 1e-2, 1e-1, 1.0, 1e-3, 1e-3, 1e-3)))
 
 
+def unhindered(arm: Arm) -> Arm:
+    """The arm with nothing in its way; a check that something else fails leaves margins loose."""
+    far, none = torch.full((arm.joints,), 1e6, dtype=torch.float64), only(arm.capsules, torch.arange(0))
+    free = replace(arm, velocity_limit=far, torque_limit=torch.inf * far, capsules=none)
+    return replace(free, position_lower=-far, position_upper=far)
+
+
 def isolated(arm: Arm, kind: str) -> tuple[Constraints, str]:
-    """Constraints that only one kind can violate within a few turns of every joint, and its margin's name."""
-    free = replace(
-        arm,
-        position_lower=1000 * arm.position_lower,
-        position_upper=1000 * arm.position_upper,
-        velocity_limit=1000 * arm.velocity_limit,
-        torque_limit=torch.full_like(arm.torque_limit, torch.inf),
-    )
-    bare = replace(free, capsules=only(arm.capsules, torch.arange(0)))
-    last = replace(free, capsules=only(arm.capsules, torch.tensor([-1])))
-    thicker = replace(free, capsules=replace(arm.capsules, radius=arm.capsules.radius + 0.02))
+    """Constraints that only one kind can violate, and its margin's name."""
+    bare, capsules = unhindered(arm), arm.capsules
     match kind:
-        case "position":
-            lower, upper = 0.7 * arm.position_lower, 0.7 * arm.position_upper
-            return Constraints(replace(bare, position_lower=lower, position_upper=upper)), kind
-        case "velocity":
-            return Constraints(replace(bare, velocity_limit=arm.velocity_limit)), kind
-        case "acceleration" | "jerk":
-            limit = torch.full_like(arm.velocity_limit, HIGHEST[kind])
-            return Constraints(replace(bare, **{f"{kind}_limit": limit})), kind
-        case "torque":
-            return Constraints(replace(bare, torque_limit=0.4 * arm.torque_limit)), kind
+        case "desk" | "box":
+            last = replace(bare, capsules=only(capsules, torch.tensor([-1])))
+            return Constraints(last, [DESK if kind == "desk" else BOX]), "keep_out"
         case "collision":
-            return Constraints(thicker), kind
-        case "desk":
-            return Constraints(last, [DESK]), "keep_out"
-        case "box":
-            return Constraints(last, [BOX]), "keep_out"
-    raise ValueError(kind)
+            return Constraints(replace(bare, capsules=replace(capsules, radius=capsules.radius + 0.02))), kind
+        case "position":
+            limits = {name: 0.7 * getattr(arm, name) for name in ("position_lower", "position_upper")}
+        case "torque":
+            limits = {"torque_limit": 0.4 * arm.torque_limit}
+        case "velocity":
+            limits = {"velocity_limit": arm.velocity_limit}
+        case _:
+            limits = {f"{kind}_limit": torch.full_like(arm.velocity_limit, HIGHEST[kind])}
+    return Constraints(replace(bare, **limits)), kind
 
 
 def scaled_to(margin: Callable[[Tensor], Tensor], c: Tensor, target: float, most: float = 4.0) -> Tensor:
@@ -242,12 +237,6 @@ def test_no_trajectory_at_all_and_absurd_ones(planar: Arm) -> None:
         c[1, :, ::2] *= -1
         validity = check(constraints, trajectory, c)
         assert not validity.valid.any() and validity.failures(0)
-
-
-def unhindered(arm: Arm) -> Arm:
-    """The arm with nothing else in its way; a check that something else fails leaves margins loose."""
-    far, none = torch.full((2,), 1e6, dtype=torch.float64), only(arm.capsules, torch.arange(0))
-    return replace(arm, capsules=none, velocity_limit=far, position_lower=-far, position_upper=far)
 
 
 @settings(max_examples=20, deadline=None)
