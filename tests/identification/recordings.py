@@ -117,3 +117,9 @@ def fitted(method, model, measurements, **changes):
 def study_settings(**changes):
     values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": NOISE, "repeats": 2}
     return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})
+
+
+def assert_close(one, other, tolerance=1e-9):
+    """Relative to the largest entry, as a norm."""
+    other = np.asarray(other)
+    assert np.abs(np.asarray(one) - other).max() <= tolerance * np.abs(other).max()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sidegan.identification import METHODS, Measurements, estimate
 from sidegan.identification.stribeck import stribeck_velocities
 from tests.identification import recordings
-from tests.identification.recordings import Fixed, model_of, multisine, noisy_rows, recorded, truth_of
+from tests.identification.recordings import Fixed, assert_close, model_of, noisy_rows, recorded, truth_of
 
 PLAIN = ["ols", "weighted", "huber", "rls"]  # need no arm, and scale with the torque
 
@@ -28,22 +28,17 @@ def flat(rows, weights=(1.0, 1.0, 1.0)):
     return y, (rows[1].numpy() * w).reshape(-1)
 
 
-def close(found, expected, rtol=1e-8):
-    found, expected = torch.as_tensor(found).numpy(), torch.as_tensor(expected).numpy()
-    np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * np.abs(expected).max())
-
-
 class TestClosedForms:
     def test_weighted_is_a_fixed_point_of_its_weights(self, rows):
         found = fitted("weighted", rows, prior=1e12)
-        close(found.parameters, np.linalg.lstsq(*flat(rows, found.weights.numpy()), rcond=None)[0])
+        assert_close(found.parameters, np.linalg.lstsq(*flat(rows, found.weights.numpy()), rcond=None)[0])
         residual = rows[1] - rows[0] @ found.parameters
-        close(found.residual_rms, residual.square().mean(0).sqrt())
-        close(found.weights, 1 / found.residual_rms, rtol=2e-3)
+        assert_close(found.residual_rms, residual.square().mean(0).sqrt())
+        assert_close(found.weights, 1 / found.residual_rms, 2e-3)
 
     def test_weighted_rls_that_forgets_nothing_is_weighted(self, rows):
         found = fitted("rls", rows, weighted=True)
-        close(found.parameters, fitted("weighted", rows).parameters)
+        assert_close(found.parameters, fitted("weighted", rows).parameters)
 
     def test_huber_solves_its_equations(self, rows):
         torque = rows[1].clone()
@@ -67,7 +62,7 @@ class TestClosedForms:
         kept = found.parameters != 0
         assert kept.tolist() == (truth != 0).tolist()
         y, tau = flat((rows[0], torque), found.weights.numpy())
-        close(found.parameters[kept], np.linalg.lstsq(y[:, kept.numpy()], tau, rcond=None)[0])
+        assert_close(found.parameters[kept], np.linalg.lstsq(y[:, kept.numpy()], tau, rcond=None)[0])
         assert not found.deviation[~kept].any() and not found.relative_deviation[~kept].any()
 
     def test_essential_drops_nothing_while_all_is_known_about_equally_well(self, rows):
@@ -97,8 +92,8 @@ class TestLaws:
         shift = torch.from_numpy(np.random.default_rng(seed).normal(size=6))
         one = fitted(method, rows, prior=1e12)
         other = fitted(method, (rows[0], factor * rows[1] + rows[0] @ shift), prior=1e12)
-        close(other.parameters, factor * one.parameters + shift, rtol=1e-3 if method == "huber" else 1e-6)
-        close(other.deviation, factor * one.deviation, rtol=1e-2)
+        assert_close(other.parameters, factor * one.parameters + shift, 1e-3 if method == "huber" else 1e-6)
+        assert_close(other.deviation, factor * one.deviation, 1e-2)
 
     @settings(max_examples=20, deadline=None)
     @given(st.integers(1, 500), st.integers(1, 399), st.sampled_from(["ols", "weighted", "rls", "essential"]))
@@ -108,7 +103,7 @@ class TestLaws:
         whole = estimate(method, model, data)
         with recordings.at_once(size):
             found = estimate(method, model, iter([data[:cut], data[cut:]]))
-        close(found.parameters, whole.parameters)
+        assert_close(found.parameters, whole.parameters)
         assert found.samples == 400
 
     @pytest.mark.parametrize("method", METHODS)
@@ -135,7 +130,7 @@ class TestLaws:
         torque = rows[0] @ torch.ones(6, dtype=torch.float64)
         torque[200:] *= 2
         found = fitted("rls", (rows[0], torque), forgetting=0.9)
-        close(found.parameters, 2 * np.ones(6), rtol=1e-3)
+        assert_close(found.parameters, 2 * np.ones(6), 1e-3)
 
     def test_what_is_not_excited_stays_unknown(self, planar):
         model = model_of(planar)
@@ -151,7 +146,7 @@ def test_stribeck_velocities_the_one_thing_that_is_not_linear_are_found(planar):
     truth = model_of(planar, (0.05, 0.2))
     terms = {n: torch.tensor([2.0, 1.0]) for n in ("viscous", "coulomb", "stribeck")}
     parameters = recordings.parameters_of(truth, terms)
-    data = recordings.measured(truth, multisine(2, 3000), 0.05, parameters=parameters)
+    data = recordings.measured(truth, recordings.multisine(2, 3000), 0.05, parameters=parameters)
     found = stribeck_velocities(model_of(planar), iter([data]))
     assert found == [0.05, 0.2]
     better = estimate("weighted", model_of(planar, found), data)

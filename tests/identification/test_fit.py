@@ -6,7 +6,7 @@ import torch
 
 from sidegan.identification.fit import least_squares, recursive
 from sidegan.identification.gather import gather
-from tests.identification.recordings import Fixed, at_once, noisy_rows
+from tests.identification.recordings import Fixed, assert_close, at_once, noisy_rows
 
 ROWS = noisy_rows(200)
 
@@ -44,12 +44,6 @@ def gathered(y, tau, size=None, forgetting=1.0):
 def fed(y, tau, size=None, prior=1e6, forgetting=1.0, weighted=False):
     data = gathered(y, tau, size, forgetting)
     return recursive(data.sums, data.samples, prior, forgetting, weighted)
-
-
-def assert_close(one, other, tolerance=1e-9):
-    """Relative to the largest entry, as a norm."""
-    other = np.asarray(other)
-    assert np.abs(np.asarray(one) - other).max() <= tolerance * np.abs(other).max()
 
 
 class TestOracles:

@@ -79,12 +79,6 @@ class TestGroupings:
         torch.testing.assert_close(model.nominal[: model.rigid], model.body.base.values)
         assert not model.nominal[model.rigid :].any()
 
-    def test_without_terms_only_rigid_bodies_are_left(self, planar):
-        model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
-        states = multisine(2, 20)
-        assert model.names == list(model.body.base.names)
-        torch.testing.assert_close(model.regressor(*states), model.body.base_regressor(*states))
-
 
 @pytest.mark.parametrize("relative", [0.1, 0.5])
 def test_information_is_that_of_links_drawn_about_their_typical_size(arm, relative):

@@ -65,7 +65,6 @@ def folded(model, *recordings):
 
 
 def still(data):
-    """The same without motion."""
     return replace(data, velocity=0 * data.velocity, acceleration=0 * data.acceleration)
 
 

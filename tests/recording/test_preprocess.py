@@ -72,7 +72,6 @@ def test_currents_become_torques(planar, clock):
 
 
 def test_torque_is_not_shifted(planar, clock, recording):
-    """What is filtered twice is late by nothing: the torque of the filtered states is the filtered torque."""
     clean = replace(recording, torque=RigidBody(planar).torque(*states(clock)))
     (segment,) = preprocess(clean, of_file())
     expected = RigidBody(planar).torque(*segment[1:4])

@@ -112,7 +112,6 @@ def test_no_collision_is_missed_and_every_trajectory_is_valid(name, rows, tmp_pa
 
 
 def judged(judge, path):
-    """The verdict on a file of excite."""
     table = pd.read_csv(path)
     kinds = ("q", "dq", "ddq")
     return judge(table.time.to_numpy(), *(table[[f"{k}_{n}" for n in judge.names]].to_numpy() for k in kinds))

@@ -107,10 +107,20 @@ def test_an_arm_with_other_inertias_is_written_for_the_same_part(load, tmp_path)
 FLOATING = two_joints().replace('name="first" type="revolute"', 'name="first" type="floating"')
 MIMIC = two_joints(extra='<mimic joint="first"/>')
 TWO_TREES = more(one_joint(), link("lost"))
+SIX = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
+FINGERS = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
+HAND = robot(link("l0", ""), *SIX, *FINGERS)
+ENDS = r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"
 REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
     "two trees": (TWO_TREES, r"choose one, robot\.base=base", Setup(base="base"), "turn"),
     "a floating base": (FLOATING, r"robot\.base=lower has it stand still", Setup(base="lower"), "second"),
+    "a hand": (
+        HAND,
+        r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$",
+        Setup(tip="l6"),
+        "a0 a1 a2 a3 a4 a5",
+    ),
 }
 
 
@@ -130,19 +140,11 @@ class TestWhichChain:
         assert arm.joint_names == ("turn",)
         assert "locked gripper at 0.25 m, other at 0.25 m" in arm.told
 
-    def test_a_hand_is_where_the_arm_ends(self, load):
-        parts = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
-        fingers = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
-        hand = robot(link("l0", ""), *parts, *fingers)
-        with pytest.raises(RobotError, match=r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"):
-            load(hand)
-        assert load(hand, Setup(tip="l6")).joints == 6
-
     @pytest.mark.parametrize(("text", "words", "remedy", "left"), REMEDIES.values(), ids=REMEDIES)
     def test_a_refusal_names_a_remedy_that_works(self, load, text, words, remedy, left):
         with pytest.raises(RobotError, match=words):
             load(text)
-        assert load(text, remedy).joint_names == (left,)
+        assert " ".join(load(text, remedy).joint_names) == left
 
 
 class TestLimits:

@@ -33,7 +33,6 @@ def hull(random: np.random.Generator) -> np.ndarray:
 
 
 def convex(points: np.ndarray) -> coal.ConvexBase:
-    """The same for coal."""
     corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     for point in points:
         corners.append(point)

@@ -18,7 +18,7 @@ from sidegan.validity.straight import require_straight
 from .critical import DESK, limited, thick
 from .test_home import bent_arm
 from .test_pairs import chain
-from .test_regions import NEW, OLD
+from .test_regions import NEW, OLD, read
 
 ARM, PLANAR = load_robot("kuka_lwr4"), load_robot("planar2")
 WALL = Plane((1, 0, 0), -0.5)
@@ -57,11 +57,7 @@ def straight(start, end=(0.0, 0.0), regions=()):
 
 
 def scene(text):
-    def run(folder):
-        (folder / "a.scene").write_text(text)
-        read_scene(folder / "a.scene")
-
-    return run
+    return lambda folder: read(text, folder)
 
 
 def touching(**setup):

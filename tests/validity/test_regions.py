@@ -172,13 +172,9 @@ plane
 """
 
 
-@pytest.fixture
-def read(tmp_path):
-    def of(text):
-        (tmp_path / "file.scene").write_text(text)
-        return read_scene(tmp_path / "file.scene")
-
-    return of
+def read(text, folder):
+    (folder / "file.scene").write_text(text)
+    return read_scene(folder / "file.scene")
 
 
 def at(region, *point):
@@ -187,8 +183,8 @@ def at(region, *point):
     return float(region.margin(x, x))
 
 
-def test_objects_with_poses_of_their_own(read):
-    box, ball, wedge = read(NEW)
+def test_objects_with_poses_of_their_own(tmp_path):
+    box, ball, wedge = read(NEW, tmp_path)
     assert isinstance(box, Convex) and isinstance(wedge, Convex)
     np.testing.assert_allclose(box.points.min(0), [0.1, -0.1, 0.15], atol=1e-9)  # a quarter turn about z
     np.testing.assert_allclose(box.points.max(0), [0.9, 0.3, 0.25], atol=1e-9)
@@ -197,8 +193,8 @@ def test_objects_with_poses_of_their_own(read):
     assert at(wedge, 0.1, 0.1, 0.1) == pytest.approx(-0.1) and at(wedge, -0.3, 0.2, 0.2) == pytest.approx(0.3)
 
 
-def test_objects_without_poses(read):
-    rod, hat, ground = read(OLD)
+def test_objects_without_poses(tmp_path):
+    rod, hat, ground = read(OLD, tmp_path)
     assert at(rod, 0.5, 0.5, 0) == pytest.approx(0.2, abs=1e-3)  # it lies along x
     assert at(rod, 0, 0.5, 0.3) == pytest.approx(0.2, abs=1e-3)
     assert at(hat, 0, 0, 0.9) == pytest.approx(0.2, abs=0.01) and at(hat, 0, 0, 0.5) < -0.05
@@ -206,5 +202,5 @@ def test_objects_without_poses(read):
     assert isinstance(ground, Plane) and ground.offset == pytest.approx(-0.05) and ground.unit == [0, 0, 1]
 
 
-def test_an_empty_scene_is_one(read):
-    assert read("(noname)+++\n.\n") == []
+def test_an_empty_scene_is_one(tmp_path):
+    assert read("(noname)+++\n.\n", tmp_path) == []
