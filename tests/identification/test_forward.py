@@ -16,11 +16,6 @@ from tests.recording.conftest import states
 NOTHING = torch.zeros(2, dtype=torch.float64)
 
 
-def drives(viscous=0.0, coulomb=0.0, rotor=0.0):
-    each = (torch.full((2,), x, dtype=torch.float64) for x in (viscous, coulomb, rotor))
-    return Drives(*each)
-
-
 @pytest.fixture(scope="module")
 def segment(planar):
     """20 s of a motion with friction and rotors, at 100 Hz."""
@@ -31,10 +26,10 @@ def segment(planar):
 
 
 def test_the_right_model_follows_and_a_wrong_one_does_not(planar, segment):
-    offset = torch.full((2,), 0.7, dtype=torch.float64)
-    right = forward_errors(planar, drives(0.5, 0.3, 0.2), offset, [segment])
+    *own, offset = (torch.full((2,), x, dtype=torch.float64) for x in (0.5, 0.3, 0.2, 0.7))
+    right = forward_errors(planar, Drives(*own), offset, [segment])
     heavy = replace(planar, inertial_parameters=1.2 * planar.inertial_parameters)
-    wrong = forward_errors(heavy, drives(0.5, 0.3, 0.2), offset, [segment])
+    wrong = forward_errors(heavy, Drives(*own), offset, [segment])
     assert right.free.shape == (20, 2) and right.starts == 19
     assert (right.free[-1] < 0.02).all() and (wrong.free[-1] > 5 * right.free[-1]).all()
     assert (wrong.held[-1] < 0.7 * wrong.free[-1]).all()
@@ -45,7 +40,7 @@ def test_the_right_model_follows_and_a_wrong_one_does_not(planar, segment):
 def test_mujoco_and_pinocchio_go_the_same_way(planar, segment):
     light = replace(planar, inertial_parameters=0.8 * planar.inertial_parameters)
     short = Segment(*(x[300:365] for x in segment))
-    found = forward_errors(light, drives(), NOTHING, [short], longest=0.6)
+    found = forward_errors(light, Drives.none(2), NOTHING, [short], longest=0.6)
     model = chain_model(light)
     data, q, v = model.createData(), short.position[0].numpy().copy(), short.velocity[0].numpy().copy()
     time, torque = short.time.numpy(), short.torque.numpy()
@@ -61,4 +56,4 @@ def test_mujoco_and_pinocchio_go_the_same_way(planar, segment):
 
 
 def test_what_is_too_short_tells_nothing(planar, segment):
-    assert forward_errors(planar, drives(), NOTHING, [Segment(*(x[:50] for x in segment))]) is None
+    assert forward_errors(planar, Drives.none(2), NOTHING, [Segment(*(x[:50] for x in segment))]) is None

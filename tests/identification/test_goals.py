@@ -204,23 +204,20 @@ def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, prob
     assert float((change / (2 * model.count)).exp()) == pytest.approx(aim.left, rel=0.15)
 
 
-def known(model, covariance):
-    aim = Uncertain(model, covariance, torch.ones(model.joints).double(), RATE)
-    return torch.from_numpy(aim.asked(RATE).prior)
-
-
 def test_what_is_known_is_the_inverse_of_the_covariance_in_whatever_units(poor):
     model, random = poor[0], torch.Generator().manual_seed(0)
+
+    def known(covariance):
+        aim = Uncertain(model, covariance, torch.ones(model.joints).double(), RATE)
+        return torch.from_numpy(aim.asked(RATE).prior)
+
     root = torch.randn(model.count, model.count, generator=random, dtype=torch.float64)
     unit = 10.0 ** torch.linspace(-3, 1, model.count, dtype=torch.float64)
     units, covariance = torch.outer(unit, unit), root @ root.T + torch.eye(model.count).double()
-    found = known(model, units * covariance) * units
+    found = known(units * covariance) * units
     torch.testing.assert_close(found, torch.linalg.inv(covariance), rtol=1e-6, atol=1e-6)
-
-
-def test_what_is_certain_is_known_much_better_than_what_is_not(poor):
-    variance = torch.ones(poor[0].count, dtype=torch.float64)
-    variance[:2] = torch.tensor([4.0, 0.0])
-    found = known(poor[0], torch.diag(variance))
+    variance = torch.ones(model.count, dtype=torch.float64)
+    variance[:2] = torch.tensor([4.0, 0.0])  # what is certain is known much better than what is not
+    found = known(torch.diag(variance))
     torch.testing.assert_close(found.diagonal()[[0, 2]], torch.tensor([0.25, 1.0], dtype=torch.float64))
     assert found[1, 1] > 1e6 and (found - torch.diag(found.diagonal())).abs().max() < 1e-6

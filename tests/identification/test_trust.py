@@ -159,11 +159,10 @@ def score_of(*nmse):
 
 
 @pytest.fixture(scope="module")
-def flawless(planar):
+def flawless(good):
     """A good model of the planar arm, in which everything may be replaced."""
-    model = model_of(planar)
-    data = recorded(model, 600, 0.01)
-    result = trust(model, estimate("weighted", model, data), [recorded(model, 300, 0.01, seed=2)])
+    model, found, validation = good
+    result = trust(model, found, [validation])
     small = torch.full((2,), 0.01, dtype=torch.float64)
     errors = {"train": score_of(0.01, 0.01), "validation": score_of(0.01, 0.01)}
     planted = replace(result, **errors, nominal_score=score_of(1.0, 1.0), torque_deviation=small, weak=())

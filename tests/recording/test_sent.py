@@ -18,7 +18,7 @@ from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(2, harmonics=4, period=8.0)
 NOISE, RATE = 0.2, 200.0
-COEFFICIENTS = 0.11 * torch.randn(3, 2, 4, 2, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+COEFFICIENTS = 0.11 * torch.randn(3, 2, 4, 2, generator=torch.Generator().manual_seed(1)).double()
 PAUSE = 3.1237  # [s] before each, no whole number of samples
 
 

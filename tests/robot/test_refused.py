@@ -100,10 +100,6 @@ def open_mesh(at: At) -> None:
     read_mesh(file)
 
 
-def no_mesh(at: At) -> Arm:
-    return at.load(one_joint(collision=mesh(at.write("box.stl", "no mesh"))))
-
-
 ROD = (2.0, 0.0, 0.0, 0.4, 0.1, 0.0, 0.1, 0.0, 0.0, 0.002)
 HANDS = joint("left", "base", "thumb") + link("thumb") + joint("right", "base", "finger") + link("finger")
 TWO_ARMS = robot(HANDS + link("base", ""))
@@ -174,7 +170,7 @@ REFUSED = {
         (shape('<box size="1 -1 1"/>'), "<box size='1 -1 1'>, expected more than 0"),
         (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),
         (shape("<mesh/>"), "link 'arm': <mesh> has no 'filename'"),
-        (no_mesh, "box.stl"),
+        (lambda at: at.load(one_joint(collision=mesh(at.write("box.stl", "no mesh")))), "box.stl"),
         # Which part is the arm, and what is said beside the description.
         (part(tip="hand"), "has no link 'hand', expected for example robot.tip="),
         (part(base="hand"), "has no link 'hand', expected for example robot.base="),
