@@ -12,7 +12,23 @@ _WHISPER = 0.1  # share of the layers in the output of a generator that starts a
 _DRAWS = 1024  # over which the layers' mean is taken
 
 
-class Generator(nn.Module):
+class FromNoise(nn.Module):
+    """A network that makes images of noise (B, Z), uniform in [−1, 1]."""
+
+    noise: int  # Z
+
+    def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+        """Noise (count, Z) on the network's device."""
+        parameter = next(self.parameters())
+        z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
+        return (2 * z - 1).to(parameter.device)
+
+    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+        """Images of as much noise, (count, …)."""
+        return self(self.draw(count, generator))
+
+
+class Generator(FromNoise):
     """Images (B, 2, J, H) of noise (B, Z) in [−1, 1], of unit spread from the start.
 
     A shortcut is a linear path beside the layers (``start_from``).
@@ -77,16 +93,6 @@ class Generator(nn.Module):
     @property
     def _last(self) -> nn.Linear:
         return [layer for layer in self.layers if isinstance(layer, nn.Linear)][-1]
-
-    def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Noise (count, Z), uniform in [−1, 1], on the network's device."""
-        parameter = next(self.parameters())
-        z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
-        return (2 * z - 1).to(parameter.device)
-
-    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Images (count, 2, J, H) of as much noise."""
-        return self(self.draw(count, generator))
 
     @torch.no_grad()
     def _unit_spread(self) -> None:

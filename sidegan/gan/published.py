@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.gan.convolution import SmallConv2d, SmallConvTranspose2d
+from sidegan.gan.networks import FromNoise
 from sidegan.gan.terms import Adversary, Batch, Formula, LossTerm
 from sidegan.gan.variants import Variant
 from sidegan.seeds.published import Layout
@@ -25,7 +26,7 @@ _GROWTH = 0.06  # of the weight of success, per epoch from that on in which fitn
 _TINY = 1e-12
 
 
-class ConvolutionalGenerator(nn.Module):
+class ConvolutionalGenerator(FromNoise):
     """Images (B, 2, 7, 7) in [−1, 1] of noise (B, Z) in [−1, 1].
 
     Batches are normalised by their own statistics, when sampling too.
@@ -48,12 +49,6 @@ class ConvolutionalGenerator(nn.Module):
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, 7, 7)."""
         return self.layers(z)
-
-    def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Noise (count, Z), uniform in [−1, 1], on the network's device."""
-        parameter = next(self.parameters())
-        z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
-        return (2 * z - 1).to(parameter.device)
 
     def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
         """Images (count, 2, 7, 7), drawn in whole batches of the size of the training's."""

@@ -46,8 +46,7 @@ class PublishedPretraining:
         torch.manual_seed(seed)
         parts = self.layout.coefficients(self.samples.double()).split(_CHECKED)
         valid = torch.cat([self.check(part).valid for part in parts])
-        order = torch.randperm(len(valid))
-        held, learnt = order[: int(_HELD_OUT * len(order))], order[int(_HELD_OUT * len(order)) :]
+        held, learnt = _split(len(valid))
         network = predictor_network()
 
         def loss(rows: Tensor) -> Tensor:
@@ -71,8 +70,7 @@ class PublishedPretraining:
         """Mean relative error on held-out seeds of the converter to ``name``, which is left in ``folder``."""
         torch.manual_seed(seed)
         images, target = self.layout.image(self.seeds).float(), self.features[name].float()
-        order = torch.randperm(len(target))
-        held, learnt = order[: int(_HELD_OUT * len(order))], order[int(_HELD_OUT * len(order)) :]
+        held, learnt = _split(len(target))
         steps, count = self.settings.converter_steps, self.settings.converters
         best: tuple[float, dict[str, Tensor]] = float("inf"), {}
         for number in range(count):
@@ -90,6 +88,13 @@ class PublishedPretraining:
                 best = min(best, (float(loss(held)), network.state_dict()), key=lambda one: one[0])
         write_task(folder / f"{name}.pt", {"weights": best[1]})
         return {f"error_{name}": best[0]}
+
+
+def _split(count: int) -> tuple[Tensor, Tensor]:
+    """Rows that are held out, and those that are learnt from, at random."""
+    order = torch.randperm(count)
+    held = int(_HELD_OUT * count)
+    return order[:held], order[held:]
 
 
 def _train(

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar, cast
 
 import pytorch_lightning as pl
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.base.storage import read_torch, write_torch
@@ -21,7 +22,13 @@ from sidegan.gan.limits import LimitLayer
 from sidegan.gan.loop import EpochEnd, Training, fit
 from sidegan.gan.metrics import kept_epoch, measure
 from sidegan.gan.networks import Discriminator, Generator
-from sidegan.gan.published import IMAGE, ConvolutionalGenerator, PublishedSampler, published_terms
+from sidegan.gan.published import (
+    IMAGE,
+    ConvolutionalGenerator,
+    PublishedSampler,
+    ShallowNetwork,
+    published_terms,
+)
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
 from sidegan.gan.terms import Adversary, Batch, LossTerm, PredictedSuccess, Sampler, predicted_ratio
@@ -36,6 +43,8 @@ _EPOCH = "epoch-{}.pt"  # the weights that the training would keep after it
 _SAMPLES = "samples-{}.pt"  # the images that were drawn after it
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
 _NO_SURROGATES = Surrogates()
+_P = TypeVar("_P", bound=nn.Module)
+_C = TypeVar("_C", bound=nn.Module)
 
 
 @dataclass(frozen=True)
@@ -123,10 +132,8 @@ def assemble(
     """Networks and loss terms of a variant, untrained; as ``train_variant``, which trains them."""
     if variant.published is not None:
         return _assemble_published(variant, trajectory, seeds, run, surrogates)
-    _require_surrogates(variant, run, surrogates)
     limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
-    known = surrogates.converter if variant.features != "none" else None
-    converter = known if isinstance(known, Converter) else None
+    predictor, converter = _needed(variant, run, surrogates, SuccessPredictor, Converter)
     sampler = Sampler(*_network(variant, seeds), limits, converter)
     terms: list[LossTerm] = []
     if variant.exact is not None:
@@ -136,8 +143,8 @@ def assemble(
     else:
         images = sampler.scaling.image(seeds.float())
         terms.append(_adversary(variant, variant.weights.adversarial, images, lambda batch: batch.images))
-        if variant.weights.success > 0 and isinstance(surrogates.predictor, SuccessPredictor):
-            terms.append(PredictedSuccess(variant.weights.success, surrogates.predictor))
+        if predictor is not None:
+            terms.append(PredictedSuccess(variant.weights.success, predictor))
         if converter is not None:
             excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
             features = converter.standardise(getattr(excitation, variant.features))
@@ -150,11 +157,17 @@ def assemble(
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
 
-def _require_surrogates(variant: Variant, run: Run, surrogates: Surrogates) -> None:
-    if variant.seeded and variant.weights.success > 0 and surrogates.predictor is None:
+def _needed(
+    variant: Variant, run: Run, surrogates: Surrogates, predictor: type[_P], converter: type[_C]
+) -> tuple[_P | None, _C | None]:
+    """The surrogates that a variant learns from, of its recipe's kinds; None where it needs none."""
+    success = surrogates.predictor if variant.seeded and variant.weights.success > 0 else None
+    features = surrogates.converter if variant.features != "none" else None
+    if variant.seeded and variant.weights.success > 0 and not isinstance(success, predictor):
         raise ConfigError(f"{run.name} needs a predictor of success")
-    if variant.features != "none" and surrogates.converter is None:
+    if variant.features != "none" and not isinstance(features, converter):
         raise ConfigError(f"{run.name} needs a converter to {variant.features}")
+    return cast("_P | None", success), cast("_C | None", features)
 
 
 def _assemble_published(
@@ -168,9 +181,9 @@ def _assemble_published(
             f"these trajectories have {trajectory.joints} joints and {trajectory.harmonics} harmonics"
         )
     network = ConvolutionalGenerator(variant.noise, variant.width, variant.batch)
-    _require_surrogates(variant, run, surrogates)
-    sampler = PublishedSampler(network, layout, surrogates.converter)
-    terms = published_terms(variant, sampler, seeds, surrogates.predictor)
+    predictor, converter = _needed(variant, run, surrogates, ShallowNetwork, ShallowNetwork)
+    sampler = PublishedSampler(network, layout, converter)
+    terms = published_terms(variant, sampler, seeds, predictor)
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
 

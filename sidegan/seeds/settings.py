@@ -42,6 +42,8 @@ class Seeds:
             raise ConfigError("method paper needs ants, evaluations and box; choose it by seeds=paper")
         if self.method != "paper" and any(x is not None for x in of_paper.values()):
             raise ConfigError(f"{', '.join(of_paper)} are of method paper; choose seeds={self.method}")
+        if self.method != "paper" and (self.strongest, self.shipped) != (None, None):
+            raise ConfigError(f"strongest and shipped are of method paper; choose seeds={self.method}")
         if (self.method in ("gradient", "compiled")) != (self.reserve is not None):
             raise ConfigError(
                 "methods gradient and compiled, and no others, need reserve; choose one by seeds=gradient"
@@ -51,10 +53,9 @@ class Seeds:
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""
-        if self.folder is None:
-            return {
-                name: x for name, x in asdict(self).items() if name not in ("enough", "folder", "shipped")
-            }
+        if self.method != "published":
+            changes_nothing = ("enough", "folder", "shipped")
+            return {name: x for name, x in asdict(self).items() if name not in changes_nothing}
         return {"method": self.method, "count": self.count, "files": self.published.digest}
 
     @property

@@ -122,6 +122,11 @@ def test_too_few_seeds_come_with_what_may_help(faults, remedy):
 COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
 
 
+def test_a_folder_is_part_of_what_makes_published_seeds_alone():
+    paper = Seeds("paper", **COMMON, ants=30, evaluations=9, box=0.2)
+    assert paper.stamped() == replace(paper, folder="there", shipped="seeds.pt").stamped()
+
+
 def test_settings_give_the_optimiser():
     gradient, paper = (
         Seeds("gradient", **COMMON, reserve=0.3),
@@ -135,6 +140,7 @@ def test_settings_give_the_optimiser():
     [
         ("method paper needs ants, evaluations and box", "paper", {"ants": 30}),
         ("ants, evaluations, box are of method paper", "gradient", {"reserve": 0.2, "ants": 30}),
+        ("strongest and shipped are of method paper", "gradient", {"reserve": 0.2, "strongest": 35}),
         ("methods gradient and compiled, and no others, need reserve", "gradient", {}),
         ("methods gradient and compiled", "paper", {"ants": 3, "evaluations": 9, "box": 1, "reserve": 0.2}),
         ("folder is not set: git clone https://", "published", {}),
