@@ -1,16 +1,11 @@
 """Loss terms that keep a batch of trajectories as diverse as a seed set."""
 
-import math
-
 import torch
 from torch import Tensor
 
 from sidegan.design.excitation import mean_distance
 from sidegan.gan.terms import Batch, Formula
 
-_SEED_SHARE = 0.9  # of the seeds' mean distance, up to which distance is rewarded
-_RANDOM_SHARE = 0.93  # likewise, of random trajectories that use all of their limits
-_RANK_SHARE = 0.957  # of the effective rank of a batch of seeds, up to which rank is rewarded
 _PAIRS = 500  # seeds whose mean distance stands for all
 _BATCHES = 8  # of seeds, whose mean rank stands for that of any batch
 _TINY = 1e-9  # share of the variance below which a direction does not count
@@ -30,17 +25,16 @@ def rank(weight: float, target: float) -> Formula:
     return Formula(weight, lambda batch: (target - _entropy(batch.coefficients.flatten(1))).clamp_min(0))
 
 
-def distance_target(seeds: Tensor, random: bool) -> float:
-    """Mean distance [rad/s] up to which distance is rewarded, of seeds or of ``random`` trajectories."""
-    share = _RANDOM_SHARE if random else _SEED_SHARE
-    return share * mean_distance(seeds.double().flatten(1)[:_PAIRS])
+def distance_target(seeds: Tensor) -> float:
+    """Mean distance [rad/s] up to which distance is rewarded: that of the seeds."""
+    return mean_distance(seeds.double().flatten(1)[:_PAIRS])
 
 
 def rank_target(seeds: Tensor, batch: int) -> float:
-    """Log effective rank up to which rank is rewarded, of batches of so many seeds (N, J, H, 2)."""
+    """Log effective rank up to which rank is rewarded: that of batches of so many seeds (N, J, H, 2)."""
     x, size = seeds.double().flatten(1), min(batch, len(seeds))
     parts = [part for part in x.split(size)[:_BATCHES] if len(part) == size]
-    return float(torch.stack([_entropy(part) for part in parts]).mean()) + math.log(_RANK_SHARE)
+    return float(torch.stack([_entropy(part) for part in parts]).mean())
 
 
 def _entropy(x: Tensor) -> Tensor:

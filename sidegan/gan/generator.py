@@ -18,7 +18,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
 from sidegan.seeds.published import Layout
 
-_FORMAT = 3
+_FORMAT = 4
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from torch import Tensor
 
 from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
-from sidegan.gan.scaling import Scaling
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -16,6 +15,7 @@ from sidegan.validity import Constraints, check
 _DISTANCE = 0.1  # [m] clearance that counts like a whole joint range
 _CLIP = 1.0  # scaled margins beyond this carry no information about validity
 _BATCH = 250
+_SMALLEST, _LARGEST = 0.8, 1.2  # of what surrogates learn from, in its own size
 
 
 @dataclass(frozen=True)
@@ -39,30 +39,18 @@ class Labelled:
 
 
 def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Coefficients (count, J, H, 2) around the seeds, for the surrogates to learn from.
+    """Coefficients (count, J, H, 2) for the surrogates to learn from.
 
-    A quarter each: seeds at 0.94 to 1.06 of their size (optimised seeds sit on the boundary of what is
-    valid), seeds with noise, mixtures of two seeds, and others (a vanilla GAN's output); the last three
-    at a random size, so that both sides of every constraint are seen.
+    Half are seeds, half are others (a vanilla GAN's output), each at 0.8 to 1.2 of its size: optimised seeds
+    sit on the boundary of what is valid, so that both sides of it are seen.
     """
-    scaling = Scaling.fit(seeds)
-
-    def pick(x: Tensor, n: int) -> Tensor:
-        return x[torch.randint(len(x), (n,), generator=generator)]
-
-    def uniform(low: float, high: float, n: int) -> Tensor:
-        draw = torch.rand(n, 1, 1, 1, generator=generator, dtype=torch.float64)
-        return low + (high - low) * draw
-
-    part = count // 4
-    image = torch.randn(part, 2, *seeds.shape[1:3], generator=generator, dtype=torch.float64)
-    noise = scaling.coefficients(image) - scaling.mean.view(seeds[0].shape)
-    noisy = pick(seeds, part) + uniform(0, 0.8, part) * noise
-    share = uniform(0, 1, part)
-    mixed = share.sqrt() * pick(seeds, part) + (1 - share).sqrt() * pick(seeds, part)
-    rest = pick(others, count - 3 * part)
-    broad = torch.cat([noisy, mixed, rest])
-    return torch.cat([pick(seeds, part) * uniform(0.94, 1.06, part), broad * uniform(0.5, 1.1, len(broad))])
+    half = count // 2
+    parts = [
+        x[torch.randint(len(x), (n,), generator=generator)]
+        for x, n in ((seeds, half), (others, count - half))
+    ]
+    sizes = torch.rand(count, 1, 1, 1, generator=generator, dtype=torch.float64)
+    return torch.cat(parts) * (_SMALLEST + (_LARGEST - _SMALLEST) * sizes)
 
 
 @torch.no_grad()

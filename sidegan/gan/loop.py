@@ -4,14 +4,12 @@ import logging
 import signal
 import warnings
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
-from torch.optim.swa_utils import AveragedModel
 from torch.utils.data import DataLoader
 
 from sidegan.base.storage import read_torch
@@ -49,7 +47,6 @@ class Training(pl.LightningModule):
         self.name, self.sampler, self.schedule = name, sampler, schedule
         self.parts, self.terms = list(terms), nn.ModuleList(terms)
         self.adversaries = [term for term in terms if isinstance(term, Adversary)]
-        self.average = None if schedule.average is None else averaged(sampler.network, schedule.average)
         self.steps_done = 0
         self.history: list[dict[str, float]] = []
 
@@ -58,27 +55,18 @@ class Training(pl.LightningModule):
         rows = batch[0]
         generator, *critics = _several(self.optimizers())
         for optimiser in critics:
-            self._step(optimiser, self.adversary_loss(rows), None)
+            self._step(optimiser, self.adversary_loss(rows))
         for _ in range(self.schedule.generator_steps):
-            self._step(generator, self.generator_loss(len(rows)), self.schedule.clip)
-            if self.average is not None:
-                self.average.update_parameters(self.sampler.network)
-        for rate in _several(self.lr_schedulers()):
-            rate.step()
+            self._step(generator, self.generator_loss(len(rows)))
         self.steps_done += 1
-
-    @property
-    def kept(self) -> Any:
-        """The network that the training is for: the average, where there is one."""
-        return self.sampler.network if self.average is None else self.average.module
 
     @torch.no_grad()
     def sampled(self, count: int, random: torch.Generator) -> Tensor:
-        """Trajectories (count, J, H, 2) [rad/s] float64 of the kept network, as it is used afterwards."""
+        """Trajectories (count, J, H, 2) [rad/s] float64 of the network, as it is used afterwards."""
         network, learning = self.sampler.network, self.sampler.network.training
-        self.sampler.network = self.kept.eval()
+        network.eval()
         c = self.sampler(count, random).coefficients.double()
-        self.sampler.network = network.train(learning)
+        network.train(learning)
         return c
 
     def adversary_loss(self, rows: Tensor) -> Tensor:
@@ -93,14 +81,12 @@ class Training(pl.LightningModule):
         weighted = [(term.weight_at(self.current_epoch, eased), term) for term in self.parts]
         return torch.stack([weight * term(batch) for weight, term in weighted if weight]).sum()
 
-    def _step(self, adam: Any, loss: Tensor, clip: float | None) -> None:
+    def _step(self, adam: Any, loss: Tensor) -> None:
         """One step of an optimiser; a loss that is not a number ends the training before it does harm."""
         if not torch.isfinite(loss):
             self.stop(f"the loss is {float(loss.detach())}; the last whole epoch is kept")
         adam.zero_grad()
         self.manual_backward(loss)
-        if clip is not None:
-            nn.utils.clip_grad_norm_(self.sampler.network.parameters(), clip)
         adam.step()
 
     def stop(self, reason: str) -> None:
@@ -111,15 +97,13 @@ class Training(pl.LightningModule):
         """
         raise SideganError(f"{self.name} diverged in epoch {self.current_epoch}: {reason}")
 
-    def configure_optimizers(self) -> tuple[list[torch.optim.Optimizer], list[Any]]:
+    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for the generator, and for the discriminators where there are any."""
         critics = [parameter for term in self.adversaries for parameter in term.network.parameters()]
-        rates, betas = self.schedule, self.schedule.betas
+        learning = [list(self.sampler.network.parameters()), critics]
+        rate, betas = self.schedule.learning_rate, self.schedule.betas
         fused = self.device.type != "mps"  # one pass over all weights: five times as fast
-        adams = [torch.optim.Adam(self.sampler.network.parameters(), rates.learning_rate, betas, fused=fused)]
-        if critics:
-            adams.append(torch.optim.Adam(critics, rates.critic_rate, betas, fused=fused))
-        return list(adams), [torch.optim.lr_scheduler.LambdaLR(adam, rates.rate) for adam in adams]
+        return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in learning if weights]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the progress, the history of metrics and the random state with the weights."""
@@ -130,16 +114,6 @@ class Training(pl.LightningModule):
         """Go on with them, so that what was interrupted becomes what it would have been."""
         self.steps_done, self.history = (checkpoint["progress"][key] for key in ("steps_done", "history"))
         torch.set_rng_state(checkpoint[_RANDOM])
-
-
-def averaged(network: Any, decay: float) -> AveragedModel:
-    """Exponential average of a network's weights, which begins as their plain mean."""
-    return AveragedModel(network, avg_fn=partial(_averaged, decay), use_buffers=True)
-
-
-def _averaged(decay: float, average: Tensor, now: Tensor, count: Tensor | int) -> Tensor:
-    share = min(decay, float(count) / (float(count) + 1))
-    return average + (1 - share) * (now - average)
 
 
 class _Watch(pl.Callback):
@@ -215,5 +189,5 @@ def _whole(path: Path) -> Path | None:
 
 
 def _several(x: Any) -> list[Any]:
-    """Lightning gives one optimiser or schedule as itself, several as a list."""
+    """Lightning gives one optimiser as itself, several as a list."""
     return list(x) if isinstance(x, (list, tuple)) else [x]

@@ -7,7 +7,6 @@ from torch import Tensor, nn
 
 from sidegan.errors import ConfigError
 
-ACTIVATIONS: dict[str, type[nn.Module]] = {"relu": nn.ReLU, "silu": nn.SiLU}
 _WHISPER = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
 _DRAWS = 1024  # over which the layers' mean is taken
 
@@ -41,7 +40,6 @@ class Generator(FromNoise):
         noise: int = 100,
         width: int = 256,
         shortcut: bool = False,
-        activation: str = "relu",
     ) -> None:
         super().__init__()
         self.noise = noise
@@ -51,7 +49,6 @@ class Generator(FromNoise):
             "noise": noise,
             "width": width,
             "shortcut": shortcut,
-            "activation": activation,
         }
         self.shape, size = (2, joints, harmonics), 2 * joints * harmonics
         self.shortcut = nn.Linear(noise, size) if shortcut else None
@@ -59,7 +56,7 @@ class Generator(FromNoise):
             nn.init.zeros_(self.shortcut.weight)
             nn.init.zeros_(self.shortcut.bias)
         self.layers = nn.Sequential(
-            *_hidden(noise, width, ACTIVATIONS[activation]),
+            *_hidden(noise, width),
             nn.Linear(width, size),
             nn.Unflatten(1, self.shape),
         )
@@ -102,27 +99,18 @@ class Generator(FromNoise):
 
 
 class Discriminator(nn.Module):
-    """Logits (B,) of being an example, of images (B, 2, J, H) or of standardised features (B, p).
+    """Logits (B,) of being an example, of images (B, 2, J, H) or of standardised features (B, p)."""
 
-    With ``minibatch`` the mean spread of the batch is fed to the last layer (Karras et al. 2018), so
-    that a generator that repeats itself is told apart.
-    """
-
-    def __init__(self, inputs: int, width: int, minibatch: bool) -> None:
+    def __init__(self, inputs: int, width: int) -> None:
         super().__init__()
-        self.layers, self.minibatch = nn.Sequential(nn.Flatten(), *_hidden(inputs, width)), minibatch
-        self.last = nn.Linear(width + minibatch, 1)
+        self.layers = nn.Sequential(nn.Flatten(), *_hidden(inputs, width), nn.Linear(width, 1))
 
     def forward(self, x: Tensor) -> Tensor:
         """Logits (B,)."""
-        x = self.layers(x)
-        if self.minibatch:
-            spread = (((x - x.mean(0)) ** 2).mean(0) + 1e-8).sqrt().mean()
-            x = torch.cat([x, spread.expand(len(x), 1)], 1)
-        return self.last(x)[:, 0]
+        return self.layers(x)[:, 0]
 
 
-def _hidden(inputs: int, width: int, between: type[nn.Module] = nn.ReLU) -> list[nn.Module]:
-    """Three full layers with an activation after each."""
+def _hidden(inputs: int, width: int) -> list[nn.Module]:
+    """Three full layers with a ReLU after each."""
     sizes = [inputs, width, width, width]
-    return [module for a, b in pairwise(sizes) for module in (nn.Linear(a, b), between())]
+    return [module for a, b in pairwise(sizes) for module in (nn.Linear(a, b), nn.ReLU())]

@@ -161,14 +161,14 @@ def published_terms(
     """
     weights, images = variant.weights, sampler.scaling.image(seeds).float()
     critic = ConvolutionalDiscriminator(width=variant.width)
-    terms: list[LossTerm] = [Adversary(weights.adversarial, critic, images, lambda batch: batch.images, 0.0)]
+    terms: list[LossTerm] = [Adversary(weights.adversarial, critic, images, lambda batch: batch.images)]
     if success is not None:
         terms.append(GrowingSuccess(weights.success, success, variant.fitness_start))
     if sampler.features is not None and variant.published is not None:
         with torch.no_grad():
             features = sampler.features(images)
         critic, kind = ConvolutionalDiscriminator(features.shape[1], variant.width), variant.published.fitness
-        terms.append(Adversary(weights.features, critic, features, lambda batch: batch.features, 0.0))
+        terms.append(Adversary(weights.features, critic, features, lambda batch: batch.features))
 
         def fitness(batch: Batch) -> Tensor:
             return fitness_loss(batch.features, kind)

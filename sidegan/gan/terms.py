@@ -105,9 +105,8 @@ class Formula(LossTerm):
 class Adversary(LossTerm):
     """A discriminator: rewards what it takes for an example.
 
-    Its network gives logits (B,) of its view of a batch, and learns to tell that from examples (N, …), with
-    the R1 penalty of its gradient (Mescheder, Geiger, Nowozin 2018). The generator's loss is −log D, or
-    log(1 − D) where the game is a ``minimax`` one (Goodfellow et al. 2014).
+    Its network gives logits (B,) of its view of a batch, and learns to tell that from examples (N, …). The
+    generator's loss is −log D.
     """
 
     examples: Tensor
@@ -118,30 +117,19 @@ class Adversary(LossTerm):
         network: nn.Module,
         examples: Tensor,
         view: Callable[[Batch], Tensor],
-        gradient_penalty: float,
-        minimax: bool = False,
     ) -> None:
         super().__init__(weight)
-        self.network, self.view, self.gradient_penalty = network, view, gradient_penalty
-        self.minimax = minimax
+        self.network, self.view = network, view
         self.register_buffer("examples", examples.contiguous(), persistent=False)
 
     def forward(self, batch: Batch) -> Tensor:
         """Mean loss of the generator by this discriminator, 0-dimensional."""
-        logits = self.network(self.view(batch))
-        if self.minimax:
-            return -nn.functional.softplus(logits).mean()
-        return nn.functional.softplus(-logits).mean()
+        return nn.functional.softplus(-self.network(self.view(batch))).mean()
 
     def update_loss(self, rows: Tensor, batch: Batch) -> Tensor:
         """Loss of the discriminator itself on some examples and a batch without gradient, 0-dimensional."""
-        real = self.examples[rows].requires_grad_(True)
-        on_real, on_fake = self.network(real), self.network(self.view(batch))
-        loss = nn.functional.softplus(-on_real).mean() + nn.functional.softplus(on_fake).mean()
-        if self.gradient_penalty > 0:
-            (slope,) = torch.autograd.grad(on_real.sum(), real, create_graph=True)
-            loss = loss + self.gradient_penalty / 2 * (slope**2).flatten(1).sum(1).mean()
-        return loss
+        on_real, on_fake = self.network(self.examples[rows]), self.network(self.view(batch))
+        return nn.functional.softplus(-on_real).mean() + nn.functional.softplus(on_fake).mean()
 
 
 class PredictedSuccess(LossTerm):

@@ -103,16 +103,17 @@ def train_variant(
         c = training.sampled(max(2, run.evaluation), noise).cpu()
         if not torch.isfinite(c).all():
             training.stop("not a number")
-        write_torch(run.work / _EPOCH.format(epoch), training.kept.state_dict())
+        write_torch(run.work / _EPOCH.format(epoch), sampler.network.state_dict())
         if run.samples:
             with torch.no_grad():
-                write_torch(run.work / _SAMPLES.format(epoch), training.kept.sample(run.samples, noise).cpu())
+                drawn = sampler.network.sample(run.samples, noise).cpu()
+            write_torch(run.work / _SAMPLES.format(epoch), drawn)
         return measure(constraints, trajectory, c) if run.evaluation else {}
 
     loader = DataLoader(examples, schedule.batch, sampler=order)
     fit(training, loader, run.work, evaluate, run.epoch_end, run.device)
     kept = kept_epoch(training.history, variant.least_valid)
-    network, names = training.kept, (constraints.arm.name, constraints.arm.digest, run.name)
+    network, names = sampler.network, (constraints.arm.name, constraints.arm.digest, run.name)
     network.load_state_dict(read_torch(run.work / _EPOCH.format(kept)))
     generator = TrajectoryGenerator(network.eval(), sampler.scaling, trajectory, *names, sampler.limits)
     samples = None
@@ -152,7 +153,7 @@ def assemble(
                 _adversary(variant, variant.weights.features, features, lambda batch: batch.features)
             )
             terms.append(predicted_ratio(variant.weights.fitness, converter, variant.fitness_start))
-    terms.append(distance(variant.weights.distance, distance_target(seeds, random=not variant.seeded)))
+    terms.append(distance(variant.weights.distance, distance_target(seeds)))
     terms.append(rank(variant.weights.rank, rank_target(seeds, variant.batch)))
     return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
 
@@ -190,9 +191,7 @@ def _assemble_published(
 def _network(variant: Variant, seeds: Tensor) -> tuple[Generator, Scaling]:
     """The generator's network and what its images mean."""
     _, joints, harmonics, _ = seeds.shape
-    network = Generator(
-        joints, harmonics, variant.noise, variant.width, variant.gaussian_start, variant.activation
-    )
+    network = Generator(joints, harmonics, variant.noise, variant.width, variant.gaussian_start)
     scaling = Scaling.fit(seeds)
     if variant.gaussian_start:
         network.start_from(scaling.image(seeds.double()))
@@ -203,9 +202,7 @@ def _adversary(
     variant: Variant, weight: float, examples: Tensor, view: Callable[[Batch], Tensor]
 ) -> Adversary:
     """A discriminator of what it sees of trajectories, and of as much of the seeds (N, …)."""
-    critic = Discriminator(examples[0].numel(), variant.width, variant.minibatch)
-    minimax = variant.adversarial_loss == "minimax"
-    return Adversary(weight, critic, examples, view, variant.gradient_penalty, minimax)
+    return Adversary(weight, Discriminator(examples[0].numel(), variant.width), examples, view)
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:

@@ -55,8 +55,6 @@ class Variant:
 
     features: Literal["none", "spectrum", "diagonal"]  # what the second discriminator sees
     weights: Weights
-    # The generator's loss by a discriminator D: −log D, or log(1 − D) as the paper prints it.
-    adversarial_loss: Literal["non_saturating", "minimax"]
     width: Width  # of generator and discriminators
     noise: Width  # dimension of the generator's noise
     epochs: Count
@@ -65,25 +63,18 @@ class Variant:
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
-    critic_rate: Positive
     betas: tuple[Share, Share]  # of Adam
-    decay: bool  # both rates fall to nothing over the training, along a cosine
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
-    gradient_penalty: NonNegative  # R1 on the discriminators (Mescheder, Geiger, Nowozin 2018)
-    minibatch: bool  # the discriminators see the spread of a batch
-    average: Share | None  # decay of the average of the generator's weights that is kept; null: the last ones
     # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
     # of the best epoch's; null: the last one.
     least_valid: Share | None
-    activation: Literal["relu", "silu"]  # between the generator's layers
     limited: bool  # position and velocity limits hold by construction
-    clip: Positive | None  # largest norm of the generator's gradient; null: any
     exact: Exact | None  # exact physics in place of seeds, discriminators and surrogates; null: those
     published: Published | None  # the recipe as its authors published it, ``gan.published``; null: ours
 
     def __post_init__(self) -> None:
-        if max(*self.betas, self.average or 0) >= 1:
-            raise ConfigError(f"betas {self.betas} and average {self.average} must be less than 1")
+        if max(self.betas) >= 1:
+            raise ConfigError(f"betas {self.betas} must be less than 1")
         if self.exact is None:
             self._check_seeded()
         else:
@@ -116,7 +107,6 @@ class Variant:
             "weights.distance": self.weights.distance,
             "weights.rank": self.weights.rank,
             "gaussian_start": self.gaussian_start,
-            "minibatch": self.minibatch,
             "limited": self.limited,
             "exact": self.exact,
         }
@@ -142,10 +132,6 @@ class Variant:
             self.steps or -(-seeds // self.batch),
             self.batch,
             self.learning_rate,
-            self.critic_rate,
             self.generator_steps,
-            self.decay,
-            self.clip,
             self.betas,
-            self.average,
         )

@@ -84,7 +84,7 @@ def converter(planar, family, labelled):
     torch.manual_seed(0)
     diagonal = labelled[0].diagonal
     made = Converter(planar, family, diagonal.shape[1], 64, STEPS)
-    train_converter(made, labelled[0].c, diagonal, 20, random(5))
+    train_converter(made, labelled[0].c, diagonal, 40, random(5))
     return made
 
 
@@ -105,11 +105,11 @@ def full(vanilla):
 def exact():
     """A small variant with exact physics."""
     made = tiny("gan=exact").gan["exact"]
-    sizes = {"epochs": 3, "steps": 40, "batch": 64, "noise": 12, "width": 64}
+    sizes = {"epochs": 3, "steps": 60, "batch": 64, "noise": 12, "width": 64}
     terms = {"single": made.exact.terms["single"]}
     physics = replace(made.exact, terms=terms, samples=24, reserve=0.03)
     weights = replace(made.weights, success=1000, rank=20)
-    return replace(made, weights=weights, learning_rate=4e-3, exact=physics, **sizes)
+    return replace(made, weights=weights, learning_rate=2e-3, exact=physics, **sizes)
 
 
 @pytest.fixture(scope="session")

@@ -28,15 +28,15 @@ def test_margins_are_the_constraints_in_shares_of_their_limits(arm):
                 assert float(found[b, g, t]) == pytest.approx(float(worst), abs=1e-5)
 
 
-def test_the_first_quarter_of_a_blend_are_seeds_of_about_their_own_size(seeds, wild):
+def test_the_first_half_of_a_blend_are_seeds_of_about_their_own_size(seeds, wild):
     c, again = (blend(seeds, wild, 403, random()) for _ in range(2))
     assert torch.equal(c, again) and len(c) == 403 and torch.isfinite(c).all()
-    rows, known = c[:100].flatten(1), seeds.flatten(1)
+    rows, known = c[:201].flatten(1), seeds.flatten(1)
     cosine = (rows / rows.norm(dim=1, keepdim=True)) @ (known / known.norm(dim=1, keepdim=True)).T
     best, which = cosine.max(1)
     torch.testing.assert_close(best, torch.ones_like(best))
     size = rows.norm(dim=1) / known[which].norm(dim=1)
-    assert 0.94 <= size.min() < 0.96 and 1.04 < size.max() <= 1.06
+    assert 0.8 <= size.min() < 0.84 and 1.16 < size.max() <= 1.2
 
 
 def test_labels_are_exact(constraints, family, seeds, wild):

@@ -1,14 +1,13 @@
 """Loss terms by closed forms, and by what one step of the generator on each of them changes."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 import torch
 
 from sidegan.gan import diversity
 from sidegan.gan.diversity import distance_target, rank_target
-from sidegan.gan.loop import Training, averaged
+from sidegan.gan.loop import Training
 from sidegan.gan.terms import Adversary, Batch, LossTerm
 from sidegan.gan.training import random_trajectories
 from tests.gan.conftest import ADVERSARIAL, FULL, NONE, random
@@ -79,20 +78,6 @@ def test_losses_are_their_closed_forms(weighed, predictor, converter):
     ]
     for term, value in zip(training.parts, expected):
         torch.testing.assert_close(term(batch), value)
-    printed = weighed(FULL, adversarial_loss="minimax")
-    for i, (critic, seen) in enumerate(zip(critics(printed), (batch.images, converter(c)))):
-        torch.testing.assert_close(printed.parts[2 * i](batch), torch.log(1 - critic(seen).sigmoid()).mean())
-
-
-def test_averaged_weights_begin_as_a_mean_and_then_forget():
-    network = torch.nn.Linear(1, 1, bias=False)
-    average, seen = averaged(network, 0.75), []
-    for value in (1.0, 2.0, 3.0, 4.0, 5.0):
-        with torch.no_grad():
-            network.weight.fill_(value)
-        average.update_parameters(network)
-        seen.append(float(average.module.weight.detach()))
-    assert seen == pytest.approx([1, 1.5, 2, 2.5, 2.5 + (5 - 2.5) / 4])
 
 
 def test_fitness_counts_from_its_first_epoch_on(weighed, monkeypatch):
@@ -122,26 +107,6 @@ def test_the_discriminator_learns_to_tell_seeds_from_a_collapsed_generator(assem
     assert critic(real[32:64]).mean() > critic(training.sampler(32).images).mean() + 0.5
 
 
-def test_the_gradient_penalty_is_the_slope_at_the_seeds(assembled, vanilla, seeds):
-    penalised, plain = (assembled(replace(vanilla, gradient_penalty=x)) for x in (4.0, 0.0))
-    losses = []
-    for training in (penalised, plain):
-        torch.manual_seed(3)
-        losses.append(training.adversary_loss(torch.arange(20)))
-    real = plain.sampler.scaling.image(seeds[:20].float()).requires_grad_(True)
-    (slope,) = torch.autograd.grad(critics(plain)[0](real).sum(), real)
-    expected = 4.0 / 2 * (slope**2).sum((1, 2, 3)).mean()
-    torch.testing.assert_close(losses[0] - losses[1], expected, rtol=1e-3, atol=1e-6)
-
-
-def test_rates_fall_along_half_a_cosine_only_with_decay(vanilla):
-    falls, stays = (replace(vanilla, decay=x, epochs=2, steps=5).schedule(100) for x in (True, False))
-    rates = [falls.rate(step) for step in range(12)]
-    assert rates[0] == 1 and all(a > b for a, b in pairwise(rates[:11]))
-    assert rates[5] == pytest.approx((1 + rates[10]) / 2) and 0 < rates[10] < 0.1
-    assert {stays.rate(step) for step in range(12)} == {1.0}
-
-
 def test_an_eased_weight_grows_to_all_of_it():
     term = LossTerm(100.0, ease=0.01, start=1)
     assert term.weight_at(0, 0.5) == 0
@@ -154,8 +119,8 @@ def loss_of(term):
 
 
 def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
-    loss = loss_of(diversity.distance(1.0, distance_target(seeds, random=False)))
-    assert loss(seeds.float()) == loss(2 * seeds.float()) == 0
+    loss = loss_of(diversity.distance(1.0, distance_target(seeds)))
+    assert loss(seeds.float()) < 1e-6 and loss(2 * seeds.float()) == 0
     c = (seeds.mean(0) + 0.3 * (seeds - seeds.mean(0))).float().requires_grad_(True)
     value = loss(c)
     (slope,) = torch.autograd.grad(value, c)
@@ -180,7 +145,7 @@ def test_a_collapsed_batch_gives_a_finite_slope(seeds):
     noise = torch.randn(20, *seeds.shape[1:], generator=random())
     c = (seeds[:1].float() + 1e-6 * noise).requires_grad_(True)
     terms = (
-        diversity.distance(1.0, distance_target(seeds, random=False)),
+        diversity.distance(1.0, distance_target(seeds)),
         diversity.rank(1.0, rank_target(seeds, 20)),
     )
     value = sum(loss_of(term)(c) for term in terms)
