@@ -124,7 +124,9 @@ class Artifacts:
 
     @property
     def seed_seconds(self) -> float:
-        """CPU time of one seed [s]; not a number where that was not kept."""
+        """CPU time of one seed [s]; not a number where others made it."""
+        if self.cfg.seeds.method == "published":
+            return float("nan")
         return float(self.seeds["cpu_seconds"]) / self.cfg.seeds.count
 
     @cached_property

@@ -82,6 +82,17 @@ def table(judged: list[Claim]) -> pd.DataFrame:
     return pd.DataFrame(rows).set_index("Claim")
 
 
+def findings(judged: list[Claim]) -> pd.DataFrame:
+    """What every verdict rests on: its criterion, and what each group measured."""
+    rows = [
+        {"Claim": claim.text, "Criterion": claim.criterion}
+        | {name: f"{signed(finding)}: {finding.ours}" for name, finding in claim.findings.items()}
+        | {"Why": claim.why}
+        for claim in judged
+    ]
+    return pd.DataFrame(rows).set_index("Claim")
+
+
 def signed(finding: Finding) -> str:
     """A verdict with its sign."""
     return f"{_SIGNS[finding.verdict]} {finding.verdict}"

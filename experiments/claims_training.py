@@ -193,6 +193,8 @@ def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
 
 def _faster(group: Group) -> Finding:
     seed, one = group.first.seed_seconds, group.first.speed["generation_seconds"]
+    if np.isnan(seed):
+        return unknown()
     return _measured(seed / one, _ORDERS, f"{seconds(one)} against {seconds(seed)} ({seed / one:,.0f} ×)")
 
 

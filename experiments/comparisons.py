@@ -56,13 +56,13 @@ def longs(artifacts: Artifacts) -> pd.DataFrame:
 
 def durations(artifacts: Artifacts) -> pd.DataFrame:
     """Each time of the paper's text beside ours [s], by key: what, ours, paper; NaN where not measured."""
-    seeds, speed, task = artifacts.seeds, artifacts.speed, artifacts.task
+    speed, task, seed = artifacts.speed, artifacts.task, artifacts.seed_seconds
     walls = [artifacts.seconds(trained(task, name, k)) for name, k in generators(task)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
     rows = {
         "long": ("the single long trajectory, CPU", long),
-        "seed": ("one seed, CPU", seeds["cpu_seconds"] / seeds["count"]),
-        "seeds": ("the seed set, wall", artifacts.seconds(seed_set(task))),
+        "seed": ("one seed, CPU", seed),
+        "seeds": ("the seed set, wall", artifacts.seconds(seed_set(task)) if seed > 0 else np.nan),
         "surrogates": ("the surrogates, wall", artifacts.seconds(surrogates(task))),
         "training": ("one training, wall", float(np.mean(walls))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),

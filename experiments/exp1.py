@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments import training
 from experiments.artifacts import Artifacts
-from experiments.finding import words
+from experiments.finding import SIDE_GANS, words
 from experiments.pages import leave
 from experiments.verdicts import CONFIDENCE, TRAINING, by_set, interval, log_ratio
 from experiments.words import PAPER
@@ -101,7 +101,7 @@ def _kind(name: str) -> str:
     """Which of the paper's columns a set belongs to."""
     if name.startswith("long"):
         return "long"
-    return name if name in ("seeds", "random") else "generated"
+    return "generated" if name in SIDE_GANS else name
 
 
 def summary(artifacts: Artifacts) -> pd.DataFrame:

@@ -15,6 +15,7 @@ from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.stages.long import long_family
+from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, tables
@@ -27,6 +28,21 @@ if TYPE_CHECKING:  # slow to import
 
 _DRAWS = ["seed_set", "training", "repeat"]
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
+
+# Tables of all groups together, with the rows of them that are on the page; all where none are named.
+_JOINED: dict[str, tuple[str, ...]] = {
+    "generators": (),
+    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.PLANT),
+    "factors": (exp1.SIMULATOR, exp1.EXPECTED),
+    "table2": (),
+    "table3": (),
+}
+
+_SEEDS = {
+    "published": "of the authors",
+    "paper": "by the paper's optimisers",
+    "gradient": "by gradients, the better optimiser",
+}
 
 Groups = Mapping[str, Group]
 
@@ -51,6 +67,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         "confidence": CONFIDENCE,
         "claims": judged,
         "signed": claims.signed,
+        "described": {name: described(group.first) for name, group in groups.items()},
         "checked": checked(groups),
         "barren": {name: claims.barren_variants(group) for name, group in groups.items()},
         "verdicts": {
@@ -58,13 +75,28 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         },
     }
     firsts = {name: group.first for name, group in groups.items()}
-    shown = {"claims": claims.table(judged), "seeds": comparisons.seed_sets(firsts)}
+    taught = {seed_set(one.task).digest: name for name, one in reversed(firsts.items())}  # by their seeds
+    shown = {
+        "claims": claims.table(judged),
+        "findings": claims.findings(judged),
+        "seeds": comparisons.seed_sets(firsts),
+    }
+    of_groups = {name: _tables(group) for name, group in groups.items()}
+    shown |= {key: _joined(key, of_groups) for key in _JOINED}
+    shown["density"] = _joined("density", {name: of_groups[name] for name in reversed(taught.values())})
     drawn: dict[str, Figure] = {}
     for name, group in groups.items():
-        shown |= {f"{name}-{key}": table for key, table in _tables(group).items()}
+        shown |= {f"{name}-{key}": table for key, table in of_groups[name].items()}
         drawn |= {f"{name}-{key}": figure for key, figure in _figures(group).items()}
     page = Page("reproduction", shown, drawn, metrics(groups), context)
     publish(page, Path(artifacts.cfg.publish or folder), tracker)
+
+
+def described(artifacts: Artifacts) -> str:
+    """The seeds and the recipe of a condition, in a sentence."""
+    seeds = _SEEDS.get(artifacts.cfg.seeds.method, artifacts.cfg.seeds.method)
+    published = any(variant.published is not None for variant in artifacts.cfg.gan.values())
+    return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {'their' if published else 'our'} recipe."
 
 
 def checked(groups: Groups) -> dict[str, list[str]]:
@@ -90,6 +122,17 @@ def metrics(groups: Groups) -> dict[str, dict[str, float]]:
     return rows
 
 
+def _joined(key: str, of_groups: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
+    """One table of all groups, as far as they have its rows; the paper's own rows once, at the end."""
+    parts, kept = {name: tables[key] for name, tables in of_groups.items()}, _JOINED.get(key)
+    wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
+    joined = pd.concat(wanted, names=["condition"])
+    first = next(iter(parts.values()))
+    paper = first[first.index.astype(str).str.startswith("Paper")]
+    ours = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)
+    return pd.concat([joined, paper.set_axis(ours)]).fillna("—")
+
+
 def _tables(group: Group) -> dict[str, pd.DataFrame]:
     """The tables of a group of conditions, by name."""
     raw, whole, cfg = group.frame("errors"), group.frame("whole_errors"), group.first.cfg
@@ -97,6 +140,7 @@ def _tables(group: Group) -> dict[str, pd.DataFrame]:
         "generators": tables.generators(group.frame("generators")),
         "epochs": training.speed(group.frame("histories")),
         "table1": exp1.table1(raw, group.frame("plant"), _DRAWS, group.frame("expected")),
+        "factors": exp1.factors(raw, group.frame("expected"), cfg.gan),
         "sets": tables.excitation_sets(raw),
         "long": comparisons.longs(group.first),
         "table3": exp2.table3(group.frame("whole_facts")),

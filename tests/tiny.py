@@ -15,6 +15,7 @@ TINY = (
     "robot=planar2",
     "workspace=free",
     "seeds=gradient",
+    "seeds.count=40",
     "tracking=off",
     "parallel.workers=1",
     "parallel.threads=1",

@@ -25,8 +25,9 @@ def write_page(
 ) -> str:
     """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
 
-    The template calls ``table(name, caption)`` and ``figure(name, caption)``; the cells of tables are
-    formatted already. Whatever else it names is the context. The Markdown is returned.
+    The template calls ``table(name, caption)`` and ``figure(name, caption)``, or ``link(name, caption)`` for a
+    table that is not shown; the cells of tables are formatted already. Whatever else it names is the context.
+    The Markdown is returned.
     """
     assets = target.with_suffix("")
 
@@ -34,13 +35,17 @@ def write_page(
         write_table(tables[name], assets / "tables" / name, caption)
         return table_text(tables[name], caption)
 
+    def link(name: str, caption: str) -> str:
+        write_table(tables[name], assets / "tables" / name, caption)
+        return f"[{caption}]({quote(f'{assets.name}/tables/{name}.md')})"
+
     def figure(name: str, caption: str) -> str:
         from sidegan.report.canvas import save
 
         picture = save(figures[name], assets / "figures" / name)
         return figure_text(picture.relative_to(target.parent), caption)
 
-    text = template(path).render(table=table, figure=figure, tables=tables, figures=figures, **context)
+    text = template(path).render(table=table, link=link, figure=figure, tables=tables, figures=figures, **context)
     write_bytes(target, text.encode())
     return text
 
