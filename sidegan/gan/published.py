@@ -10,7 +10,6 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from sidegan.gan.convolution import SmallConv2d, SmallConvTranspose2d
 from sidegan.gan.networks import FromNoise
 from sidegan.gan.terms import Adversary, Batch, Formula, LossTerm
 from sidegan.gan.variants import Variant
@@ -40,7 +39,7 @@ class ConvolutionalGenerator(FromNoise):
         layers: list[nn.Module] = [nn.Unflatten(1, (noise, 1, 1))]
         for (inputs, outputs), padding in zip(pairwise(channels), _PADDINGS, strict=True):
             layers += [
-                SmallConvTranspose2d(inputs, outputs, 3, 1, padding, bias=False),
+                nn.ConvTranspose2d(inputs, outputs, 3, 1, padding, bias=False),
                 *_normalised(outputs),
                 nn.ReLU(),
             ]
@@ -66,7 +65,7 @@ class ConvolutionalDiscriminator(nn.Module):
         sides = [IMAGE[1], IMAGE[1]] if features is None else [features, 1]
         layers: list[nn.Module] = [] if features is None else [nn.Unflatten(1, (1, features, 1))]
         for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
-            layers.append(SmallConv2d(inputs, outputs, 3, stride, 1, bias=False))
+            layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
             layers += [*(_normalised(outputs) if index else []), nn.LeakyReLU(_SLOPE)]
             sides = [-(-side // stride) for side in sides]
         layers += [nn.Flatten(), nn.Linear(channels[-1] * math.prod(sides), 1), nn.Flatten(0)]
@@ -90,8 +89,8 @@ class ShallowNetwork(nn.Module):
     def __init__(self, channels: int, outputs: int) -> None:
         super().__init__()
         self.register_buffer("scale", torch.ones(outputs))
-        self.conv1 = SmallConv2d(2, _FIRST, 3, 1, 1)
-        self.conv2 = SmallConv2d(_FIRST, channels, 3, 2, 1)
+        self.conv1 = nn.Conv2d(2, _FIRST, 3, 1, 1)
+        self.conv2 = nn.Conv2d(_FIRST, channels, 3, 2, 1)
         self.fc2 = nn.Linear(channels * math.ceil(IMAGE[1] / 2) ** 2, outputs)
 
     def forward(self, image: Tensor) -> Tensor:

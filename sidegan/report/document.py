@@ -25,9 +25,9 @@ def write_page(
 ) -> str:
     """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
 
-    The template calls ``table(name, caption)`` and ``figure(name, caption)``, or ``link(name, caption)`` for a
-    table that is not shown; the cells of tables are formatted already. Whatever else it names is the context.
-    The Markdown is returned.
+    The template calls ``table(name, caption)`` and ``figure(name, caption)``, or ``link(name, caption)`` for
+    a table that is not shown; the cells of tables are formatted already. Whatever else it names is the
+    context. The Markdown is returned.
     """
     assets = target.with_suffix("")
 
@@ -45,7 +45,8 @@ def write_page(
         picture = save(figures[name], assets / "figures" / name)
         return figure_text(picture.relative_to(target.parent), caption)
 
-    text = template(path).render(table=table, link=link, figure=figure, tables=tables, figures=figures, **context)
+    shown = {"table": table, "link": link, "figure": figure, "tables": tables, "figures": figures}
+    text = template(path).render(**shown, **context)
     write_bytes(target, text.encode())
     return text
 
