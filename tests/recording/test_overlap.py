@@ -45,6 +45,14 @@ def test_a_file_with_fewer_signals_or_in_single_precision_is_found(one):
     assert refused(one, replace(one, **{**single, "velocity": None, "acceleration": None}))
 
 
+def test_torques_of_another_motion_are_found(one, planar):
+    other = made(planar, 1)
+    words = refused(one, replace(other, torque=torch.cat([other.torque[:1000], one.torque[1000:]])))
+    assert words.startswith("the torques of b are those of a, from 5") and "to 14.9" in words
+    coarse = [replace(x, torque=(x.torque / 2).round()) for x in (one, other)]
+    assert not refused(*coarse)
+
+
 def test_pieces_are_joined(one):
     pieces = [rows_of(part_of(one, slice(k, k + 500))) for k in range(0, 3000, 500)]
     whole, again = rows_of(one), joined(pieces)
