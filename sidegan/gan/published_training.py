@@ -37,8 +37,10 @@ class PublishedPretraining:
     features: dict[str, Tensor]  # of the seeds, (N, p): spectrum and diagonal
     samples: Tensor  # images (M, 2, 7, 7) of a vanilla GAN, of all of its epochs
 
-    def train_success(self, folder: Path, seed: int, progress: Report) -> dict[str, float]:
-        """Held-out accuracies of the success predictor, which is left in ``folder``.
+    def train_success(
+        self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
+    ) -> dict[str, float]:
+        """Held-out accuracies of the success predictor in ``folder``, trained or of given weights.
 
         ``accuracy_broad`` is over samples that it has not seen, ``accuracy_paper`` over the seeds and the
         faulty ones among these; ``valid_samples`` is the share of valid ones in all.
@@ -53,7 +55,10 @@ class PublishedPretraining:
             logits = network(self.samples[rows])[:, 0]
             return nn.functional.binary_cross_entropy_with_logits(logits, valid[rows].float())
 
-        _train(network, loss, learnt, self.settings.predictor_steps, progress)
+        if weights is None:
+            _train(network, loss, learnt, self.settings.steps, progress)
+        else:
+            network.load_state_dict(shipped_weights(weights))
         write_task(folder / f"{_SUCCESS}.pt", {"weights": network.state_dict()})
         with torch.no_grad():
             right = (network(self.samples[held])[:, 0] > 0) == valid[held]
@@ -71,23 +76,16 @@ class PublishedPretraining:
         torch.manual_seed(seed)
         images, target = self.layout.image(self.seeds).float(), self.features[name].float()
         held, learnt = _split(len(target))
-        steps, count = self.settings.converter_steps, self.settings.converters
-        best: tuple[float, dict[str, Tensor]] = float("inf"), {}
-        for number in range(count):
-            network = converter_network(target.shape[1])
-            network.scale.copy_(target.median(0).values)
+        network = converter_network(target.shape[1])
+        network.scale.copy_(target.median(0).values)
 
-            def loss(rows: Tensor, network: nn.Module = network) -> Tensor:
-                return ((network(images[rows]) - target[rows]).abs() / target[rows]).mean()
+        def loss(rows: Tensor) -> Tensor:
+            return ((network(images[rows]) - target[rows]).abs() / target[rows]).mean()
 
-            def report(done: int, total: int, before: int = number * steps) -> None:
-                progress(before + done, count * total)
-
-            _train(network, loss, learnt, steps, report)
-            with torch.no_grad():
-                best = min(best, (float(loss(held)), network.state_dict()), key=lambda one: one[0])
-        write_task(folder / f"{name}.pt", {"weights": best[1]})
-        return {f"error_{name}": best[0]}
+        _train(network, loss, learnt, self.settings.steps, progress)
+        write_task(folder / f"{name}.pt", {"weights": network.state_dict()})
+        with torch.no_grad():
+            return {f"error_{name}": float(loss(held))}
 
 
 def _split(count: int) -> tuple[Tensor, Tensor]:
@@ -110,10 +108,9 @@ def _train(
             progress(step + 1, steps)
 
 
-def keep_shipped(folder: Path, name: str, weights: dict[str, Tensor]) -> None:
-    """Leave the authors' own weights in place of a training's."""
-    scale = torch.ones(len(weights["fc2.bias"]))
-    write_task(folder / f"{name}.pt", {"weights": {"scale": scale, **weights}})
+def shipped_weights(weights: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The authors' weights as those of a network here, whose outputs have a unit."""
+    return {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
 
 
 def load_published(folder: Path | None, variant: Variant) -> Surrogates:

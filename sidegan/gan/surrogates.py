@@ -27,9 +27,7 @@ class PublishedSurrogates:
     """How the published surrogates are trained."""
 
     shipped: bool  # the authors' weights from seeds.folder in place of a training
-    predictor_steps: Count  # of batches of 100
-    converter_steps: Count
-    converters: Count  # of which the best on held-out seeds is kept
+    steps: Count  # of batches of 100
 
 
 @dataclass(frozen=True)

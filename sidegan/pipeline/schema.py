@@ -28,7 +28,7 @@ class Scale:
     long_steps: Count  # of a single long trajectory
     labelled: Count  # samples that the surrogates learn from
     faulty: Count  # samples that published surrogates learn from
-    converter_steps: Count  # of published converters
+    published_steps: Count  # of published surrogates
     surrogate_epochs: Count
     gan_epochs: Count
     gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill

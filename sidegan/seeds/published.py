@@ -112,7 +112,10 @@ class PublishedSeeds:
         """
         found = sorted(self.folder.expanduser().rglob(WEIGHTS[name]))
         if not found:
-            raise ConfigError(f"seeds.folder={self.folder}: no {WEIGHTS[name]} there, the published {name}")
+            raise ConfigError(
+                f"seeds.folder={self.folder}: no {WEIGHTS[name]} there, the published {name}; "
+                "surrogates.published.shipped=false trains one"
+            )
         return {key: x.float() for key, x in torch.load(found[0], "cpu", weights_only=True).items()}
 
 

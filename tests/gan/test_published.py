@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from sidegan.base.storage import read_torch
 from sidegan.errors import ConfigError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.published import (
@@ -59,19 +60,29 @@ def vanilla(papers, variants, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def surrogates(papers, vanilla, tmp_path_factory):
-    """Folder of surrogates that learnt from the vanilla GAN's samples, and what is told of them."""
+def pretraining(papers, vanilla):
     constraints, c = papers
-    made, settings = tmp_path_factory.mktemp("surrogates"), PublishedSurrogates(False, 20, 20, 2)
     features = {"spectrum": 1 + torch.rand(60, 5), "diagonal": 1 + torch.rand(60, 4)}
-    layout = Layout(7, 6)
-    pretraining = PublishedPretraining(
-        lambda c: check(constraints, FAMILY, c), layout, settings, c, features, vanilla.samples
-    )
-    told = pretraining.train_success(made, 0, lambda done, total: None)
-    for name in features:
-        told |= pretraining.train_features(name, made, 0, lambda done, total: None)
+    verdicts, settings = (lambda c: check(constraints, FAMILY, c)), PublishedSurrogates(False, 20)
+    return PublishedPretraining(verdicts, Layout(7, 6), settings, c, features, vanilla.samples)
+
+
+@pytest.fixture(scope="module")
+def surrogates(pretraining, tmp_path_factory):
+    """Folder of surrogates that learnt from the vanilla GAN's samples, and what is told of them."""
+    made = tmp_path_factory.mktemp("surrogates")
+    told = pretraining.train_success(made, 0, None, lambda *_: None)
+    for name in pretraining.features:
+        told |= pretraining.train_features(name, made, 0, lambda *_: None)
     return made, told
+
+
+def test_given_weights_are_kept_as_they_are_and_measured(pretraining, tmp_path):
+    weights = {name: x for name, x in predictor_network().state_dict().items() if name != "scale"}
+    told = pretraining.train_success(tmp_path, 0, weights, lambda *_: None)
+    kept = read_torch(tmp_path / "success.pt")["weights"]
+    assert kept.pop("scale") == 1 and all(torch.equal(kept[name], x) for name, x in weights.items())
+    assert 0 <= told["accuracy_paper"] <= 1
 
 
 def test_samples_of_every_epoch_are_left_for_the_predictor(vanilla):

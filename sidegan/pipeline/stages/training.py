@@ -127,7 +127,7 @@ def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
 
 
 def _pretrain_published(task: Task, build: Build) -> None:
-    from sidegan.gan.published_training import PublishedPretraining, keep_shipped
+    from sidegan.gan.published_training import PublishedPretraining, shipped_weights
 
     settings, seeds = task.cfg.surrogates.published, training_seeds(task)
     if settings is None:
@@ -138,18 +138,19 @@ def _pretrain_published(task: Task, build: Build) -> None:
     features = {"spectrum": seeds.spectrum, "diagonal": diagonal}
     layout = Layout(task.trajectory.joints, task.trajectory.harmonics)
     pretraining = PublishedPretraining(task.check, layout, settings, seeds.coefficients, features, samples)
-    shipped = {"success": "predictor", "spectrum": "converter"} if settings.shipped else {}
-    for name, weights in shipped.items():
-        keep_shipped(build.folder, name, task.cfg.seeds.published.weights(weights))
+    given = task.cfg.seeds.published.weights if settings.shipped else None
+    predictor = given("predictor") if given else None
     trainings: dict[str, Job] = {
-        "success": partial(pretraining.train_success, build.folder, task.number("success")),
+        "success": partial(pretraining.train_success, build.folder, task.number("success"), predictor),
         **{
             name: partial(pretraining.train_features, name, build.folder, task.number(name))
             for name in features
         },
     }
-    jobs = [job for name, job in trainings.items() if name not in shipped]
-    parts = run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs))
+    if given:  # of the eigenvalues
+        write_torch(build.folder / "spectrum.pt", {"weights": shipped_weights(given("converter"))})
+        trainings.pop("spectrum")
+    parts = run_jobs("surrogates", list(trainings.values()), task.cfg.parallel.workers, len(trainings))
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
 
 
