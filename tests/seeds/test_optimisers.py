@@ -70,8 +70,9 @@ def test_a_small_search_on_the_lwr_ends_valid_under_the_papers_constraints(lwr_p
     problem = replace(lwr_problem, constraints=constraints, samples=60, diagonal=diagonal)
     problem = replace(problem, trajectory=Trajectory(7, 6, 2 * np.pi / 0.4), strongest=35)
     batch, _ = compared(problem, Paper(5, ants=50, evaluations=20_000, box=0.2, attempts=10), 2, 0)
-    start = 0.4 * torch.rand(20, *problem.trajectory.shape, dtype=torch.float64) - 0.2
-    assert batch.fitness.max() < 0.5 * problem.fitness(start).median()
+    noise = torch.Generator().manual_seed(0)
+    drawn = 0.4 * torch.rand(300, *problem.trajectory.shape, generator=noise, dtype=torch.float64) - 0.2
+    assert batch.fitness.max() < problem.fitness(drawn).median()  # of which hardly one is valid
     assert (batch.coefficients[..., 0].abs() > 0.1999).double().mean() > 0.4  # on the box
 
 
