@@ -75,7 +75,9 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
         },
     }
     firsts = {name: group.first for name, group in groups.items()}
-    taught = {seed_set(one.task).digest: name for name, one in reversed(firsts.items())}  # by their seeds
+    of_seeds: dict[str, str] = {}  # the first condition of each seed set
+    for name, one in firsts.items():
+        of_seeds.setdefault(seed_set(one.task).digest, name)
     shown = {
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
@@ -83,7 +85,7 @@ def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
     }
     of_groups = {name: _tables(group) for name, group in groups.items()}
     shown |= {key: _joined(key, of_groups) for key in _JOINED}
-    shown["density"] = _joined("density", {name: of_groups[name] for name in reversed(taught.values())})
+    shown["density"] = _joined("density", {name: of_groups[name] for name in of_seeds.values()})
     drawn: dict[str, Figure] = {}
     for name, group in groups.items():
         shown |= {f"{name}-{key}": table for key, table in of_groups[name].items()}
@@ -123,14 +125,14 @@ def metrics(groups: Groups) -> dict[str, dict[str, float]]:
 
 
 def _joined(key: str, of_groups: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
-    """One table of all groups, as far as they have its rows; the paper's own rows once, at the end."""
-    parts, kept = {name: tables[key] for name, tables in of_groups.items()}, _JOINED.get(key)
+    """One table of all groups, with the rows that ``_JOINED`` names, and the paper's own once at the end."""
+    parts, kept = {name: shown[key] for name, shown in of_groups.items()}, _JOINED.get(key)
     wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
     joined = pd.concat(wanted, names=["condition"])
     first = next(iter(parts.values()))
     paper = first[first.index.astype(str).str.startswith("Paper")]
-    ours = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)
-    return pd.concat([joined, paper.set_axis(ours)]).fillna("—")
+    index = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)
+    return pd.concat([joined, paper.set_axis(index)]).fillna("—")
 
 
 def _tables(group: Group) -> dict[str, pd.DataFrame]:

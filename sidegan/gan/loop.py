@@ -62,12 +62,8 @@ class Training(pl.LightningModule):
 
     @torch.no_grad()
     def sampled(self, count: int, random: torch.Generator) -> Tensor:
-        """Trajectories (count, J, H, 2) [rad/s] float64 of the network, as it is used afterwards."""
-        network, learning = self.sampler.network, self.sampler.network.training
-        network.eval()
-        c = self.sampler(count, random).coefficients.double()
-        network.train(learning)
-        return c
+        """Trajectories (count, J, H, 2) [rad/s] float64 of the network at hand."""
+        return self.sampler(count, random).coefficients.double()
 
     def adversary_loss(self, rows: Tensor) -> Tensor:
         """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""

@@ -138,19 +138,14 @@ def _pretrain_published(task: Task, build: Build) -> None:
     features = {"spectrum": seeds.spectrum, "diagonal": diagonal}
     layout = Layout(task.trajectory.joints, task.trajectory.harmonics)
     pretraining = PublishedPretraining(task.check, layout, settings, seeds.coefficients, features, samples)
-    given = task.cfg.seeds.published.weights if settings.shipped else None
-    predictor = given("predictor") if given else None
-    trainings: dict[str, Job] = {
-        "success": partial(pretraining.train_success, build.folder, task.number("success"), predictor),
-        **{
-            name: partial(pretraining.train_features, name, build.folder, task.number(name))
-            for name in features
-        },
-    }
-    if given:  # of the eigenvalues
-        write_torch(build.folder / "spectrum.pt", {"weights": shipped_weights(given("converter"))})
-        trainings.pop("spectrum")
-    parts = run_jobs("surrogates", list(trainings.values()), task.cfg.parallel.workers, len(trainings))
+    weights, learnt = None, list(features)
+    if settings.shipped:  # of the predictor and of the converter to the eigenvalues
+        shipped = task.cfg.seeds.published.weights
+        weights, learnt = shipped("predictor"), ["diagonal"]
+        write_torch(build.folder / "spectrum.pt", {"weights": shipped_weights(shipped("converter"))})
+    jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"), weights)]
+    jobs += [partial(pretraining.train_features, name, build.folder, task.number(name)) for name in learnt]
+    parts = run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs))
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
 
 
