@@ -6,6 +6,7 @@ from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import needed_surrogates
 from sidegan.pipeline.task import Task
+from sidegan.seeds.published import WEIGHTS
 
 log = logging.getLogger(__name__)
 
@@ -17,4 +18,12 @@ def _artifacts(task: Task) -> list[Artifact]:
     return needed
 
 
-STAGE = Stage(_artifacts)
+def _check(task: Task) -> None:
+    """Refuse a folder without the weights that are wanted from it."""
+    published = task.cfg.surrogates.published
+    if published is not None and published.shipped:
+        for name in WEIGHTS:
+            task.cfg.seeds.published.weights(name)
+
+
+STAGE = Stage(_artifacts, check=_check)
