@@ -36,6 +36,7 @@ _LITTLE = 0.25  # of a limit
 _MOST = 10.0  # a larger share says no more
 _CLEAR = 2.0  # deviations below zero, from which on a parameter is negative
 _MASSES = 10.0  # times the description's mass, or a part of it, from which it is hardly the same arm
+_NOTABLE = 0.02  # of the arm's mass that a link's is looked at from
 _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
 
 
@@ -68,6 +69,11 @@ class Trust:
     # mass [kg] of the links whose mass some torque tells, of the consistent model and of the description;
     # None where it is not known
     mass: tuple[float, float] | None = None
+    doubts: tuple[str, ...] = ()  # what of the description and the torques cannot both be right
+    turned: str | None = (
+        None  # the same of gravity, with what another one would give; None: it is as described
+    )
+    implausible: tuple[Finding, ...] = ()  # of the consistent model's links
 
     @property
     def verdict(self) -> str:
@@ -77,16 +83,18 @@ class Trust:
 
     @property
     def reasons(self) -> list[str]:
-        """Why, with the joints and parameters by name; all of one joint together, the gravest first."""
+        """Why, with the names of joints: causes, then all of one joint together, the gravest first."""
         if not self.findings:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
-            return [f"{error}, and every parameter that matters is certain"]
+            right = "; the description is right: its own links predict as well" if self.described else ""
+            return [f"{error}, and every parameter that matters is certain{right}"]
         groups: dict[object, list[Finding]] = {}
-        for one in self.findings:
+        for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
         grave = [any(one.level == BAD for one in group) for group in groups.values()]
         texts = [self._said(group) for group in groups.values()]
-        return [text for bad in (True, False) for text, is_bad in zip(texts, grave) if is_bad == bad]
+        ordered = [text for bad in (True, False) for text, is_bad in zip(texts, grave) if is_bad == bad]
+        return [*(self._said([one]) for one in self.causes), *ordered]
 
     def _said(self, group: list[Finding]) -> str:
         """Findings about the arm, or all about one joint, in a sentence."""
@@ -96,7 +104,17 @@ class Trust:
     @cached_property
     def findings(self) -> list[Finding]:
         """What keeps the model from being good."""
-        return [*_scale(self), *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
+        return [*self.causes, *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
+
+    @property
+    def causes(self) -> list[Finding]:
+        """What is wrong with the torques or the description, which the rest may follow from."""
+        return [*_doubts(self), *_scale(self), *self.implausible]
+
+    @property
+    def described(self) -> bool:
+        """Whether the description's own links predict as well as the model."""
+        return self.judged.nmse_mean >= self.nominal_score.nmse_mean
 
     @property
     def judged(self) -> Score:
@@ -122,8 +140,14 @@ class Trust:
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
+def _doubts(trust: Trust) -> Iterator[Finding]:
+    if trust.turned is not None:
+        yield Finding(BAD, trust.turned)
+    yield from (Finding(USABLE, doubt) for doubt in trust.doubts)
+
+
 def _scale(trust: Trust) -> Iterator[Finding]:
-    if trust.mass is None:
+    if trust.mass is None or trust.doubts:
         return
     found, described = trust.mass
     if not described / _MASSES <= found <= described * _MASSES:
@@ -138,8 +162,8 @@ def _held_out(trust: Trust) -> Iterator[Finding]:
         yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
     elif validation.nmse_mean > max(_OVERFIT * train.nmse_mean, _GOOD_NMSE / 2):
         ratio = f"validation nMSE is {validation.nmse_mean / train.nmse_mean:.1f} times that of training"
-        yield Finding(USABLE, f"{ratio}: give more, or more varied, recordings")
-    if trust.judged.nmse_mean >= trust.nominal_score.nmse_mean:
+        yield Finding(USABLE, ratio if trust.causes else f"{ratio}: give more, or more varied, recordings")
+    if trust.described and not trust.causes and trust.nominal_score.nmse_mean > _GOOD_NMSE:
         error = trust.nominal_score.nmse_mean
         yield Finding(
             USABLE, f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
@@ -177,9 +201,9 @@ def _excitation(trust: Trust) -> Iterator[Finding]:
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"not identifiable from this data, torque in other motions is uncertain by {size}"
             names = f" ({own})" if own else ""
-            yield Finding(level, f"{text}{names}; {_advice(trust, j)}", j)
+            yield Finding(level, f"{text}{names}{_advice(trust, j)}", j)
         elif own:
-            yield Finding(USABLE, f"{own} cannot be told; {_advice(trust, j)}", j)
+            yield Finding(USABLE, f"{own} cannot be told{_advice(trust, j)}", j)
 
 
 def _negative(trust: Trust) -> Iterator[Finding]:
@@ -192,7 +216,9 @@ def _negative(trust: Trust) -> Iterator[Finding]:
 
 
 def _advice(trust: Trust, j: int) -> str:
-    """How to excite a joint better than it was."""
+    """How to excite a joint better than it was; nothing where something else is to be mended first."""
+    if trust.causes:
+        return ""
     arm, reach = trust.arm, trust.estimate.reach
     limit, fastest = float(arm.velocity_limit[j]), float(reach.fastest[j])
     span, unit = float(arm.position_upper[j] - arm.position_lower[j]), "m" if arm.prismatic[j] else "rad"
@@ -204,7 +230,23 @@ def _advice(trust: Trust, j: int) -> str:
         wishes.append(f"is faster than {fastest:.2g} of {limit:.3g} {unit}/s")
     if not wishes:
         wishes.append("has several frequencies at once and is not in step with other joints")
-    return f"excite it with a motion that {' and '.join(wishes)}"
+    return f"; excite it with a motion that {' and '.join(wishes)}"
+
+
+def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
+    """Links that no such arm has: their parameters (J, 10); those whose mass no torque tells are left out."""
+    described = arm.inertial_parameters[:, 0]
+    whole, reach = float(described.sum()), float(arm.translation.norm(dim=1).sum() + arm.tip.norm())
+    found = []
+    for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
+        away = math.hypot(*moment) / mass if mass > 0 else 0.0
+        if mass > max(_MASSES * float(described[j]), whole) > 0:
+            text = f"{arm.link_names[j]} weighs {mass:.3g} kg, by the description {described[j]:.3g} kg"
+            found.append(Finding(USABLE, text, j))
+        if away > reach > 0 and mass > _NOTABLE * whole:
+            text = f"{arm.link_names[j]} has its centre of mass {away:.3g} m away, further than the arm reaches"
+            found.append(Finding(BAD, text, j))
+    return found
 
 
 def joint_of(name: str) -> int:

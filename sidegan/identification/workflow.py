@@ -16,19 +16,21 @@ from sidegan.identification.lacking import Lacks, lacks
 from sidegan.identification.measurements import Measurements, halves_of, joined
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import typical
-from sidegan.identification.score import Score, folds, score
+from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.stribeck import stribeck_velocities
 from sidegan.identification.trust import grams_of, trust
-from sidegan.identification.verdict import Trust
+from sidegan.identification.verdict import Trust, implausible_links
 from sidegan.library.foreign import load_foreign
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
+from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm, Drives, inconsistent_links
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
 _AS_GOOD = 1.1  # times the other model's nMSE, up to which the one that can exist is preferred
+_PERFECT = 1e-4  # nMSE below which no model is better than another
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +48,8 @@ class IdentifiedArm:
     trust: Trust  # whether to trust the model that is to be used
     # method of that model: the consistent one unless the chosen one predicts what it has not seen better
     use: str
-    # mean nMSE by which that was decided where nothing was held out; nothing where halves told too little
-    halves: dict[str, float]
+    # nMSE (J,) by which that was decided where nothing was held out; nothing where halves told too little
+    halves: dict[str, Tensor]
 
     @property
     def recordings(self) -> list[CheckedRecording]:
@@ -121,8 +123,8 @@ class IdentifiedArm:
         return [self.trust.joint(j) for j in range(self.model.joints)]
 
     @property
-    def unseen(self) -> dict[str, float]:
-        """Mean nMSE on what was not seen, by method; nothing where there is no such error."""
+    def unseen(self) -> dict[str, Tensor]:
+        """NMSE on what was not seen, (J,), by method; nothing where there is no such error."""
         return _unseen(self.tests, self.trained, self.halves)
 
     @property
@@ -198,37 +200,64 @@ def identify_arm(
     trusted = trust(model, chosen, held_out or None, turns.get(use), **runs)
     trusted = replace(trusted, train=trained[use], validation=tests[use] if held_out else None)
     found = IdentifiedArm(model, training, validation, kind, estimates, tests, trained, trusted, use, halves)
-    return replace(found, trust=replace(trusted, mass=_masses(model, found.links)))
+    return replace(found, trust=_doubted(found, held_out or samples, methods[settings.method]))
 
 
-def _masses(model: TorqueModel, links: Tensor) -> tuple[float, float]:
-    """Mass [kg] of those links, (J, 10), whose mass some torque tells, and the same of the description."""
+def _doubted(found: IdentifiedArm, tested: list[Measurements], settings: dict[str, Any]) -> Trust:
+    """What is known of an identified arm, with what speaks against description, torques or links."""
+    model, links = found.model, found.links
     told = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)
-    return float(links[told, 0].sum()), float(model.arm.inertial_parameters[told, 0].sum())
+    masses = float(links[told, 0].sum()), float(model.arm.inertial_parameters[told, 0].sum())
+    agreement = agreement_of(model.body, [x for recording in found.training for x in recording.segments])
+    turned = agreement.gravity(model.arm)
+    if turned is not None:
+        error = _error_with(agreement.load.gravity, found, tested, settings)
+        turned += f"; mean nMSE would be {shown(error)} then, it is {shown(found.trust.judged.nmse_mean)}"
+    return replace(
+        found.trust,
+        mass=masses,
+        doubts=tuple(agreement.doubts(model.arm)),
+        turned=turned,
+        implausible=tuple(one for one in implausible_links(model.arm, links) if told[one.joint]),
+    )
 
 
-def preferred(method: str, errors: Mapping[str, float]) -> str:
-    """The model to use, by the mean nMSE of each: one that can exist, unless another is clearly better.
+def _error_with(
+    gravity: Tensor, found: IdentifiedArm, tested: list[Measurements], settings: dict[str, Any]
+) -> float:
+    """Mean nMSE of the chosen method's model if gravity in the arm's world [m/s²], (3,), were another."""
+    model = found.model
+    body = RigidBody(replace(model.arm, gravity=gravity))
+    other = TorqueModel(body, model.terms, None if model.stribeck is None else model.stribeck.tolist())
+    fit = estimate(found.chosen.method, other, measurements_of(found.training), **settings)
+    return score(other, fit.parameters, tested).nmse_mean
 
-    Without any errors on what was not seen, the one that can exist.
+
+def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
+    """The model to use, by the nMSE of each, (J,): one that can exist, unless another is clearly better.
+
+    Joints count alike, by the ratio of their errors. Without any errors on what was not seen, the one that
+    can exist.
     """
-    better = bool(errors) and errors[CONSISTENT] > _AS_GOOD * errors[method]
-    return method if better else CONSISTENT
+    if not errors:
+        return CONSISTENT
+    existing, other = (errors[name].clamp_min(_PERFECT) for name in (CONSISTENT, method))
+    return method if float((existing / other).log().mean().exp()) > _AS_GOOD else CONSISTENT
 
 
 def _unseen(
-    tests: Mapping[str, Score], trained: Mapping[str, Score], halves: Mapping[str, float]
-) -> dict[str, float]:
-    """Mean nMSE on what was not seen, by method: held out, or halves by each other where nothing was."""
+    tests: Mapping[str, Score], trained: Mapping[str, Score], halves: Mapping[str, Tensor]
+) -> dict[str, Tensor]:
+    """NMSE on what was not seen, (J,), by method: held out, or halves by each other where nothing was."""
     if halves or tests is trained:
         return dict(halves)
-    return {method: one.nmse_mean for method, one in tests.items()}
+    return {method: one.nmse for method, one in tests.items()}
 
 
 def _halves(
     model: TorqueModel, samples: list[Measurements], methods: dict[str, dict[str, Any]], method: str
-) -> dict[str, float]:
-    """Mean nMSE of each half of the recordings by the other, of a method and the consistent one.
+) -> dict[str, Tensor]:
+    """NMSE of each half of the recordings by the other, (J,), of a method and the consistent one.
 
     Nothing where a half tells too little.
     """
@@ -237,7 +266,7 @@ def _halves(
         each = {name: folds(name, model, halves, **methods[name]) for name in (method, CONSISTENT)}
     except (InfeasibleError, ShapeError):
         return {}
-    return {name: one.pooled.nmse_mean for name, one in each.items()}
+    return {name: one.pooled.nmse for name, one in each.items()}
 
 
 def _methods(settings: EstimationSettings) -> dict[str, dict[str, Any]]:

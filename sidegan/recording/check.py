@@ -14,8 +14,9 @@ from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
+from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, delay_of
-from sidegan.recording.description import Agreement, Excitation, agreement_of, excitation_of
+from sidegan.recording.excitation import Excitation, excitation_of
 from sidegan.recording.load import Source
 from sidegan.recording.overload import refuse_overload
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment, whole

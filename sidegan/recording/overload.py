@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
-from sidegan.recording.description import Agreement
+from sidegan.recording.agreement import Agreement
 from sidegan.recording.settings import Units
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import RobotError
-from sidegan.robot.setup import PLAIN, Setup
+from sidegan.robot.setup import PLAIN, Mount, Setup
 
 HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
 
@@ -79,6 +79,7 @@ class Arm:
     # of the link that each joint moves; the joints' names where nothing names the links
     link_names: tuple[str, ...] = ()
     setup: Setup = PLAIN  # which part of the description this is
+    mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
     home: tuple[float, ...] | None = None  # the named pose that the setup asks for [rad or m], (J,)
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
     jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)

@@ -1,5 +1,6 @@
 """A description read, checked and reduced to what the physics needs, before Pinocchio sees it."""
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +10,9 @@ from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import Origin, check_inertia, mesh_origins, prepare_shapes
 from sidegan.robot.locking import lock, unit_axis
+from sidegan.robot.mounting import GRAVITY, hang, mount_of
 from sidegan.robot.semantics import Semantics, read_semantics, touching_in, touching_of
-from sidegan.robot.setup import PLAIN, Setup
+from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
 from sidegan.robot.tree import read_tree
@@ -31,6 +33,8 @@ class Description:
     told: list[str]  # what was decided for the user
     parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
     may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
+    mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
+    gravity: float  # [m/s²], which acts down
 
 
 def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None) -> Description:
@@ -73,6 +77,10 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         absent = prepare_shapes(link, path, f"{where}: link {link_name!r}")
         if absent:
             missing[link_name] = absent
+    mount = mount_of(setup.mount, source.gravity)
+    if any(mount):
+        hang(root, tree.root, mount)
+        told.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     moved = {joint.name: joint.child for joint in chain.moving}
     shaped = {link.get("name", "") for link in root.findall("link") if _has_shape(link)}
     return Description(
@@ -87,6 +95,8 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         told=[*source.told, *told, *more],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
+        mount=mount,
+        gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
 
 

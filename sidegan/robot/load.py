@@ -98,6 +98,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
         told=tuple(description.told),
         parents=description.parents,
         may_touch=description.may_touch,
+        mount=description.mount,
         **numbers,
         **higher,
     )

@@ -79,7 +79,7 @@ def _link_parts(arm: Arm, link: ET.Element, placed: Placed, colours: dict[str, C
 
 def _placed(arm: Arm, tree: Tree, link: str) -> Placed:
     """Where a link is, once all joints but the arm's are fixed."""
-    turn, place, carrier = np.eye(3), np.zeros(3), -1
+    turn, place, carrier = from_rpy(arm.mount), np.zeros(3), -1
     for joint in tree.path(link):
         if joint.name in arm.joint_names:
             turn, place, carrier = np.eye(3), np.zeros(3), arm.joint_names.index(joint.name)

@@ -16,7 +16,6 @@ from sidegan.robot.sources import Source
 
 _log = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
-_GRAVITY = (0.0, 0.0, -9.81)  # [m/s²], that Pinocchio has
 _KINDS = {
     int(mujoco.mjtJoint.mjJNT_FREE): "floating",
     int(mujoco.mjtJoint.mjJNT_BALL): "floating",
@@ -49,7 +48,8 @@ def read_mjcf(path: Path) -> Source:
         mujoco.set_mju_user_warning(before)
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
-    return Source(text, ET.fromstring(text), writer.poses(), tuple(writer.told()))
+    x, y, z = (float(one) for one in model.opt.gravity)
+    return Source(text, ET.fromstring(text), writer.poses(), tuple(writer.told()), (x, y, z))
 
 
 class _Writer:
@@ -97,10 +97,6 @@ class _Writer:
             told.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")
         if model.dof_armature.any():
             told.append("rotor inertias (armature) are not part of the rigid model")
-        if not np.allclose(model.opt.gravity, _GRAVITY, atol=1e-3):
-            told.append(
-                f"gravity is {_GRAVITY[2]} m/s² along z, not {model.opt.gravity.tolist()} as in the file"
-            )
         return told
 
     def _inertia(self, link: ET.Element, body: int) -> None:

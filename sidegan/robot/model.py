@@ -29,6 +29,7 @@ def build(description: Description) -> pin.Model:
     """
     with _pinocchio_speaks(description):
         model = pin.buildModelFromXML(description.xml)
+    model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
     for i in range(1, model.njoints):
         parent = model.parents[i]
         if parent != i - 1:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from sidegan.base.typed import Bound, Positive, Text
 
+Mount = tuple[float, float, float]
 Pieces = Annotated[int, Bound("≥", 1), Bound("≤", 64)]
 
 
@@ -30,6 +31,9 @@ class Setup:
     base: str | None = None  # link from which on joints move; null: the first
     tip: str | None = None  # link up to which joints move; null: the end of the only chain
     locked: dict[str, float] | None = None  # where joints stand that do not move [rad or m]
+    # roll, pitch and yaw [rad] of the first link in a world whose z points up; null: upright, or as gravity
+    # acts in an MJCF
+    mount: Mount | None = None
     limits: Limits = Limits()
     limits_file: str | None = None  # path of a MoveIt joint_limits.yaml
     srdf: str | None = None  # path of a semantic description: named poses, pairs that may touch

@@ -16,6 +16,7 @@ class Source:
     root: ET.Element
     poses: dict[str, dict[str, float]] = field(default_factory=dict)  # named joint positions [rad or m]
     told: tuple[str, ...] = ()  # what could not be carried over
+    gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
 
 
 def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:

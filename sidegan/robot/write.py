@@ -176,8 +176,9 @@ def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     from sidegan.robot import model as pin_model
 
-    setup = replace(arm.setup, args=None, home=None)
+    setup = replace(arm.setup, args=None, home=None, mount=arm.mount)
     chain = pin_model.kinematics_and_inertias(pin_model.build(read_description(file, setup)), setup.tip)
+    del chain["gravity"]  # no URDF states it
     same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():
         scale = float(same[name].double().abs().max())

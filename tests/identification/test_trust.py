@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sidegan.identification import estimate, folds, score, trust
 from sidegan.identification.score import Score, score_of_sums
 from sidegan.identification.trust import certainty, grams_of, most_informative
-from sidegan.identification.verdict import BAD, GOOD, USABLE
+from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import half_still, measured, model_of, recorded
 
@@ -213,8 +213,13 @@ BOUNDARIES = [
     (errors(0.015, 0.015, train=1 / 2.9), GOOD, "no " + TIMES),
     (errors(0.015, 0.015, train=1 / 3.1), USABLE, "3.1 " + TIMES),
     (errors(0.0099, 0.0099, train=1e-3), GOOD, ""),  # both are good
-    ({"nominal_score": score_of(0.011, 0.011)}, GOOD, "no " + NOMINAL),
-    ({"nominal_score": score_of(0.009, 0.009)}, USABLE, NOMINAL),
+    ({"nominal_score": score_of(0.011, 0.011)}, GOOD, "no the description is right"),
+    ({"nominal_score": score_of(0.009, 0.009)}, GOOD, "the description is right"),
+    (errors(0.04, 0.04) | {"nominal_score": score_of(0.041, 0.041)}, USABLE, "no " + NOMINAL),
+    (errors(0.04, 0.04) | {"nominal_score": score_of(0.039, 0.039)}, USABLE, NOMINAL),
+    ({"doubts": ("torques are 0.25 times",)}, USABLE, "^torques are"),
+    ({"turned": "gravity acts along +z"}, BAD, "^gravity acts"),
+    ({"implausible": (Finding(USABLE, "elbow weighs 99 kg", 1),)}, USABLE, r"^joint 2 \(elbow\): elbow weighs"),
     ({"estimate": lambda x: replace(x, condition=99.0)}, GOOD, "no condition number"),
     ({"estimate": lambda x: replace(x, condition=101.0)}, USABLE, "condition number 101"),
     ({"estimate": at_deviations("fv2", 1.9)}, GOOD, "no " + DRIVES),

@@ -151,10 +151,14 @@ def content(
 
 def advice(identified: IdentifiedArm) -> str:
     """Which model to use and why, in a sentence."""
-    use, method = identified.use, identified.chosen.method
+    use, method, trust = identified.use, identified.chosen.method, identified.trust
+    if trust.turned:
+        return "Use none of these models: their links are what makes up for a gravity that is another one."
+    if not trust.judged.nmse_mean < 1:
+        return "Use none of these models: none predicts better than the mean torque does."
     if use == CONSISTENT == method:
         return "Use the consistent model: the URDF, the MJCF and the Python class hold it."
-    errors = identified.unseen
+    errors = {name: float(error.mean()) for name, error in identified.unseen.items()}
     if not errors:
         return (
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
@@ -256,6 +260,8 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
 
 def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
     """What to run next, a sentence each."""
+    if identified.trust.turned:
+        return ["mend what the verdict names first: no motion helps as long as that is wrong"]
     runs, same = identified.trust.next_runs, "more motion of the same kind leaves the bias as it is"
     asked = [f"record {motion}: {same}" for motion in identified.wanted_motions]
     if runs is not None:

@@ -93,6 +93,7 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
                     "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
+                    "multiple of it": f"{recording.agreement.load.scale[j]:.2g}",
                 }
             )
     return pd.DataFrame(rows).set_index(["recording", "joint"])

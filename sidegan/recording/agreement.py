@@ -1,0 +1,173 @@
+"""Torques of a recording beside the arm's description: gravity, scale and sign, and a lag."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from sidegan.base.names import listed
+from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.gravity import Load, load_of, orthonormal, other_columns
+from sidegan.recording.recording import Segment
+from sidegan.robot import Arm
+from sidegan.robot.mounting import direction, in_base, mount_of, straightened
+
+_SAMPLES = 20_000  # enough to tell a sign
+_CLEAR = 0.4  # correlation with the model that says something
+_SURE = 0.9  # correlation from which on a scale is one
+_OTHER = 2.0  # times what the description needs, or a part of it: another unit, not another mass
+_STILL = 0.1  # [rad or m] that a joint moves through at least where its sign is told
+_STRANGE = 4  # times as many joints as agree: the description is hardly that of the arm
+_MOST = 0.99  # of the samples have less than the usual torque
+_LONGEST_LAG = 0.25  # [s]
+_BETTER = 0.8  # share of the squared residual that is left when a lag is believed
+_TINY = 1e-12
+
+
+class Agreement(NamedTuple):
+    """Agreement of the measured torque with the arm's description."""
+
+    load: Load  # the gravity and the scales that explain the torques
+    turned: bool  # whether that is another gravity than the description's
+    moved: Tensor  # range of each joint [rad or m], (J,)
+    # share of the power that friction dissipates, (J,); negative where the torque would drive the arm's
+    # friction
+    friction: Tensor
+    lag: float  # time by which torques are later than states [s]
+    late: bool  # whether the lag is believed
+    usual: Tensor  # largest torque but for a hundredth of the samples [N·m or N], (J,)
+    needed: Tensor  # the same of what the description's links need [N·m or N], (J,)
+
+    @property
+    def sign(self) -> Tensor:
+        """Correlation with the description without friction and rotors, −1 to 1, (J,).
+
+        Near −1 the torque is counted the other way round; near 0 the motion does not tell.
+        """
+        return self.load.correlation
+
+    @property
+    def heavier(self) -> float:
+        """Median of measured over needed torque of the joints whose sign is told; 1 where none is."""
+        clear = self.load.scale[self.sign.abs() > _CLEAR].abs()
+        return float(clear.median()) if len(clear) else 1.0
+
+    @property
+    def strange(self) -> bool:
+        """Whether hardly any torque is as described."""
+        return bool(self.needed.any()) and _STRANGE * int((self.sign > _CLEAR).sum()) <= len(self.sign)
+
+    @property
+    def rescaled(self) -> Tensor:
+        """Joints whose torque is a multiple of what the description needs, beyond doubt, (J,)."""
+        scale = self.load.scale
+        return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
+
+    def doubts(self, arm: Arm) -> list[str]:
+        """What of the description and the torques, beside gravity, cannot both be right, a sentence each."""
+        found = []
+        if self.rescaled.any():
+            each = zip(arm.joint_names, self.load.scale.tolist(), self.rescaled.tolist())
+            shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in each if marked], arm.joints)
+            found.append(
+                f"measured torques are not what the description needs but {shares} times that: another unit, "
+                "another gain, or wrong masses? (recording.units, robot.gains)"
+            )
+        if self.strange:
+            found.append(
+                "hardly any torque is as described: is this the arm, and are its joints in this order?"
+            )
+        return found
+
+    def gravity(self, arm: Arm) -> str | None:
+        """Which gravity these torques hold, a sentence; None where it is the description's."""
+        if not self.turned:
+            return None
+        if not self.load.gravity.any():
+            return (
+                "these torques hold no gravity, though the description's links need it: a driver that "
+                "compensates it may publish what is left; record the whole effort, or add that torque to it"
+            )
+        found, described = (straightened(in_base(arm, g)) for g in (self.load.gravity, arm.gravity))
+        mount = ",".join(f"{round(x, 3) + 0.0:.4g}" for x in mount_of(None, found.tolist()))
+        return (
+            f"in these torques gravity acts along {direction(found)} of the base, by the description along "
+            f"{direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
+        )
+
+    def warnings(self, arm: Arm) -> list[str]:
+        """All of that, joints whose torque looks reversed or whose sign is not told, and the lag."""
+        still = self.moved < _STILL
+        against, silent = (self.sign < -_CLEAR) & ~still, (self.sign.abs() < _CLEAR) | still
+        reversed_ = arm.named(against & (self.friction < _CLEAR))
+        gravity = self.gravity(arm)
+        warnings = [*([gravity] if gravity else []), *self.doubts(arm)]
+        if reversed_:
+            warnings.append(
+                f"the torque of {reversed_} runs against the description: is its sign wrong? "
+                f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
+            )
+        if silent.any():
+            warnings.append(
+                f"the motion does not tell whether the sign of the torque of {arm.named(silent)} is right"
+            )
+        if self.late:
+            when = "later" if self.lag > 0 else "earlier"
+            warnings.append(f"torques look {abs(self.lag) * 1e3:.0f} ms {when} than the states")
+        return warnings
+
+
+def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
+    """Agreement of segments with an arm's description."""
+    every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
+    q, v, a, torque = (torch.cat([segment[k][::every] for segment in segments]) for k in range(1, 5))
+    load, model = load_of(body, q, v, a, torque), body.torque(q, v, a)
+    lag, late = _lag(body, segments)
+    usual, needed = (x.abs().quantile(_MOST, 0) for x in (torque, model))
+    return Agreement(
+        load=load,
+        turned=not torch.equal(load.gravity, body.arm.gravity),
+        moved=q.amax(0) - q.amin(0),
+        friction=_dissipated(model, v, a, torque),
+        lag=lag,
+        late=late,
+        usual=usual,
+        needed=needed,
+    )
+
+
+def _dissipated(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
+    """Share of the power that friction dissipates, (J,), see ``Agreement``.
+
+    The description's torque, velocity, acceleration and measured torque are (S, J) each.
+    """
+    shares = []
+    for j in range(model.shape[1]):
+        others = other_columns(v[:, j], a[:, j])
+        weights = torch.linalg.lstsq(torch.cat([model[:, j : j + 1], others], 1), torque[:, j]).solution
+        friction = others[:, :2] @ weights[1:3]
+        power = (torque[:, j].square().mean() * v[:, j].square().mean()).sqrt().clamp_min(_TINY)
+        shares.append((friction * v[:, j]).mean() / power)
+    return torch.stack(shares)
+
+
+def _lag(body: RigidBody, segments: list[Segment]) -> tuple[float, bool]:
+    """Time by which torques are later than states [s], and whether that is believed."""
+    longest = max(segments, key=lambda segment: len(segment.time))
+    step = float(longest.time[1] - longest.time[0])
+    reach = min(int(_LONGEST_LAG / step), len(longest.time) // 8)
+    q, v, a, torque = (x[:_SAMPLES] for x in longest[1:5])
+    if reach < 1:
+        return 0.0, False
+    model = body.torque(q, v, a)
+    inner = slice(reach, len(q) - reach)
+    left = torch.zeros(2 * reach + 1, dtype=torch.float64)
+    for j in range(body.joints):
+        basis = orthonormal(torch.cat([model[inner, j : j + 1], other_columns(v[inner, j], a[inner, j])], 1))
+        shifted = torch.stack(
+            [torque[inner.start + k : inner.stop + k, j] for k in range(-reach, reach + 1)], 1
+        )
+        squares = (shifted - basis @ (basis.T @ shifted)).square().sum(0)
+        left += squares / squares[reach].clamp_min(_TINY) / body.joints
+    best = int(left.argmin())
+    return (best - reach) * step, bool(abs(best - reach) > 1 and left[best] < _BETTER)

@@ -1,0 +1,59 @@
+"""How an arm stands in the world, whose z points up: the direction of gravity in its base's frame."""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from sidegan.robot.arm import Arm
+from sidegan.robot.locking import from_rpy
+from sidegan.robot.setup import Mount
+
+GRAVITY = 9.81  # [m/s²]
+_WORLD = "sidegan_world"
+_STRAIGHT = 0.05  # [rad] off an axis of the base, which is then meant
+_ROUNDING = 1e-9
+
+
+def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mount:
+    """Roll, pitch and yaw [rad] of a base: as given, or such that gravity in its frame, (3,), points down."""
+    if given is not None or gravity is None:
+        return given or (0.0, 0.0, 0.0)
+    x, y, z = gravity
+    size = math.hypot(x, y, z)
+    if size == 0:
+        return 0.0, 0.0, 0.0
+    roll = math.atan2(-y, -z) if math.hypot(y, z) > _ROUNDING * size else 0.0
+    return roll + 0.0, math.asin(x / size), 0.0
+
+
+def hang(root: ET.Element, base: str, mount: Mount) -> None:
+    """Fix a description's first link to a world in which it has this roll, pitch and yaw [rad]."""
+    ET.SubElement(root, "link", name=_WORLD)
+    joint = ET.SubElement(root, "joint", name=f"{_WORLD}_joint", type="fixed")
+    ET.SubElement(joint, "parent", link=_WORLD)
+    ET.SubElement(joint, "child", link=base)
+    ET.SubElement(joint, "origin", xyz="0 0 0", rpy=" ".join(map(repr, mount)))
+
+
+def in_base(arm: Arm, vector: Tensor) -> Tensor:
+    """A vector in an arm's world, (3,), in the frame of its base."""
+    return torch.from_numpy(from_rpy(arm.mount)).T @ vector
+
+
+def straightened(vector: Tensor) -> Tensor:
+    """A vector, (3,), along an axis of its frame where it is nearly that."""
+    k = int(vector.abs().argmax())
+    along = torch.zeros_like(vector)
+    along[k] = vector[k].sign() * vector.norm()
+    return along if float(vector.abs()[k]) > math.cos(_STRAIGHT) * float(vector.norm()) else vector
+
+
+def direction(vector: Tensor) -> str:
+    """Direction of a vector, (3,), for people: an axis, or a unit vector."""
+    if int((vector != 0).sum()) == 1:
+        k = int(vector.abs().argmax())
+        return f"{'+' if vector[k] > 0 else '−'}{'xyz'[k]}"
+    return f"({', '.join(f'{round(x, 2) + 0.0:.2f}' for x in (vector / vector.norm()).tolist())})"

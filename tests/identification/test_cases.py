@@ -1,0 +1,135 @@
+"""Recordings that do not belong to their description: what the verdict says of each kind."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.identification.verdict import BAD, GOOD, USABLE
+from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.check import check_recording
+from sidegan.report.identification.content import advice
+from sidegan.robot import Setup, load_robot
+from tests.identification.test_workflow import COULOMB, VISCOUS, identified
+from tests.recording.conftest import of_file
+from tests.recording.made import moved
+
+SIZE = 9.81
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_robot("kuka_lwr4")
+
+
+def recordings(arm, change, truth=None):
+    """One recording to identify from and another to test with, with what a change makes of the torques."""
+    found, time = [], np.arange(15 * 100) / 100
+    for seed in (0, 1):
+        generator = torch.Generator().manual_seed(seed)
+        made = moved(truth or arm, time, VISCOUS[0], COULOMB[0], generator, period=6.0)
+        found.append(check_recording(replace(made, torque=change(made)), arm, of_file()))
+    return found
+
+
+def judged(arm, change=lambda made: made.torque, truth=None):
+    training, validation = recordings(arm, change, truth)
+    return identified(arm, [training], [validation])
+
+
+def pulled(arm, *direction):
+    """The arm where gravity acts along another direction of its base."""
+    return replace(arm, gravity=SIZE * torch.tensor(direction, dtype=torch.float64))
+
+
+def scaled(*factors):
+    return lambda made: made.torque * torch.tensor(factors)
+
+
+def without_gravity(arm):
+    still = RigidBody(arm)
+    return lambda made: made.torque - still.torque(made.position, 0 * made.position, 0 * made.position)
+
+
+def test_a_good_recording_of_a_right_description_is_good(arm):
+    result = judged(arm)
+    assert result.trust.verdict == GOOD and "the description is right" in result.trust.reasons[0]
+
+
+TILTED = (math.sqrt(0.5), 0.0, -math.sqrt(0.5))
+TURNED = [
+    ((0, 0, 1), "along +z of the base, by the description along −z", [math.pi, 0, 0]),
+    ((1, 0, 0), "along +x of the base", [0, math.pi / 2, 0]),
+    ((0, -1, 0), "along −y of the base", [math.pi / 2, 0, 0]),
+    (TILTED, "along (0.71, 0.00, -0.71) of the base", [0, math.pi / 4, 0]),
+]
+
+
+@pytest.mark.parametrize(("direction", "words", "mount"), TURNED, ids=[words for _, words, _ in TURNED])
+def test_gravity_along_another_direction_is_named_with_the_mount_that_mends_it(arm, direction, words, mount):
+    result = judged(arm, truth=pulled(arm, *direction))
+    first = result.trust.reasons[0]
+    assert result.trust.verdict == BAD and words in first and "reverse" not in first
+    assert advice(result).startswith("Use none") and not any("excite it" in x for x in result.trust.reasons)
+    said = [float(x) for x in first.partition("robot.mount=[")[2].partition("]")[0].split(",")]
+    turned = load_robot("kuka_lwr4", Setup(mount=tuple(said)))
+    again = judged(turned, truth=load_robot("kuka_lwr4", Setup(mount=tuple(mount))))
+    assert again.trust.verdict == GOOD
+    assert again.tests["consistent"].nmse_mean < 0.5 * result.tests["consistent"].nmse_mean
+
+
+def test_torques_without_gravity_are_named(arm):
+    result = judged(arm, without_gravity(arm))
+    assert result.trust.verdict == BAD and "hold no gravity" in result.trust.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("factors", "verdict", "words"),
+    [
+        ([0.25] * 7, USABLE, "0.25 (joint_1), 0.25 (joint_2)"),
+        ([0.25] * 3 + [1.0] * 4, BAD, "0.25 (joint_1), 0.25 (joint_2), 0.25 (joint_3) times that"),
+        ([3.0, *[1.0] * 6], None, "3 (joint_1) times that"),
+        ([0.7] * 7, GOOD, None),
+    ],
+)
+def test_torques_at_another_scale_than_described_are_named(arm, factors, verdict, words):
+    result = judged(arm, scaled(*factors))
+    assert result.trust.verdict == verdict or (verdict is None and result.trust.verdict != GOOD)
+    assert words is None or words in result.trust.reasons[0]
+
+
+def test_reversed_torques_are_no_reversed_gravity(arm):
+    (recording, _) = recordings(arm, scaled(1, -1, 1, 1, 1, 1, 1))
+    assert any("recording.reverse=[joint_2]" in one for one in recording.warnings)
+    every, _ = recordings(arm, scaled(*[-1] * 7))
+    assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
+
+
+def test_a_joint_that_hardly_moves_tells_no_sign(arm):
+    """Its centre of mass is on the other side than described, which looks like a reversed torque."""
+    wrong = arm.inertial_parameters.clone()
+    wrong[5, 1:4] *= -1
+    truth = replace(arm, inertial_parameters=wrong)
+
+    def warnings(size):
+        made = moved(truth, np.arange(1500) / 100, 0.0, 0.0, torch.Generator().manual_seed(0), period=6.0)
+        states = [x * torch.tensor([1, 1, 1, 1, 1, size, 1]) for x in (made.position, made.velocity)]
+        acceleration = torch.gradient(states[1], spacing=0.01, dim=0)[0]
+        torque = RigidBody(truth).torque(*states, acceleration)
+        shaken = replace(made, position=states[0], velocity=states[1], torque=torque)
+        return "\n".join(check_recording(shaken, arm, of_file()).warnings)
+
+    assert "reverse=[joint_6]" in warnings(1.0) and "reverse" not in warnings(0.02)
+
+
+@pytest.mark.parametrize(("index", "value", "verdict"), [(0, 300.0, USABLE), (1, 60.0, BAD)])
+def test_links_that_no_arm_has_cap_the_verdict(arm, index, value, verdict):
+    truth = arm.inertial_parameters.clone()
+    truth[4, index] = value  # mass [kg], or mass times distance [kg·m], of the fifth link
+    if index:
+        truth[4, 4:] = torch.tensor([1.0, 0.0, 3000.0, 0.0, 0.0, 3000.0])
+    result = judged(arm, truth=replace(arm, inertial_parameters=truth))
+    assert result.trust.verdict in (BAD, verdict)
+    assert any("kg" in one or "further than the arm reaches" in one for one in result.trust.reasons)
