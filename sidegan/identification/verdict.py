@@ -244,7 +244,7 @@ def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
             text = f"{arm.link_names[j]} weighs {mass:.3g} kg, by the description {described[j]:.3g} kg"
             found.append(Finding(USABLE, text, j))
         if away > reach > 0 and mass > _NOTABLE * whole:
-            text = f"{arm.link_names[j]} has its centre of mass {away:.3g} m away, further than the arm reaches"
+            text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m off, further than the arm reaches"
             found.append(Finding(BAD, text, j))
     return found
 
