@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +12,7 @@ import torch
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, pinocchio_model, with_effort, write_urdf
+from sidegan.robot.looks import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, more, one_joint, robot, two_joints
 
@@ -23,6 +25,7 @@ def axis(words: str) -> str:
     return f'<axis xyz="{words}"/>'
 
 
+FOOT = joint("glue", "base", "foot", "fixed", axis="", limit="")
 # A torso that turns, two arms of two joints, a sliding thumb at the left one, and what mimics it.
 FOLLOWS = '<mimic joint="left_thumb" multiplier="-2" offset="0.1"/>'
 PERSON = robot(
@@ -224,3 +227,23 @@ def test_a_pose_of_a_semantic_description_is_home(load, tmp_path):
     srdf = str(tmp_path / "small.srdf")
     assert load(two_joints(), Setup(srdf=srdf, home="ready")).home == (-0.3, 0.4)
     assert load(two_joints(), Setup(srdf=srdf)).home is None
+
+
+def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
+    """Joints, shapes and pictures turn together; gravity stays, which is what its torques then show."""
+    path, mount = tmp_path / "arm.urdf", (0.4, -0.5, 0.6)
+    path.write_text(more(two_joints(origin=PLACE), link("foot", ball(0.1, "0.3 0.2 0.1")), FOOT))
+    upright, mounted = load_robot(path), load_robot(path, Setup(mount=mount))
+    turn = torch.from_numpy(pin.rpy.rpyToMatrix(*mount))
+    torch.testing.assert_close(mounted.rotation[0], turn @ upright.rotation[0])
+    torch.testing.assert_close(mounted.translation[0], turn @ upright.translation[0])
+    torch.testing.assert_close(mounted.rotation[1:], upright.rotation[1:])
+    foot, standing = (arm.capsules.a[arm.capsules.link < 0] for arm in (mounted, upright))
+    torch.testing.assert_close(foot, standing @ turn.T)
+    shown, still = (visual_parts(arm)[0].vertices.mean(0) for arm in (mounted, upright))
+    np.testing.assert_allclose(shown, turn.numpy() @ still, atol=1e-12)
+    assert mounted.digest != upright.digest and any("mounted with roll 0.4" in one for one in mounted.told)
+    states = torch.rand(3, 5, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    tilted = replace(upright, gravity=turn.T @ upright.gravity)
+    torch.testing.assert_close(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))
+    write_urdf(mounted, mounted.inertial_parameters, tmp_path / "written.urdf")

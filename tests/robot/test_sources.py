@@ -75,7 +75,9 @@ def assert_same_extent(arm, q, points, link, model, data, geom):
 
 
 class TestMjcf:
-    def test_torque_is_that_of_mujoco(self, mjcf):
+    @pytest.mark.parametrize("gravity", ["0 0 -9.81", "9.81 0 0", "1 -3 2", "0 0 0"])
+    def test_torque_is_that_of_mujoco(self, mjcf, gravity):
+        mjcf.write_text(MJCF.replace("<default>", f'<option gravity="{gravity}"/><default>'))
         arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03}))
         assert arm.joint_names == ("one", "two", "slide")
         model = mujoco.MjModel.from_xml_path(str(mjcf))
@@ -90,6 +92,11 @@ class TestMjcf:
             expected.append(data.qfrc_inverse[:3].copy())
         found = RigidBody(arm).torque(*map(torch.from_numpy, states))
         np.testing.assert_allclose(found.numpy(), expected, rtol=0, atol=1e-9)  # N·m, N
+
+    def test_a_mount_that_is_given_goes_before_the_files_gravity(self, mjcf):
+        mjcf.write_text(MJCF.replace("<default>", '<option gravity="9.81 0 0"/><default>'))
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, mount=(0.0, 0.0, 0.0)))
+        assert not any(arm.mount) and not any("mounted" in one for one in arm.told)
 
     def test_shapes_are_where_mujoco_has_them(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
