@@ -150,7 +150,13 @@ def content(
 
 
 def advice(identified: IdentifiedArm) -> str:
-    """Which model to use and why, in a sentence."""
+    """Which model to use and why, and what the description is worth beside it, a sentence each."""
+    error = shown(identified.trust.nominal_score.nmse_mean)
+    described = f"The description's own links, with friction fitted to the data, have a mean nMSE of {error}"
+    return f"{_use(identified)} {described} on {identified.trust.where}."
+
+
+def _use(identified: IdentifiedArm) -> str:
     use, method, trust = identified.use, identified.chosen.method, identified.trust
     if trust.turned:
         return "Use none of these models: their links are what makes up for a gravity that is another one."
