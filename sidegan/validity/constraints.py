@@ -6,7 +6,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from sidegan.base.names import listed
+from sidegan.base.names import counted, listed
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.compiled.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
@@ -216,15 +216,17 @@ class Constraints:
         higher = "".join(f"{name} of {count}, " for name, count in limited.items())
         never = f"; {self._never} never touch" if self._never else ""
         parts = [
-            f"position and velocity of {self.arm.joints} joints, {higher}torque of {torque}",
-            f"{self._links} of {self._links + len(pairs)} pairs of links"
+            f"position and velocity of {counted(self.arm.joints, 'joint')}, {higher}torque of {torque}",
+            f"{self._links} of {counted(self._links + len(pairs), 'pair')} of links"
             + _except(self._named, "may touch")
             + never,
-            f"{len(self.guarded)} of {len(self.guarded) + len(links)} links in {len(self.regions)} regions"
+            f"{len(self.guarded)} of {counted(len(self.guarded) + len(links), 'link')} in "
+            + counted(len(self.regions), "region")
             + _except(links, "never out"),
             *([f"{self.kept_clear} kept clear"] if self.clearance else []),
         ]
-        return "; ".join(parts) + (f"; {bare} links without a shape are not checked" if bare else "")
+        unchecked = f"; not checked: {counted(bare, 'link')} without a shape" if bare else ""
+        return "; ".join(parts) + unchecked
 
     @property
     def kept_clear(self) -> str:
