@@ -213,9 +213,13 @@ def _arms(hint: Any) -> list[Any]:
 
 
 def _arm(hint: Any, value: Any) -> Any:
-    """Of a union of a list and a single value the one that a value may be; else the hint."""
-    arms = _arms(hint)
-    fitting = [arm for arm in arms if (get_origin(arm) is list) == isinstance(value, list)]
+    """Of a union of a list, a group and a single value the one that a value may be; else the hint."""
+    arms, shape = (
+        _arms(hint),
+        list if isinstance(value, list) else dict if isinstance(value, Mapping) else None,
+    )
+    shapes = [dict if dataclasses.is_dataclass(arm) else get_origin(arm) for arm in arms]
+    fitting = [arm for arm, of in zip(arms, shapes) if (of if of in (list, dict) else None) is shape]
     return fitting[0] if len(arms) > 1 and fitting else hint
 
 

@@ -6,6 +6,7 @@ Values live in the YAML files only. A command composes the groups that it uses; 
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import chain
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -40,7 +41,7 @@ from sidegan.pipeline.schema import (
 )
 from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
-from sidegan.recording.settings import RecordingSettings
+from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
 from sidegan.seeds.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -107,10 +108,10 @@ class Config:
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
     discussion: Discussion = _group("discussion")
     designer: DesignerSettings = _group("designer")
-    recordings: list[str] = _group("recordings")  # files to identify from
-    # files that are held out, or which share of every recording, its last part
-    validation: list[str] | Open = _group("validation")
-    loaded: list[str] = _group("loaded")  # files of runs with a load
+    recordings: list[Recorded] = _group("recordings")  # to identify from, each a file or one for each signal
+    # recordings that are held out, or which share of every recording, its last part
+    validation: list[Recorded] | Open = _group("validation")
+    loaded: list[Recorded] = _group("loaded")  # of runs with a load
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
     goal: GoalSettings = _group("goal")  # what excite designs for
@@ -124,8 +125,8 @@ class Config:
         return not any(isinstance(getattr(self, name), Absent) for name in groups)
 
     @property
-    def held_out(self) -> list[str]:
-        """Files to validate on."""
+    def held_out(self) -> list[Recorded]:
+        """Recordings to validate on."""
         return self.validation if isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
@@ -159,11 +160,12 @@ class Config:
 
     def _check_files(self) -> None:
         """Refuse a recording that is named twice, or that a model would be validated on after training."""
-        for name, files in (("recordings", self.recordings), ("validation", self.held_out)):
+        training, held_out = ([*chain(*map(paths_of, one))] for one in (self.recordings, self.held_out))
+        for name, files in (("recordings", training), ("validation", held_out)):
             twice = [file for file in files if files.count(file) > 1]
             if twice:
                 raise ConfigError(f"{name} has {twice[0]} twice")
-        both = [file for file in self.held_out if file in self.recordings]
+        both = [file for file in held_out if file in training]
         if both:
             raise ConfigError(f"validation has {both[0]}, which is in recordings: it would not be held out")
 

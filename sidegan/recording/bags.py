@@ -45,9 +45,9 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def bag_pieces(
-    path: Path, columns: Columns, joint_names: Sequence[str], rows: int
+    path: Path, columns: Columns, names: Sequence[str], rows: int
 ) -> tuple[Iterator[Piece], Where]:
-    """Pieces of a bag's joint states, and which of their columns is which signal.
+    """Pieces of the joint states of some joints in a bag, and which of their columns is which signal.
 
     Time is that of the header, or that of the bag where headers have none. A message that lacks one of the
     arm's joints is a corrupt row.
@@ -56,7 +56,6 @@ def bag_pieces(
         RecordingError: when the bag cannot be read, has no joint states, several topics of them, none of
             the arm's joints, or no positions.
     """
-    names = columns.file_joints(path.name, joint_names)
     with _opened(path) as reader, reading(path, "bag", RecordingError):
         connections = _connections(path, reader, columns.topic)
         fields = _fields(path, reader, connections, names)

@@ -22,7 +22,8 @@ from sidegan.recording.overload import refuse_overload
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment, whole
 from sidegan.recording.segments import Grid, grid_for, preprocess
 from sidegan.recording.sent import Repeated, averaged, load_sent
-from sidegan.recording.settings import RecordingSettings
+from sidegan.recording.settings import Files, Recorded, RecordingSettings
+from sidegan.recording.standing import chain_of
 from sidegan.recording.statistics import Statistics, statistics_of
 from sidegan.robot import Arm
 
@@ -91,10 +92,11 @@ class CheckedRecording:
         if self.repeated is not None:
             said.append(self.repeated.statement)
         if self.delay is not None:
-            size = f"{self.delay.seconds * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
-            said.append(f"torques are {size} later than the motion: {self._treated(self.delay)}")
+            size = f"{abs(self.delay.seconds) * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
+            said.append(f"torques are {size} {_order(self.lag)} than the motion: {self._treated(self.delay)}")
         if self.given:
-            said.append(f"torques are taken to be {self.given * 1e3:g} ms later than the motion, as is set")
+            size = f"{abs(self.given) * 1e3:g} ms {_order(self.given)}"
+            said.append(f"torques are taken to be {size} than the motion, as is set")
         return said
 
     def _treated(self, delay: Delay) -> str:
@@ -144,6 +146,11 @@ class CheckedRecording:
         }
 
 
+def _order(lag: float) -> str:
+    """What torques are by that time [s]."""
+    return "earlier" if lag < 0 else "later"
+
+
 def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, CheckedRecording]:
     """The first part of a recording, to identify from, and the last share of it, which is held out.
 
@@ -176,7 +183,7 @@ def _between(recording: CheckedRecording, first: int, last: int) -> list[Segment
 
 
 def read_and_check(
-    files: Sequence[str],
+    files: Sequence[Recorded],
     role: Role,
     arm: Arm,
     settings: RecordingSettings,
@@ -189,14 +196,16 @@ def read_and_check(
     """
     recordings = []
     for file in files:
-        source = Source(Path(file), settings, arm.joint_names, settings.rows)
+        source = Source(file, settings, arm.joint_names, settings.rows, chain_of(arm))
+        name = source.name if isinstance(file, Files) else file
         checked = check_recording(source, arm, settings, gains, sign_width, settings.units.angle, role)
+        checked = replace(checked, warnings=[*source.remarks, *checked.warnings])
         raw = checked.statistics
-        log.info("%s: %d samples in %.4g s, %s", file, raw.samples, raw.duration, role)
+        log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:
             log.info("  %s", statement)
         for warning in checked.warnings:
-            log.warning("%s: %s", file, warning)
+            log.warning("%s: %s", name, warning)
         recordings.append(checked)
     return recordings
 

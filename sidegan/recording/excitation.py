@@ -36,8 +36,9 @@ class Excitation:
         """Base parameters that are hardly excited."""
         if not self.weak:
             return []
+        are = "is" if len(self.weak) == 1 else "are"
         return [
-            f"{len(self.weak)} of {len(self.names)} base parameters are hardly excited (condition number "
+            f"{len(self.weak)} of {len(self.names)} base parameters {are} hardly excited (condition number "
             f"{self.condition_number:.3g}): {', '.join(self.weak)}"
         ]
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # its parts are imported when they are used
 
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.tables import Numbers
 
@@ -87,6 +88,24 @@ def _block(
     return Block(run, first, grid, np.asarray(values, dtype=np.float64))
 
 
+def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Numbers:
+    """Signals (S, C) at other times, (K, C), as by ``uniform``; NaN outside of them and in gaps.
+
+    Args:
+        at: the other times [s], (K,), ascending.
+        time: of the signals [s], (S,), ascending; the second of two samples with one stamp is left out.
+        signals: (S, C).
+        gap: time between samples that is not interpolated over [s].
+    """
+    fresh = np.diff(time, prepend=-np.inf) > 0
+    time, signals = time[fresh], signals[fresh]
+    values = np.asarray(scipy.interpolate.PchipInterpolator(time, signals, extrapolate=False)(at))
+    after = np.searchsorted(time, at).clip(1, len(time) - 1)
+    inside = (time[after] - time[after - 1] > gap) & (time[after - 1] < at) & (at < time[after])
+    values[inside] = np.nan
+    return values
+
+
 def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
     """Signals (S, C) without what is faster than ``cutoff`` [Hz], not shifted in time.
 
@@ -100,7 +119,7 @@ def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
     sections = scipy.signal.butter(order, cutoff, fs=1 / step, output="sos")
     pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * order)
     if pad < 1:
-        raise RecordingError(f"{len(x)} samples are too few to filter")
+        raise RecordingError(f"{counted(len(x), 'sample')}: too few to filter")
     return np.ascontiguousarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad))
 
 

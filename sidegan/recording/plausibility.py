@@ -23,7 +23,7 @@ _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
 _NEAR = 0.3  # of the logarithm of a ratio
 _WRONG_SLOPE = 0.1  # of a velocity over the derivative of its position
 _NOTHING = 1e-12
-_HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
+HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
 _LITTLE = 0.1  # of its range, that a joint moves through at least where much can be told
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
@@ -76,7 +76,7 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     if position.constant.all():
         raise RecordingError(f"{file}: all positions are constant: there is no motion")
     span = position.upper - position.lower
-    if (span < _HARDLY).all():
+    if (span < HARDLY).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
             "from motions through a good part of its range: +experiment=excite"
@@ -89,9 +89,12 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
         raise RecordingError(f"{file}: every {name} is zero")
     if signal.constant.any():
         joints = arm.named(signal.constant)
-        raise RecordingError(f"{file}: the {name} of {joints} is constant over the whole recording")
+        raise RecordingError(
+            f"{file}: the {name} of {joints} is constant over the whole recording; a joint that stands still "
+            f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
+        )
     for rate in [name for name in ("velocity", "acceleration") if name in signals]:
-        dead = signals[rate].constant & (span >= _HARDLY)
+        dead = signals[rate].constant & (span >= HARDLY)
         if dead.any():
             raise RecordingError(
                 f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; with "
@@ -126,7 +129,7 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     warnings, signals = [], statistics.signals
     position = signals["position"]
     if position.constant.any():
-        warnings.append(f"{arm.named(position.constant)} never moves")
+        warnings.append(f"{arm.named(position.constant)} never {_verb(position.constant, 'move')}")
     span = position.upper - position.lower
     little = span / (arm.position_upper - arm.position_lower).clamp_min(_NOTHING) < _LITTLE
     if little.all():
@@ -137,7 +140,7 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
         position.upper > arm.position_upper + _OUTSIDE
     )
     if outside.any():
-        warnings.append(f"{arm.named(outside)} leaves its limits of position")
+        warnings.append(f"{arm.named(outside)} {_verb(outside, 'leave')} the limits of position")
     for name in ("torque", "current"):
         if name in signals:
             signal = signals[name]
@@ -157,6 +160,11 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
         if beyond.any():
             warnings.append(f"the torque of {arm.named(beyond)} is beyond the arm's limit")
     return warnings
+
+
+def _verb(which: Tensor, verb: str) -> str:
+    """A regular verb of the joints that are marked, (J,)."""
+    return verb + "s" * (int(which.sum()) == 1)
 
 
 def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment]) -> list[str]:

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, shift
 
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.grid import Block, derivative, low_pass, uniform, windows
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
@@ -176,7 +177,8 @@ class _Stretches:
             )
         if len(self.gains) != len(part.joint_names):
             raise RecordingError(
-                f"there are {len(self.gains)} drive gains, the arm has {len(part.joint_names)} joints"
+                f"robot.gains has {counted(len(self.gains), 'drive gain')}, the arm has "
+                f"{counted(len(part.joint_names), 'joint')}"
             )
         return np.array(self.gains)
 

@@ -10,6 +10,7 @@ import scipy  # its parts are imported when they are used
 import torch
 from torch import Tensor
 
+from sidegan.base.names import counted
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import Recording
@@ -106,8 +107,8 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
     starts = _starts(time, signals["position"], sent, gap)
     if not starts:
         raise RecordingError(
-            f"{recording.name}: none of the {len(sent)} trajectories that were sent is in it; was it "
-            "executed at another speed, or is recording.sent of another run?"
+            f"{recording.name}: of {counted(len(sent), 'trajectory that was', 'trajectories that were')} "
+            "sent none is in it; was it executed at another speed, or is recording.sent of another run?"
         )
     step = float(np.median(np.diff(time)))
     curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}

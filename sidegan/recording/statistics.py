@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.frozen import Frozen, Stays
 from sidegan.recording.overlap import Rows, joined, rows_of
@@ -110,9 +111,9 @@ def statistics_of(
     samples = sum(map(len, times))
     if samples < _LEAST_SAMPLES:
         raise RecordingError(
-            f"{name or 'the recording'} holds {samples} samples, expected {_LEAST_SAMPLES} or more"
+            f"{name or 'the recording'} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more"
         )
-    clock = _clock(name, np.concatenate(times), gap)
+    clock = clock_of(name, np.concatenate(times), gap)
     bandwidth = bandwidth_of(head, clock["step"]) if head and clock["step"] <= SLOWEST else 0.0
     if gap is None and bridged is not None and bandwidth:
         limit = max(clock["gap"], bridged(bandwidth))
@@ -123,8 +124,12 @@ def statistics_of(
     return Statistics(name, samples, **clock, corrupt=tuple(corrupt), frozen=stays.frozen, **found)
 
 
-def _clock(name: str, time: Numbers, gap: float | None) -> dict[str, Any]:
-    """Those of the statistics that follow from the time stamps [s], (S,)."""
+def clock_of(name: str, time: Numbers, gap: float | None = None) -> dict[str, Any]:
+    """Those of the statistics that follow from the time stamps [s], (S,); ``name`` is for messages.
+
+    Raises:
+        RecordingError: when time runs backwards, or stands still.
+    """
     steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sidegan.base.names import counted
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 
@@ -59,7 +60,7 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
     if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty")
     separator, decimal = _format_of(lines)
-    found = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator))]
+    found = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
     found = [name or f"column {i + 1}" for i, name in enumerate(found)]
     bare = all(_is_number(name.replace(decimal, ".")) for name in found)
     if bare != (header is not None):
@@ -69,7 +70,7 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
         raise RecordingError(f"{path} {wrong + hint if bare else named}")
     names = [*header] if header is not None else found
     if len(names) != len(found):
-        raise RecordingError(f"{path} has {len(found)} columns, recording.header has {len(names)}")
+        raise RecordingError(f"{path} has {counted(len(found), 'column')}, recording.header has {len(names)}")
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
     layout = separator, decimal
@@ -144,7 +145,7 @@ def _parsed(column: "pd.Series[Any]", decimal: str) -> Numbers:
 def _skipped(messages: list[warnings.WarningMessage]) -> list[tuple[int, str]]:
     """Lines that pandas could not cut into columns."""
     matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
-    return [(int(m[1]), f"{m[3]} fields, expected {m[2]}") for m in matches]
+    return [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
 
 
 def _line_numbers(first: int, count: int, skipped: set[int]) -> NDArray[np.int64]:

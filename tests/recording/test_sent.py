@@ -87,7 +87,8 @@ def test_delay_noise_and_bandwidth_are_told(planar, true, sent, delay):
     assert checked.delay.deviation < 1e-3
     assert checked.grid.source == "of what was sent"
     said = "; ".join(checked.statements)
-    assert "found what was sent: 1 × 3, 2 × 3, 3 × 3" in said and "later than the motion" in said
+    assert "found what was sent: 1 × 3, 2 × 3, 3 × 3" in said and "± " in said and "are -" not in said
+    assert ("earlier" if checked.delay.seconds < 0 else "later") + " than the motion" in said
     assert len(checked.segments) == 3 and checked.as_json()["repetitions"] == {"1": 3, "2": 3, "3": 3}
 
 
@@ -106,7 +107,7 @@ def test_what_is_not_in_it_is_refused(planar, true, sent, tmp_path):
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
     for words, use in (
-        ("none of the 1 trajectories that were sent", lambda: averaged(recording, trajectories[2:], 0.1)),
+        ("of 1 trajectory that was sent none is in it", lambda: averaged(recording, trajectories[2:], 0.1)),
         ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
         ("expected a table of excite", lambda: load_sent(tmp_path / "nothing", planar.joint_names)),
         ("has no column q_shoulder: is it", lambda: load_sent(tmp_path / "1.csv", planar.joint_names)),

@@ -3,7 +3,8 @@
 import hashlib
 import logging
 import shutil
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from sidegan.recording.check import CheckedRecording, read_and_check, split
 from sidegan.recording.load import files_of
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.sent import sent_files
+from sidegan.recording.settings import Files, Recorded
+from sidegan.recording.standing import standing
 from sidegan.report.identification import PARAMETERS, REPORT, VERDICT, Origin, show_checks, write_results
 from sidegan.robot import Arm, load_robot, require_consistent, usd_installed, words, write_usd
 
@@ -35,8 +38,7 @@ def model(task: Task) -> Artifact:
     arm = recorded_arm(cfg)
     if cfg.identify.pull == "logdet":
         require_consistent(arm)
-    files = {f"recordings.{i}": Path(name) for i, name in enumerate(cfg.recordings)}
-    files |= {f"validation.{i}": Path(name) for i, name in enumerate(cfg.held_out)}
+    files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     read = files | ({} if cfg.identify.library is None else {"library": Path(cfg.identify.library)})
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     if cfg.recording.sent is not None:
@@ -49,15 +51,32 @@ def model(task: Task) -> Artifact:
     return Artifact("identify", label, "identify", settings, inputs, None, make, _error, alone=True)
 
 
+def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:
+    """All files of recordings by which of their recording they are."""
+    found: dict[str, Path] = {}
+    for i, one in enumerate(recordings):
+        each = vars(one) if isinstance(one, Files) else {"": one}
+        found |= {f"{name}.{i}.{key}".rstrip("."): Path(path) for key, path in each.items() if path}
+    return found
+
+
 def recorded_arm(cfg: Config) -> Arm:
-    """The arm of the recordings.
+    """The arm of the recordings; joints whose torque they do not have are locked.
 
     Raises:
         ConfigError: when none is named.
+        RecordingError: when such a joint moves.
     """
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
-    return load_robot(cfg.robot.name, cfg.robot.setup)
+    arm = load_robot(cfg.robot.name, cfg.robot.setup)
+    if not cfg.recording.without:
+        return arm
+    loaded = cfg.loaded if cfg.has("loaded") else []
+    held_out = cfg.held_out if cfg.has("validation") else []
+    places = standing(arm, [*cfg.recordings, *held_out, *loaded], cfg.recording)
+    locked = {**(arm.setup.locked or {}), **places}
+    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked))
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
@@ -81,22 +100,23 @@ def _make(cfg: Config, arm: Arm, build: Build) -> None:
     training, validation = checked(cfg, arm)
     identified = identify_arm(arm, training, validation, cfg.model, cfg.identify)
     groups = {name: asdict(getattr(cfg, name)) for name in ("robot", "recording", "model", "identify")}
-    write_results(identified, Origin(_command(cfg), _excite(cfg), groups), build.folder)
+    write_results(identified, Origin(_command(cfg), _excite(cfg, arm), groups), build.folder)
 
 
 def _command(cfg: Config) -> str:
     lists = {"recordings": cfg.recordings, "validation": cfg.held_out}
-    files = " ".join(f"'{name}=[{','.join(paths)}]'" for name, paths in lists.items() if paths)
+    files = " ".join(f"'{name}=[{','.join(map(str, some))}]'" for name, some in lists.items() if some)
     if not isinstance(cfg.validation, list):
         files += f" validation={cfg.validation:g}"
     arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
     return f"python -m sidegan.run +experiment=identify {arm} {files}"
 
 
-def _excite(cfg: Config) -> str:
+def _excite(cfg: Config, arm: Arm) -> str:
     """The command that designs trajectories for what is left uncertain, but for the run's folder."""
-    arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
-    return f"python -m sidegan.run +experiment=excite {arm} 'stages=[excite]' selection.count=4"
+    setup = replace(cfg.robot.setup, locked=arm.setup.locked)
+    which = " ".join([f"robot.name={cfg.robot.name}", *words(setup)])
+    return f"python -m sidegan.run +experiment=excite {which} 'stages=[excite]' selection.count=4"
 
 
 def _error(folder: Path) -> Metrics:

@@ -1,0 +1,398 @@
+"""Which columns of a file hold which signal: by the patterns that are set, or by what they are called."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from sidegan.base.names import counted, listed
+from sidegan.errors import RecordingError
+from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, Columns
+
+_CALLED = {
+    "position": ["q", "qpos", "pos", "position", "positions", "angle", "angles"],
+    "velocity": ["qd", "dq", "dot", "qdot", "qvel", "vel", "velocity", "velocities", "speed", "speeds"],
+    "acceleration": ["qdd", "ddq", "ddot", "qddot", "qacc", "acc", "accel", "acceleration", "accelerations"],
+    "torque": ["tau", "trq", "torque", "torques"],
+    "effort": ["eff", "effort", "efforts"],
+    "current": ["i", "cur", "current", "currents"],
+}
+_WORDS = {word: signal for signal, words in _CALLED.items() for word in words}
+_OTHERS = {  # words of what was asked for, estimated of the outside or not measured at a joint
+    *("d", "des", "desired", "target", "targets", "cmd", "command", "commands", "commanded", "ref"),
+    *("reference", "goal", "set", "setpoint", "action", "ipo", "ext", "external", "err", "error", "limit"),
+    *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
+    *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian"),
+}
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps"}
+_SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are no stamps
+_SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
+_UNITS = _SECONDS | _NANOSECONDS | {"ms", "us", "msec", "usec"}
+_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *_UNITS}
+_MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
+_SHOWN = 3  # patterns that a message offers
+
+
+@dataclass(frozen=True)
+class Joints:
+    """The arm's joints as a file names and numbers them."""
+
+    chain: tuple[
+        str, ...
+    ]  # names of the arm's joints and of those locked between them, from the base outwards
+    places: tuple[int, ...]  # which of these are the arm's
+    own: tuple[str, ...]  # names of the arm's joints in its description
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arm's joints."""
+        return tuple(self.chain[place] for place in self.places)
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a file keeps what."""
+
+    # columns of time and of every signal, one per joint; a single one is an array (S, J), and two of time
+    # are seconds and nanoseconds
+    where: dict[str, list[str]]
+    remarks: list[str]  # what a person should know about that
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Columns that differ in nothing but a number, or the name of a joint."""
+
+    before: str
+    after: str
+    named: bool
+    columns: dict[int, str]  # by the number, or the place of the joint in the chain
+
+    def of(self, places: Sequence[int], base: int) -> list[str]:
+        """Columns of some joints, those that are there; numbers begin with the base."""
+        wanted = [place + (0 if self.named else base) for place in places]
+        return [self.columns[k] for k in wanted if k in self.columns]
+
+    def pattern(self, base: int) -> str:
+        """The pattern that they are columns of."""
+        return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
+
+    def signal(self, effort: str) -> str | None:
+        """What they hold, by their words, of which the last one counts: a current position is a position."""
+        words = [*_words(f"{self.before} {self.after}")]
+        known = [word for word in words if word in _WORDS]
+        if not known or _OTHERS & {*words}:
+            return None
+        signal = _WORDS[known[-1]]
+        return effort if signal == "effort" else signal
+
+
+def columns_of(
+    file: str, available: Sequence[str], columns: Columns, joints: Joints, only: str | None = None
+) -> Found:
+    """Where a file keeps time and signals; ``only`` is the signal that nothing else is read of it but.
+
+    Raises:
+        RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
+    """
+    return _Finder(file, available, columns, joints).found(only)
+
+
+def joints_of(
+    file: str, columns: Columns, joint_names: Sequence[str], chain: Sequence[str] | None = None
+) -> Joints:
+    """The arm's joints in a file, of a chain of joints of which some may be locked; null: of themselves.
+
+    Raises:
+        RecordingError: when the names that are set are not as many as the joints.
+    """
+    chain = tuple(joint_names if chain is None else chain)
+    places = tuple(chain.index(name) for name in joint_names)
+    if columns.joints is None:
+        return Joints(chain, places, tuple(joint_names))
+    if len(columns.joints) == len(chain):
+        return Joints(tuple(columns.joints), places, tuple(joint_names))
+    if len(columns.joints) == len(joint_names):
+        return Joints(tuple(columns.joints), tuple(range(len(joint_names))), tuple(joint_names))
+    raise RecordingError(
+        f"{file}: recording.joints has {counted(len(columns.joints), 'name')}, the arm has "
+        f"{counted(len(joint_names), 'joint')}: {', '.join(joint_names)}"
+    )
+
+
+def header_of(patterns: Sequence[str], joints: Joints) -> list[str]:
+    """Columns of a text without a first line of names, of patterns that stand for those of all joints."""
+    every = range(len(joints.chain))
+    return [name for pattern in patterns for name in _filled(pattern, joints.chain, every)]
+
+
+class _Finder:
+    def __init__(self, file: str, available: Sequence[str], columns: Columns, joints: Joints) -> None:
+        self.file, self.available, self.columns, self.joints = file, available, columns, joints
+        self.series = [*_series_of(available, joints.chain)]
+        self.numberings = self._numberings()
+        (self.places, self.base), *others = self.numberings
+        self.ambiguous = bool(others)
+        self.remarks: list[str] = []
+        self.left: dict[str, str] = {}  # columns of more joints than the arm's, and the pattern they continue
+
+    def found(self, only: str | None) -> Found:
+        time = self._time()
+        where = {"time": time} if time else {}
+        for signal in [only] if only else SIGNALS:
+            if columns := self._signal(signal, bool(only)):
+                where[signal] = columns
+        loads = [name for name in ("torque", "current") if getattr(self.columns, name) is not None]
+        if not only and loads and not {"torque", "current"} & {*where}:
+            like = "no column like 'tau{index}' or 'effort.{joint}'"
+            raise RecordingError(
+                f"{self.file} has neither torque nor current: {like}; it has {self._has()}"
+                f"{self._offers('torque')}"
+            )
+        return Found(where, [*self.remarks, *self._left_over(where)])
+
+    def _time(self) -> list[str]:
+        """Columns of time stamps; none of a file without, whose rate is known.
+
+        Raises:
+            RecordingError: when there is none, or several.
+        """
+        names = self.columns.time.split("|")
+        stamps = [name for name in names if name in self.available][:1]
+        if not stamps and AUTO in names:
+            stamps = _stamps(self.available)
+        if not stamps and self.columns.rate is None:
+            wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
+            raise RecordingError(
+                f"{self.file} has no column {wanted} of time stamps; it has {self._has()}; say which it is, "
+                "recording.time=NAME, or without a clock how many rows there are in a second: "
+                "recording.rate=1000"
+            )
+        if len(stamps) > 1 and not _split(stamps):
+            self._refuse_several("time", stamps)
+        return stamps
+
+    def _signal(self, signal: str, alone: bool) -> list[str]:
+        """Columns of a signal; none where the file has none, and that is no matter."""
+        patterns = (getattr(self.columns, signal) or "").split("|")
+        if patterns == [""]:
+            return []
+        for pattern in patterns:
+            columns = self._named(signal, alone) if pattern == AUTO else self._set(pattern)
+            if columns:
+                return columns
+        if AUTO in patterns and not alone and signal != "position":
+            self._refuse_partial(signal)
+            return []
+        raise self._missing(signal, patterns)
+
+    def _set(self, pattern: str) -> list[str]:
+        """Columns of a pattern that is set, where all are there."""
+        names, joints = self.joints.names, len(self.joints.names)
+        for places in dict.fromkeys([self.joints.places, tuple(range(joints))]):
+            columns = _filled(pattern, names, places)
+            if {*columns} <= {*self.available}:
+                self._note_left(columns, pattern)
+                return columns
+        return []
+
+    def _named(self, signal: str, alone: bool) -> list[str]:
+        """Columns that are the signal's by their names.
+
+        In a file of one signal, whatever goes by joints is that where nothing is called so.
+        """
+        ways = self._ways([s for s in self.series if s.signal(self.columns.effort) == signal])
+        if not ways and alone:
+            ways = self._ways([s for s in self.series if not _OTHERS & {*_words(f"{s.before} {s.after}")}])
+        if len(ways) > 1:
+            self._refuse_several(signal, [*ways.values()])
+        for columns, pattern in ways.items():
+            self._note_left(columns, pattern)
+            if len(left := [c for c, p in self.left.items() if p == pattern]) > _MOST_LEFT:
+                raise RecordingError(
+                    f"{self.file} has {signal} of {counted(len(columns) + len(left), 'joint')}, the arm has "
+                    f"{len(columns)}; if its first ones are the arm's, say so: {_typed(signal, pattern)}"
+                )
+            return [*columns]
+        return []
+
+    def _ways(self, series: Sequence[_Series]) -> dict[tuple[str, ...], str]:
+        """Patterns of series that have all joints, by their columns; names go before numbers."""
+        ways: dict[tuple[str, ...], str] = {}
+        for one in sorted(series, key=lambda one: not one.named):
+            places = self.joints.places if one.named else self.places
+            columns = one.of(places, self.base)
+            if len(columns) == len(places):
+                ways.setdefault(tuple(columns), one.pattern(self.base))
+        return ways
+
+    def _numberings(self) -> list[tuple[tuple[int, ...], int]]:
+        """How the file may number the arm's joints: their places, and the number of the first joint.
+
+        Those with which most signals are whole; the first is the likeliest. Locked joints have numbers, too,
+        or else none.
+        """
+        count = len(self.joints.places)
+        every = [(p, base) for p in (self.joints.places, tuple(range(count))) for base in (0, 1)]
+        series = [s for s in self.series if not s.named]
+        signals = [s for s in series if s.signal(self.columns.effort)]
+        scores = {
+            one: tuple(sum(len(s.of(*one)) == count for s in some) for some in (signals, series))
+            for one in every
+        }
+        if (most := max(scores.values())) == (0, 0):
+            return [(self.joints.places, 0 if any(0 in s.columns for s in signals) else 1)]
+        return [one for one in scores if scores[one] == most]
+
+    def _note_left(self, columns: Sequence[str], pattern: str) -> None:
+        """Take down columns that go on after those of the arm's joints."""
+        for one in self.series:
+            if not one.named and {*columns} <= {*one.columns.values()}:
+                mine = {*_filled(pattern, self.joints.chain, range(len(self.joints.chain))), *columns}
+                self.left |= {column: pattern for column in one.columns.values() if column not in mine}
+
+    def _left_over(self, where: dict[str, list[str]]) -> list[str]:
+        """A sentence about columns of more joints than the arm has."""
+        if not self.left:
+            return []
+        are = "is" if len(self.left) == 1 else "are"
+        has = f"the arm has {counted(len(self.joints.places), 'joint')}"
+        said = f"{listed([*self.left])} {are} left over: "
+        zero = [p for p in dict.fromkeys(self.left.values()) if "{index0}" in p]
+        meant = {s: p for s in where for p in zero if where[s] == _filled(p, self.joints.names, self.places)}
+        if not self.ambiguous or AUTO not in self.columns.position or not meant:
+            return [said + has]
+        other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in meant.items())
+        return [f"{said}joints are counted from 0, and {has}; if its first one is number 1, say so: {other}"]
+
+    def _refuse_partial(self, signal: str) -> None:
+        """Raise when a signal is there for half of the joints or more."""
+        if len(self._nearest(signal)[0]) * 2 >= len(self.joints.places):
+            raise self._missing(signal, [AUTO])
+
+    def _nearest(self, signal: str) -> tuple[list[str], str]:
+        """Columns of the series that lacks the fewest of the signal's, and its pattern."""
+        series = [s for s in self.series if s.signal(self.columns.effort) == signal]
+        there = [(s.of(self.joints.places if s.named else self.places, self.base), s) for s in series]
+        columns, one = max(there, key=lambda pair: len(pair[0]), default=([], None))
+        return columns, "" if one is None else one.pattern(self.base)
+
+    def _missing(self, signal: str, patterns: Sequence[str]) -> RecordingError:
+        """What to say about columns that are not there."""
+        like = [pattern for pattern in patterns if pattern != AUTO] or [f"{signal}_{{index}}"]
+        nearest = self._nearest(signal)[1] if AUTO in patterns else ""
+        wanted, own = _filled(nearest or like[0], self.joints.names, self.places), self.joints.own
+        lacking = [column for column in wanted if column not in self.available]
+        joints = [name for name, column in zip(own, wanted) if column in lacking] if wanted[1:] else own
+        return RecordingError(
+            f"{self.file} has no {signal} of {len(joints)} of the arm's {counted(len(own), 'joint')}: "
+            f"no column {listed([repr(c) for c in lacking])}; it has {self._has()}"
+            f"{self._remedy(signal, joints)}"
+        )
+
+    def _remedy(self, signal: str, joints: Sequence[str]) -> str:
+        """What to type when a signal of some joints is missing."""
+        if signal == "position" or len(joints) == len(self.joints.own):
+            return self._offers(signal)
+        if signal in ("torque", "current"):
+            return f"; joints that stand still can be left out: 'recording.without=[{','.join(joints)}]'"
+        return f"; recording.{signal}=null derives it"
+
+    def _offers(self, signal: str) -> str:
+        """Settings with which other columns of the file would be the signal."""
+        unknown = [s for s in self.series if s.signal(self.columns.effort) is None]
+        patterns = [*self._ways(unknown).values()]
+        if patterns:
+            return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
+        names = _own_names(self.available, signal, len(self.joints.places))
+        return (
+            f"; are its joints, in the arm's order, 'recording.joints=[{','.join(names)}]'?" if names else ""
+        )
+
+    def _refuse_several(self, signal: str, ways: Sequence[str]) -> None:
+        """Raise: a signal is there in more than one way, between which nothing decides."""
+        listed_ways = " and as ".join(map(repr, ways))
+        raise RecordingError(
+            f"{self.file} has {signal} as {listed_ways}; say which is meant: {_typed(signal, ways[0])}"
+        )
+
+    def _has(self) -> str:
+        return listed([repr(column) for column in self.available]) or "none"
+
+
+def _series_of(available: Sequence[str], names: Sequence[str]) -> Iterator[_Series]:
+    """All ways in which columns differ in a number or the name of a joint."""
+    found: dict[tuple[str, str, bool], dict[int, str]] = {}
+    places = [(re.compile(_bounded(name), re.IGNORECASE), place) for place, name in enumerate(names)]
+    for column in available:
+        for match in re.finditer(r"\d+", column):
+            key = column[: match.start()], column[match.end() :], False
+            found.setdefault(key, {}).setdefault(int(match[0]), column)
+        for name, place in places:
+            for match in name.finditer(column):
+                key = column[: match.start()], column[match.end() :], True
+                found.setdefault(key, {}).setdefault(place, column)
+    return (_Series(*key, columns) for key, columns in found.items())
+
+
+def _bounded(name: str) -> str:
+    """A regular expression of a name that is no part of a longer word or number."""
+    before, after = (r"\d" if end.isdigit() else "[A-Za-z]" for end in (name[:1], name[-1:]))
+    return rf"(?<!{before}){re.escape(name)}(?!{after})"
+
+
+def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[str]:
+    if not PLACEHOLDER.search(pattern):
+        return [pattern]
+    each = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
+    return [PLACEHOLDER.sub(lambda match, one=one: one[match[1]], pattern) for one in each]  # type: ignore[misc]
+
+
+def _words(text: str) -> Iterator[str]:
+    """Words of a name in small letters; where a word is none that is known, its humps are words."""
+    for run in re.findall(r"[A-Za-z]+", text):
+        if run.lower() in _KNOWN:
+            yield run.lower()
+        else:
+            yield from (hump.lower() for hump in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", run))
+
+
+def _stamps(available: Sequence[str]) -> list[str]:
+    """Columns of time stamps that are called so with the fewest words."""
+    ranked = []
+    for column in available:
+        words = [word for word in _words(column) if word not in _UNITS]
+        if words and words[-1] in _TIMES and not _SPANS & {*words} and not re.search(r"\d", column):
+            ranked.append((len(words), column))
+    return [column for words, column in ranked if words == min(ranked)[0]]
+
+
+def _split(stamps: Sequence[str]) -> bool:
+    """Whether stamps are seconds and, in a column of their own, nanoseconds."""
+    units = [_UNITS & {*_words(column)} for column in stamps]
+    return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
+
+
+def _own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
+    """Names of so many joints that a file has a signal of, in the order of its columns."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for column in available:
+        edges = [
+            0,
+            *(k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in (m.start(), m.end())),
+            len(column),
+        ]
+        for start, end in combinations(edges, 2):
+            if column[start:end].strip():
+                groups.setdefault((column[:start], column[end:]), []).append(column[start:end])
+    fitting = {
+        key: names
+        for key, names in groups.items()
+        if len(names) == count and _Series(*key, False, {}).signal("torque") == signal
+    }
+    return fitting[max(fitting, key=lambda key: len(key[0]) + len(key[1]))] if fitting else []
+
+
+def _typed(signal: str, pattern: str) -> str:
+    """A setting as a word on the command line."""
+    return f"'recording.{signal}=\"{pattern}\"'"
