@@ -18,7 +18,7 @@ from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import likelihood, scales
 from sidegan.identification.sums import rows_of, solve
-from sidegan.robot import Arm, require_consistent
+from sidegan.robot import Arm, possible_links
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Consistent(Ols):
 
     # logdet: the divergence of pseudo-inertias from the description's (Lee et al. 2020), which does not
     # depend on units or frames and keeps away from the border; euclid: the squared distance in each link's
-    # typical units, which also takes a description that is not consistent
+    # typical units
     pull: Literal["logdet", "euclid"]
     # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells.
     # None: each link's most probable one, so that a link that the samples contradict is pulled less
@@ -113,16 +113,16 @@ class Consistent(Ols):
         both[:size, :size] += pull
         left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
         told = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
-        if self.pull == "euclid":  # an arm whose description cannot exist has no links to trust more
+        if self.pull == "euclid":
             return (told.sum() / (2 * distances.sum())).clamp(*_STRENGTHS).expand(model.joints)
         usual = strength.log().mean().exp()
         return ((told + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
 
     def _distances(self, links: Tensor, arm: Arm) -> tuple[Tensor, Tensor]:
-        """How far links (J, 10) are from the description's, (J,), and second derivatives, (J, 10, 10)."""
+        """How far links (J, 10) are from where the pull leads, (J,), and second derivatives, (J, 10, 10)."""
         unit, axes = _units(arm), torch.eye(10, dtype=torch.float64).expand(len(links), 10, 10)
         steps = torch.stack([_scaled(axes[:, k], unit) for k in range(10)], 1)  # (J, 10, 4, 4)
-        now, nominal = _scaled(links, unit), _scaled(arm.inertial_parameters, unit)
+        now, nominal = _scaled(links, unit), _scaled(possible_links(arm), unit)
         if self.pull == "euclid":
             squares = (now - nominal).square().sum((1, 2))
             return squares, 2 * torch.einsum("jaxy,jbyx->jab", steps, steps)
@@ -135,14 +135,12 @@ class Consistent(Ols):
         """The same with pulls of a strength on each link, (J,)."""
         import cvxpy as cp
 
-        if self.pull == "logdet":
-            require_consistent(model.arm)
         unit = _units(model.arm)
         links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
         standard = _standard(links, unit, model)
         rows, right = rows_of(information, moment)
         misfit = cp.sum_squares((rows @ model.mapping).numpy() @ standard - right.numpy()) / 2
-        nominal = _scaled(model.arm.inertial_parameters, unit).numpy()
+        nominal = _scaled(possible_links(model.arm), unit).numpy()
         constraints = [p >> self.margin * np.eye(4) for p in links]
         signed = [model.standard_slice(name) for name in model.kinds if name in _NOT_NEGATIVE]
         constraints += [standard[where] >= 0 for where in signed]

@@ -3,27 +3,18 @@
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import torque_errors
 from sidegan.identification.fit import TorqueErrors, reweighted
 from sidegan.identification.gather import Gathered
 from sidegan.identification.model import TorqueModel
-from sidegan.robot import Arm
+from sidegan.robot import Arm, possible_links
 
 _LIGHT, _SMALL = 0.02, 0.05  # a link is taken for at least this share of the heaviest, and of 0.05 m
 
 
 def scales(arm: Arm) -> tuple[Tensor, Tensor]:
-    """Mass [kg] and length [m] that are typical of each link, (J,) each, from its description.
-
-    Raises:
-        ConfigError: when no link has a mass.
-    """
-    x = arm.inertial_parameters
-    if not x[:, 0].max() > 0:
-        raise ConfigError(
-            f"no link of {arm.name} has a mass in its description: there is nothing to pull towards"
-        )
+    """Mass [kg] and length [m] that are typical of each link, (J,) each, from its description."""
+    x = possible_links(arm)
     mass = x[:, 0].clamp_min(_LIGHT * float(x[:, 0].max()))
     gyration = ((x[:, 4] + x[:, 6] + x[:, 9]).clamp_min(0) / 2 / mass).sqrt()
     return mass, gyration.clamp_min(_SMALL)

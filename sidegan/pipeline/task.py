@@ -65,7 +65,7 @@ class Task:
             raise ConfigError(
                 f"trajectory.home and robot.home={robot.home} are two homes; set one of them to null"
             )
-        return load_robot(robot.name, robot.setup, home)
+        return load_robot(robot.name, robot.setup, home, planning=self.cfg.has("workspace"))
 
     @property
     def _stated_home(self) -> list[float] | None:
@@ -110,8 +110,9 @@ class Task:
 
     def tell_arm(self) -> None:
         """Say what of the description moves, where the rest stands, and what was assumed."""
-        if self.arm.told:
-            log.info("%s: %s", self.arm.name, "; ".join(self.arm.told))
+        arm = self.whole_arm
+        if arm.told:
+            log.info("%s: %s", arm.name, "; ".join(arm.told))
 
     def tell_checks(self) -> None:
         """Say what trajectories are checked for, and warn where that is suspiciously little."""

@@ -1,7 +1,14 @@
 """What the arm is: placements, axes, inertias, limits and capsules as tensors, read from a description."""
 
 from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
-from sidegan.robot.consistency import about_the_centre, inconsistent_links, pseudo_inertia, require_consistent
+from sidegan.robot.consistency import (
+    about_the_centre,
+    inconsistent_links,
+    possible_links,
+    pseudo_inertia,
+    require_consistent,
+    tell_doubtful,
+)
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
 from sidegan.robot.oracle import capsule_geometry, chain_model, pinocchio_model
@@ -25,8 +32,10 @@ __all__ = [
     "is_built_in",
     "load_robot",
     "pinocchio_model",
+    "possible_links",
     "pseudo_inertia",
     "require_consistent",
+    "tell_doubtful",
     "usd_installed",
     "with_effort",
     "words",

@@ -3,10 +3,16 @@
 import torch
 from torch import Tensor
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot.arm import Arm
 
 _ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the triangle inequality exactly
+# Shares of the mean distance between joints: no link's centre of mass is farther from its joint; radii of
+# gyration along an axis of a plain link, of the nearest to one that is too thin, and of what is too thin.
+_FARTHEST, _PLAIN, _THIN, _TOO_THIN = 10.0, 1 / 6, 1 / 30, 1 / 300
+_DENSITY = 50.0  # [kg/m³] of a plain link in the cube of that distance: water, a quarter as thick as long
+_NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass
 
 
 def pseudo_inertia(parameters: Tensor) -> Tensor:
@@ -41,6 +47,76 @@ def about_the_centre(parameters: Tensor) -> tuple[Tensor, Tensor]:
     centre = first / mass
     square = (first * centre).sum(1)[:, None, None] * torch.eye(3, dtype=parameters.dtype)
     return centre, inertia_matrices(parameters) - square + first[:, :, None] * centre[:, None, :]
+
+
+def doubtful_links(arm: Arm) -> dict[str, str]:
+    """Links that cannot be as they are described, each with the reason.
+
+    They are not physically consistent, weigh next to nothing, or have their mass far from any link.
+    """
+    mass, place = _masses(arm)
+    each = zip(arm.link_names, mass.tolist(), place.tolist(), _known(arm))
+    found = {name: f"{m:.3g} kg at {x:.3g} m from its joint" for name, m, x, known in each if not known}
+    return found | dict(inconsistent_links(arm))
+
+
+def tell_doubtful(arm: Arm) -> str:
+    """Which links of an arm cannot be as they are described, and why; empty where all can."""
+    reasons: dict[str, list[str]] = {}
+    for name, reason in doubtful_links(arm).items():
+        reasons.setdefault(reason, []).append(name)
+    said = "; ".join(f"{listed(names)} ({reason})" for reason, names in reasons.items())
+    return f"links of {arm.name} that cannot be as they are described: {said}" if said else ""
+
+
+def possible_links(arm: Arm) -> Tensor:
+    """Link parameters that can be, (J, 10), nearest to the description's: its own where those can be.
+
+    Second moments of a link become the nearest possible about its centre of mass. A link whose mass is not
+    known, or not where, becomes a plain one half-way to the next joint, as heavy as the others usually are.
+    """
+    links, known, length = arm.inertial_parameters.clone(), _known(arm), _length(arm)
+    usual = links[known, 0].median() if known.any() else _DENSITY * length**3
+    plain = (_PLAIN * length) ** 2 * torch.eye(3, dtype=torch.float64)
+    for i, ahead in enumerate([*arm.translation[1:], arm.tip]):
+        links[i] = _thickened(links[i], length) if known[i] else usual * _unit_link(ahead / 2, plain)
+    return links
+
+
+def _length(arm: Arm) -> float:
+    """Mean distance between joints [m]; 1 where there is none."""
+    return float(torch.cat([arm.translation[1:], arm.tip[None]]).norm(dim=1).mean()) or 1.0
+
+
+def _masses(arm: Arm) -> tuple[Tensor, Tensor]:
+    """Masses of the links [kg], and how far from their joints these are [m], (J,) each."""
+    mass = arm.inertial_parameters[:, 0]
+    return mass, arm.inertial_parameters[:, 1:4].norm(dim=1) / mass
+
+
+def _known(arm: Arm) -> Tensor:
+    """Whether a link's mass is known, and where it is, (J,) bool."""
+    mass, place = _masses(arm)
+    heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
+    return heavy & (place < _FARTHEST * _length(arm)) & arm.inertial_parameters.isfinite().all(1)
+
+
+def _thickened(link: Tensor, length: float) -> Tensor:
+    """A link (10,); with the nearest second moments about its centre where it is too thin."""
+    (centre,), (inertia,) = about_the_centre(link[None])
+    spread = (inertia.trace() / 2 * torch.eye(3, dtype=link.dtype) - inertia) / link[0]
+    values, axes = torch.linalg.eigh(spread)
+    if values[0] > (_TOO_THIN * length) ** 2:
+        return link
+    return link[0] * _unit_link(centre, axes @ values.clamp_min((_THIN * length) ** 2).diag() @ axes.T)
+
+
+def _unit_link(centre: Tensor, spread: Tensor) -> Tensor:
+    """Parameters of 1 kg, (10,), about a centre [m], (3,), with second moments (3, 3) there [m²]."""
+    place = torch.cat([centre, centre.new_ones(1)])
+    whole = torch.outer(place, place)
+    whole[:3, :3] += spread
+    return FROM_PSEUDO_INERTIA @ whole.flatten()
 
 
 def inconsistent_links(arm: Arm, parameters: Tensor | None = None) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.links import Origin, check_inertia, mesh_origins, prepare_shapes
+from sidegan.robot.links import Origin, mesh_origins, prepare_shapes, read_mass, strip_meshes
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of
 from sidegan.robot.semantics import Semantics, read_semantics, touching_in, touching_of
@@ -37,13 +37,16 @@ class Description:
     gravity: float  # [m/s²], which acts down
 
 
-def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None) -> Description:
+def read_description(
+    path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
+) -> Description:
     """A checked description of an arm.
 
     Args:
         path: a URDF, xacro or MJCF file.
         setup: which part of it is the arm, and what overrides it.
         home: home position [rad or m], of the joints that move; a pose of the setup goes before it.
+        planning: whether motions are to be planned, which takes all limits, and meshes.
 
     Raises:
         RobotError: when the file is no description, or describes no arm that can be excited.
@@ -59,17 +62,19 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
     chain = choose(tree, setup)
     for joint in chain.moving:
         unit_axis(joint, tree.at(joint))
-    masses = {
-        link.get("name", ""): check_inertia(link, f"{where}: link {link.get('name')!r}")
+    read = {
+        link.get("name", ""): read_mass(link, f"{where}: link {link.get('name')!r}")
         for link in root.findall("link")
     }
-    told = tell(tree, chain.moving, chain.locked, masses)
+    told = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
     for joint_name, value in chain.locked.items():
         lock(tree.joints[joint_name], value, tree.at(tree.joints[joint_name]))
     semantics = read_semantics(setup, tree, source.poses)
-    limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home))
+    limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home), planning)
     may_touch = own + touching_of(setup, tree, semantics)
     missing, origins = {}, {}
+    if not planning:
+        strip_meshes(root)
     for link in root.findall("link"):
         link_name = link.get("name", "")
         if own_meshes := mesh_origins(link, f"{where}: link {link_name!r}"):
@@ -92,7 +97,7 @@ def read_description(path: Path, setup: Setup = PLAIN, home: Sequence[float] | N
         missing=missing,
         origins=origins,
         semantics=semantics,
-        told=[*source.told, *told, *more],
+        told=[*source.told, *told, *more, *(f"no inertia: {why}" for _, why in read.values() if why)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import yaml
 
@@ -27,6 +28,7 @@ _ROUNDED = 1e-3  # share of a limit by which another one may be wider without a 
 _TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
 _ALIKE = 0.8  # of two names from which on one may be meant by the other
 _Number = dict[str, float]
+_Value = TypeVar("_Value")
 _log = logging.getLogger(__name__)
 
 
@@ -60,13 +62,15 @@ class _Missing:
     why: list[str] = field(default_factory=list)
     values: dict[str, dict[str, object]] = field(default_factory=dict)
 
-    def ask(self, kind: str, joint: str, value: object, why: str) -> None:
+    def ask(self, kind: str, joint: str, value: _Value, why: str) -> _Value:
+        """Ask for a limit such as this one, which stands for it as long as nobody says another."""
         self.why.append(why)
         self.values.setdefault(kind, {})[joint] = value
+        return value
 
 
 def limits_of(
-    tree: Tree, moving: tuple[Joint, ...], setup: Setup, centre: dict[str, float]
+    tree: Tree, moving: tuple[Joint, ...], setup: Setup, centre: dict[str, float], planning: bool = True
 ) -> tuple[dict[str, JointLimits], list[str]]:
     """Limits of the joints that move, by name, and what there is to tell about them.
 
@@ -75,6 +79,7 @@ def limits_of(
         moving: the joints.
         setup: what overrides the description's limits.
         centre: home position of joints [rad], for the range of those that turn without end.
+        planning: whether motions are to be planned; without, plain limits stand for those that are missing.
 
     Raises:
         RobotError: names all limits that are missing or impossible, with the settings that state them.
@@ -95,11 +100,12 @@ def limits_of(
             override(f"limits.{kind}", values, getattr(setup.limits, kind))
             for kind, values in missing.values.items()
         ]
-        where = f"{tree.where}: "
-        again = [why.removeprefix(where) for why in missing.why[1:]]
-        raise RobotError(
-            f"{'; '.join([missing.why[0], *again])}; state what the arm can do, for example {' '.join(lines)}"
-        )
+        if planning:
+            where = f"{tree.where}: "
+            again = [why.removeprefix(where) for why in missing.why[1:]]
+            said = "; ".join([missing.why[0], *again])
+            raise RobotError(f"{said}; state what the arm can do, for example {' '.join(lines)}")
+        told.append(f"limits that the description lacks are taken for {' '.join(lines)}")
     if wider:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
     return found, [*told, *_tell(found, moving, stated)]
@@ -213,12 +219,12 @@ def _position(
         return middle - math.pi, middle + math.pi
     example = _EXAMPLE[joint.kind]
     if limit is None or not {"lower", "upper"} & set(limit.attrib):
-        missing.ask("position", name, example, f"{at} has no position limits, expected <limit lower upper>")
-        return example
+        why = f"{at} has no position limits, expected <limit lower upper>"
+        return missing.ask("position", name, example, why)
     lower, upper = (xml.number(limit, key, at, "0") for key in ("lower", "upper"))
     if not lower < upper:
         why = f"{at} has the position limits {lower:g} to {upper:g}, expected lower < upper"
-        missing.ask("position", name, (upper, lower) if lower > upper else example, why)
+        return missing.ask("position", name, (upper, lower) if lower > upper else example, why)
     return lower, upper
 
 
@@ -231,21 +237,20 @@ def _velocity(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> f
     velocity = 0.0 if limit is None else xml.number(limit, "velocity", at, "0")
     if not velocity > 0:
         example = _EXAMPLE_SPEED.get(joint.kind, 1.0)
-        missing.ask(
-            "velocity", joint.name, example, f"{at} has the velocity limit {text}, expected one above 0"
-        )
+        why = f"{at} has the velocity limit {text}, expected one above 0"
+        return missing.ask("velocity", joint.name, example, why)
     return velocity
 
 
 def _effort(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> float:
     """Limit on torque or force [N·m or N]; infinite where none is stated."""
-    limit, at = joint.element.find("limit"), tree.at(joint)
-    effort = 0.0 if limit is None else xml.number(limit, "effort", at, "0")
     if joint.name in stated.effort:
         return stated.effort[joint.name]
+    limit, at = joint.element.find("limit"), tree.at(joint)
+    effort = 0.0 if limit is None else xml.number(limit, "effort", at, "0")
     if effort < 0:
         why = f"{at} has the effort limit {effort:g}, expected one above 0, or none"
-        missing.ask("effort", joint.name, -effort, why)
+        return missing.ask("effort", joint.name, -effort, why)
     return effort or math.inf
 
 

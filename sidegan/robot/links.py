@@ -18,24 +18,24 @@ _SIZES = {  # of each shape: how many numbers each of its sizes has
 }
 
 
-def check_inertia(link: ET.Element, where: str) -> float:
-    """Mass of a link [kg]; 0 where it has no inertia.
-
-    Raises:
-        RobotError: when mass and inertia are not finite numbers, or the mass is negative.
-    """
+def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
+    """Mass of a link [kg], 0 without inertia; why one that makes no sense was taken out of the XML, if so."""
     inertial = link.find("inertial")
     if inertial is None:
-        return 0.0
-    mass = xml.number(xml.child(inertial, "mass", where), "value", where)
-    if mass < 0:
-        raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
-    inertia = xml.child(inertial, "inertia", where)
-    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-        xml.number(inertia, key, where)
-    for key in ("xyz", "rpy"):
-        xml.vector(inertial.find("origin"), key, where, "0 0 0")
-    return mass
+        return 0.0, ""
+    try:
+        mass = xml.number(xml.child(inertial, "mass", where), "value", where)
+        if mass < 0:
+            raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
+        inertia = xml.child(inertial, "inertia", where)
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+            xml.number(inertia, key, where)
+        for key in ("xyz", "rpy"):
+            xml.vector(inertial.find("origin"), key, where, "0 0 0")
+    except RobotError as error:
+        link.remove(inertial)
+        return 0.0, str(error)
+    return mass, ""
 
 
 def mesh_origins(link: ET.Element, where: str) -> list[Origin]:
@@ -47,6 +47,14 @@ def mesh_origins(link: ET.Element, where: str) -> list[Origin]:
         (xml.vector(origin, "xyz", where, "0 0 0"), xml.vector(origin, "rpy", where, "0 0 0"))
         for origin in origins
     ]
+
+
+def strip_meshes(root: ET.Element) -> None:
+    """Take the meshes out of a description's links."""
+    for link in root.findall("link"):
+        for collision in link.findall("collision"):
+            if collision.find("geometry/mesh") is not None:
+                link.remove(collision)
 
 
 def prepare_shapes(link: ET.Element, path: Path, where: str) -> list[str]:

@@ -45,7 +45,12 @@ def is_built_in(arm: Arm) -> bool:
     return arm.urdf.parent == _MODELS
 
 
-def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[float] | None = None) -> Arm:
+def load_robot(
+    name_or_path: str | Path,
+    setup: Setup = PLAIN,
+    home: Sequence[float] | None = None,
+    planning: bool = True,
+) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 
     Links behind fixed joints, and behind joints that the setup locks, become part of the link that carries
@@ -61,6 +66,8 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
             must be there, or be stated by the setup.
         setup: which part of the description is the arm, and what overrides its limits.
         home: home position [rad or m], (J,): joints that turn without end may go half a turn to each side.
+        planning: whether motions are to be planned. Without, meshes are left out, and plain limits of
+            position and velocity stand where none are stated.
 
     Raises:
         RobotError: when there is no such robot, the file is no description, or the arm that is meant is not a
@@ -69,7 +76,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     path, args = find(name_or_path)
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})
-    description = read_description(path, setup, home)
+    description = read_description(path, setup, home, planning)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
     from sidegan.robot.shapes import PIECES_VERSION, capsules_of
@@ -81,7 +88,7 @@ def load_robot(name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[fl
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
     shapes = pin_model.collision_shapes(model, description, setup.pieces, setup.finer)
-    shapes += _kept(model, description, setup)
+    shapes += _kept(model, description, setup) if planning else []
     capsules = capsules_of(shapes)
     stamped = sorted(shape.digest for shape in shapes if shape.digest) + _stamped(setup, description)
     stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION} {setup.finer}"]

@@ -177,7 +177,8 @@ def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
     from sidegan.robot import model as pin_model
 
     setup = replace(arm.setup, args=None, home=None, mount=arm.mount)
-    chain = pin_model.kinematics_and_inertias(pin_model.build(read_description(file, setup)), setup.tip)
+    model = pin_model.build(read_description(file, setup, planning=False))
+    chain = pin_model.kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it
     same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():

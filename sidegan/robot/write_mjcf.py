@@ -16,6 +16,7 @@ from sidegan.robot.drives import Drives
 
 _STEP = 1e-3  # [s] of a written model
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
+_SLENDER = 20  # radii in the length of what stands for a link without a shape
 _WORLD = "world"  # MuJoCo's own name for what does not move
 
 
@@ -99,6 +100,7 @@ def _inertials(parameters: Tensor) -> Iterable[dict[str, str]]:
     for row in parameters:
         centre, inertia = (x[0] for x in about_the_centre(row[None]))
         moments, axes = torch.linalg.eigh(inertia)
+        moments[2] = moments[2].clamp_max(moments[:2].sum())  # but for rounding, which MuJoCo refuses
         axes = axes * torch.linalg.det(axes).sign()  # right-handed: minus one is no rotation
         yield {
             "mass": words(row[:1]),
@@ -116,13 +118,16 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
 
 
 def _drawn(arm: Arm) -> list[list[dict[str, str]]]:
-    """Attributes of the shapes of each link, (J)."""
+    """Attributes of the shapes of each link, (J); a bar to the next joint where it has none."""
     shapes: list[list[dict[str, str]]] = [[] for _ in range(arm.joints)]
     each = zip(arm.capsules.link.tolist(), arm.capsules.a, arm.capsules.b, arm.capsules.radius)
-    for link, a, b, radius in each:
+    joints = [*arm.translation[1:], arm.tip]
+    bare = [j for j, ahead in enumerate(joints) if ahead.any() and j not in arm.capsules.link]
+    bars = [(j, torch.zeros(3), joints[j], joints[j].norm() / _SLENDER) for j in bare]
+    ghost = {"contype": "0", "conaffinity": "0", "group": "1"}
+    for link, a, b, radius in [*each, *bars]:
         if link < 0:
             continue
-        ghost = {"contype": "0", "conaffinity": "0", "group": "1"}
         if torch.equal(a, b):
             shapes[link].append({"type": "sphere", "size": words([radius]), "pos": words(a)} | ghost)
         else:
