@@ -12,9 +12,9 @@ def _show(task: Task, tracker: Tracker) -> None:
     """Read and check the configured recordings, and leave what the check says in the run's folder."""
     if not task.cfg.recordings:
         raise ConfigError("recordings is empty, expected files to check: 'recordings=[a.csv,b.csv]'")
-    training, validation = checked(task.cfg, recorded_arm(task.cfg))
+    training, validation = checked(task.cfg, recorded_arm(task))
     path = write_checks([*training, *validation], task.store.run_folder)
     tracker.log_artifact(path, "identify")
 
 
-STAGE = Stage(show=_show, check=lambda task: recorded_arm(task.cfg))
+STAGE = Stage(show=_show, check=lambda task: recorded_arm(task))

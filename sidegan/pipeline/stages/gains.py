@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 def _show(task: Task, tracker: Tracker) -> None:
     """Find the gains, and leave them in the run's folder; as a setting too, if all are certain."""
-    cfg, arm, folder = task.cfg, recorded_arm(task.cfg), task.store.run_folder
+    cfg, arm, folder = task.cfg, recorded_arm(task), task.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
     found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
@@ -40,7 +40,7 @@ def _show(task: Task, tracker: Tracker) -> None:
 
 
 def _check(task: Task) -> None:
-    recorded_arm(task.cfg)
+    recorded_arm(task)
     _ = task.cfg.load.parameters
 
 

@@ -25,7 +25,7 @@ from sidegan.recording.sent import sent_files
 from sidegan.recording.settings import Files, Recorded
 from sidegan.recording.standing import standing
 from sidegan.report.identification import PARAMETERS, REPORT, VERDICT, Origin, show_checks, write_results
-from sidegan.robot import Arm, load_robot, require_consistent, usd_installed, words, write_usd
+from sidegan.robot import Arm, load_robot, tell_doubtful, usd_installed, words, write_usd
 
 log = logging.getLogger(__name__)
 
@@ -35,9 +35,7 @@ def model(task: Task) -> Artifact:
     cfg = task.cfg
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
-    arm = recorded_arm(cfg)
-    if cfg.identify.pull == "logdet":
-        require_consistent(arm)
+    arm = recorded_arm(task)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     read = files | ({} if cfg.identify.library is None else {"library": Path(cfg.identify.library)})
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
@@ -60,23 +58,24 @@ def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:
     return found
 
 
-def recorded_arm(cfg: Config) -> Arm:
+def recorded_arm(task: Task) -> Arm:
     """The arm of the recordings; joints whose torque they do not have are locked.
 
     Raises:
         ConfigError: when none is named.
         RecordingError: when such a joint moves.
     """
+    cfg = task.cfg
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
-    arm = load_robot(cfg.robot.name, cfg.robot.setup)
+    arm = task.whole_arm
     if not cfg.recording.without:
         return arm
     loaded = cfg.loaded if cfg.has("loaded") else []
     held_out = cfg.held_out if cfg.has("validation") else []
     places = standing(arm, [*cfg.recordings, *held_out, *loaded], cfg.recording)
     locked = {**(arm.setup.locked or {}), **places}
-    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked))
+    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=False)
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
@@ -132,7 +131,7 @@ def _show(task: Task, tracker: Tracker) -> None:
                 shutil.copyfile(path, neighbour)
             tracker.log_artifact(path, "identify")
     if usd_installed():
-        _leave_usd(recorded_arm(task.cfg), target, tracker)
+        _leave_usd(recorded_arm(task), target, tracker)
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
     log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
@@ -172,4 +171,9 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-STAGE = Stage(lambda task: [model(task)], _show)
+def _check(task: Task) -> None:
+    if told := tell_doubtful(recorded_arm(task)):
+        log.warning("%s; identification starts from the nearest that can be", told)
+
+
+STAGE = Stage(lambda task: [model(task)], _show, _check)

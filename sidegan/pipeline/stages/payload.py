@@ -44,7 +44,7 @@ def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measure
 
 def _show(task: Task, tracker: Tracker) -> None:
     """Identify the load, and leave it in the run's folder."""
-    cfg, arm = task.cfg, recorded_arm(task.cfg)
+    cfg, arm = task.cfg, recorded_arm(task)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
     found = identify_payload(model_of(arm, cfg.model, unloaded), unloaded, loaded)
     write_json(task.store.run_folder / RESULT, as_json(found))
@@ -80,4 +80,4 @@ def _table(found: Payload) -> pd.DataFrame:
     return pd.DataFrame({**shown, "unit": _UNITS}, index=pd.Index(VALUES, name="load"))
 
 
-STAGE = Stage(show=_show, check=lambda task: recorded_arm(task.cfg))
+STAGE = Stage(show=_show, check=lambda task: recorded_arm(task))
