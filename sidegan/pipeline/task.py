@@ -12,7 +12,7 @@ import pandas as pd
 from torch import Tensor
 
 from sidegan.base.memory import require_room
-from sidegan.base.names import folder_name
+from sidegan.base.names import folder_name, listed
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -23,10 +23,11 @@ from sidegan.pipeline.compose import composed
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
-from sidegan.robot import Arm, load_robot, with_effort
+from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
 from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
 from sidegan.validity.home import refuse_degrees
-from sidegan.validity.pairs import tell_often
+from sidegan.validity.pairs import tell_displaced, tell_often
+from sidegan.validity.placeholders import tell_placeholders
 
 log = logging.getLogger(__name__)
 
@@ -115,7 +116,10 @@ class Task:
             log.info("%s: %s", arm.name, "; ".join(arm.told))
 
     def tell_checks(self) -> None:
-        """Say what trajectories are checked for, and warn where that is suspiciously little."""
+        """Say what trajectories are checked for, and warn where the description tells suspiciously little."""
+        for told in (tell_placeholders(self.whole_arm), tell_displaced(self.arm), self._told_masses()):
+            if told:
+                log.warning("%s", told)
         if self.home is not None and self.cfg.trajectory.home is None and self.arm.home is None:
             log.info(
                 "zeros are no feasible home; home is %s, or where trajectory.home=… says",
@@ -125,7 +129,11 @@ class Task:
             log.info("%s", told)
         if self.cfg.robot.effort is None:
             log.info("%s", self._told_effort())
-        if self.cfg.workspace.clearance is None:
+        if self.constraints.arm.capsules.points:
+            log.warning(
+                "%s has no collision shapes: its joint origins alone keep out of regions", self.arm.name
+            )
+        elif self.cfg.workspace.clearance is None:
             log.info("%s", self._told_clearance())
         log.info("checked: %s", self.constraints.described())
         if often := self.constraints.often:
@@ -135,6 +143,19 @@ class Task:
                 "many pairs of links are allowed to touch and are not checked against each other: "
                 "are the collision shapes too large, or not in metres?"
             )
+
+    def _told_masses(self) -> str:
+        """Which torques are not known, as the description lacks masses; empty where it tells all."""
+        doubtful, arm = doubtful_links(self.arm), self.arm
+        if not doubtful:
+            return ""
+        if not arm.inertial_parameters.any():
+            return (
+                f"{tell_doubtful(arm)}; torques are not known: their limits are not checked, nor peaks told"
+            )
+        last = max(map(arm.link_names.index, doubtful))
+        moved = listed(arm.joint_names[: last + 1])
+        return f"{tell_doubtful(arm)}; torques of {moved} may be far from what is checked and told"
 
     def _told_effort(self) -> str:
         why = "" if self.effort < 1 else ", since less would hardly hold the arm"

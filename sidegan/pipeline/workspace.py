@@ -18,7 +18,7 @@ from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import read_mesh
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.clearance import TooLargeError
-from sidegan.validity.floor import floor_under
+from sidegan.validity.floor import floor_under, with_points
 from sidegan.validity.scene import read_scene
 
 log = logging.getLogger(__name__)
@@ -156,6 +156,9 @@ class Workspace:
             InfeasibleError: when links cannot be kept apart, or out of a region.
         """
         shapes = self.shapes(arm) if shapes is None else shapes
+        arm = with_points(arm)
+        if self.clearance is None and arm.capsules.points:  # of what is between these nothing is known
+            return Constraints(arm, shapes, self.torque)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         room = math.inf

@@ -3,6 +3,7 @@
 from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import (
     about_the_centre,
+    doubtful_links,
     inconsistent_links,
     possible_links,
     pseudo_inertia,
@@ -28,6 +29,7 @@ __all__ = [
     "built_in_robots",
     "capsule_geometry",
     "chain_model",
+    "doubtful_links",
     "inconsistent_links",
     "is_built_in",
     "load_robot",

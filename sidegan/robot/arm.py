@@ -43,6 +43,7 @@ class Capsules:
     names: tuple[str, ...]  # what to call each capsule in a message; those of one shape share theirs
     owners: tuple[str, ...] = ()  # the description's link that each is part of; as named where left out
     pieces: Pieces | None = None  # what is inside of them; None where they are the shapes themselves
+    points: bool = False  # whether they are points of an arm without shapes, which keep out of regions alone
 
     def __post_init__(self) -> None:
         if len(self.owners) != len(self.names):

@@ -71,7 +71,8 @@ class Constraints:
         self.lowered: tuple[Region, ...] = ()  # of them, for links that never have the clearance
         self._lenient = apart is not None
         self.kept_out = self.grown(self.regions)
-        self.torque = torque and bool(torch.isfinite(arm.torque_limit).any())
+        heavy = bool(arm.inertial_parameters.any())  # else torques are not known
+        self.torque = torque and heavy and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
         found = self._pairs()
@@ -211,7 +212,9 @@ class Constraints:
         """What is checked and what is not, as one line for people."""
         torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
         pairs, links = self.excepted.get("collision", ()), self.excepted.get("keep_out", ())
-        bare = self.arm.joints - len(set(self.arm.capsules.link[self.arm.capsules.link >= 0].tolist()))
+        capsules = self.arm.capsules
+        shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
+        bare, noun = self.arm.joints - len(shaped), "joint origin" if capsules.points else "link"
         limited = {name: int(limit.isfinite().sum()) for name, limit in self.higher.items()}
         higher = "".join(f"{name} of {count}, " for name, count in limited.items())
         never = f"; {self._never} never touch" if self._never else ""
@@ -220,7 +223,7 @@ class Constraints:
             f"{self._links} of {counted(self._links + len(pairs), 'pair')} of links"
             + _except(self._named, "may touch")
             + never,
-            f"{len(self.guarded)} of {counted(len(self.guarded) + len(links), 'link')} in "
+            f"{len(self.guarded)} of {counted(len(self.guarded) + len(links), noun)} in "
             + counted(len(self.regions), "region")
             + _except(links, "never out"),
             *([f"{self.kept_clear} kept clear"] if self.clearance else []),
@@ -231,15 +234,18 @@ class Constraints:
     @property
     def kept_clear(self) -> str:
         """The distances that are kept, for people."""
-        links = f", {self.apart:g} m between links," if self.apart != self.clearance else ""
+        links = f" from regions and {self.apart:g} m between links" if self.apart != self.clearance else ""
         near = self.guarded[self.guarded[:, 0] >= len(self.regions)]
         return f"{self.clearance:g} m{links}" + _except(self._guarded_names(near), "never so far")
 
     def nearest(self, q: Tensor) -> Tensor:
         """Smallest distance [m] of links from each other and from regions, (N,), at positions (N, J).
 
-        Infinite where nothing is near. Links that never have the clearance from a plane are left out.
+        Infinite where nothing is near. Links that never have the clearance from a plane are left out, and so
+        are joint origins, which stand for links without shapes.
         """
+        if self.arm.capsules.points:
+            return q.new_full((len(q),), torch.inf)
         margins = self.at_rest(q)
         near = [margins[name] + x for name, x in self.kept.items() if name in margins]
         return torch.cat([q.new_full((len(q), 1), torch.inf), *near], 1).amin(1)

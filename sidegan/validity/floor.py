@@ -1,11 +1,12 @@
-"""What an arm stands on, as far as its description tells."""
+"""What an arm stands on, by its description, and what keeps above it where no link has a shape."""
 
 import math
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import torch
 
-from sidegan.robot import Arm
+from sidegan.robot import Arm, Capsules
 from sidegan.robot.looks import visual_parts
 from sidegan.validity.capsules import capsule_axes
 from sidegan.validity.regions import Plane
@@ -16,6 +17,7 @@ _STEPS = 1_000  # per metre: heights are whole millimetres
 _ROUNDING = 1e-3  # of a step: an error that is none
 
 _found: WeakKeyDictionary[Arm, Plane | None] = WeakKeyDictionary()
+_pointed: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
 
 
 def floor_under(arm: Arm) -> Plane | None:
@@ -25,8 +27,22 @@ def floor_under(arm: Arm) -> Plane | None:
     """
     if arm not in _found:
         height = _lowest(arm)
-        _found[arm] = Plane((0.0, 0.0, 1.0), height) if _above(arm, height) >= _STANDS else None
+        stands = _above(with_points(arm), height) >= _STANDS
+        _found[arm] = Plane((0.0, 0.0, 1.0), height) if stands else None
     return _found[arm]
+
+
+def with_points(arm: Arm) -> Arm:
+    """An arm that has no shapes with its joint origins and its tip in their place; others as they are."""
+    if len(arm.capsules.link):
+        return arm
+    if arm not in _pointed:
+        places = torch.stack([*arm.translation[1:], arm.tip])
+        names = (*arm.joint_names[1:], "the tip")
+        radius = torch.zeros(arm.joints, dtype=torch.float64)
+        points = Capsules(torch.arange(arm.joints), places, places, radius, names, points=True)
+        _pointed[arm] = replace(arm, capsules=points)
+    return _pointed[arm]
 
 
 def _lowest(arm: Arm) -> float:

@@ -1,5 +1,6 @@
 """Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,6 +17,8 @@ from sidegan.validity.capsules import capsule_axes, segment_distance
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.proof import never_touching
 
+_FAR = 0.2  # of an arm's length, that shapes of neighbours are nearer to each other
+_TRIED = 200  # configurations that these are tried in
 SAMPLES = 4_000  # random configurations that capsules are tried in
 _INSIDE = 1_000  # of them that what is inside of capsules is tried in
 _AT_ONCE = 256  # pairs: bounds the memory to some hundred megabytes
@@ -84,6 +87,30 @@ def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
     return found
 
 
+def tell_displaced(arm: Arm) -> str:
+    """Which neighbours have shapes that never come near each other; empty where all do."""
+    link, owners = arm.capsules.link, arm.capsules.owners
+    parents, gaps = {_sorted(*pair) for pair in arm.parents or ()}, dict[Links, float]()
+    pairs = torch.combinations(torch.arange(len(link)))
+    moved = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs() <= 1
+    near = [(i, j) for i, j in pairs[moved].tolist() if _sorted(owners[i], owners[j]) in parents]
+    least = capsule_distances(
+        arm, sampled(arm, _TRIED), torch.tensor(near, dtype=torch.long).reshape(-1, 2)
+    ).amin(1)
+    for (i, j), gap in zip(near, least.tolist()):
+        if max(link[i], link[j]) >= 0:
+            links = _sorted(owners[i], owners[j])
+            gaps[links] = min(gaps.get(links, math.inf), gap)
+    most = _FAR * float(arm.translation[1:].norm(dim=1).sum() + arm.tip.norm())
+    far = [f"{' – '.join(links)} ({gap:.2g} m)" for links, gap in gaps.items() if gap > most]
+    if not far:
+        return ""
+    return (
+        f"shapes of neighbouring links never come near each other: {listed(far, _SHOWN)}; is the origin of a "
+        "shape wrong? What is said of collisions and distances is true of the shapes alone"
+    )
+
+
 def usual_gaps(arm: Arm) -> dict[Links, float]:
     """How far those links of an arm are apart in half of the random configurations [m] that always touch.
 
@@ -112,7 +139,7 @@ class _Candidates(NamedTuple):
 
 def _candidates(arm: Arm) -> _Candidates:
     link, owners = arm.capsules.link, arm.capsules.owners
-    pairs = torch.combinations(torch.arange(len(link)))
+    pairs = torch.combinations(torch.arange(0 if arm.capsules.points else len(link)))
     apart = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs()
     pairs, apart = pairs[apart > 0], apart[apart > 0]
     of = [_sorted(owners[i], owners[j]) for i, j in pairs.tolist()]

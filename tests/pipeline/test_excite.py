@@ -50,7 +50,7 @@ def course(folder, name):
 
 
 def percent(cell):
-    return float(cell.rstrip("%"))
+    return float(cell.split("%")[0])
 
 
 def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):

@@ -120,7 +120,10 @@ def test_links_that_never_have_it_from_a_plane_merely_keep_out(planar: Arm) -> N
     before, after = plain.clearances(q)["keep_out"], clear.clearances(q)["keep_out"]
     torch.testing.assert_close(after[:, 1], before[:, 0])
     torch.testing.assert_close(after[:, 0], before[:, 1] - 0.2)
-    assert "0.2 m, 0.1 m between links, (never so far: upper_arm in region 0) kept clear" in clear.described()
+    assert (
+        "0.2 m from regions and 0.1 m between links (never so far: upper_arm in region 0) kept clear"
+        in clear.described()
+    )
     assert_same(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))
     with pytest.raises(InfeasibleError, match="always nearer are upper_arm in region 0"):
         Constraints(planar, [Box((-1, -1, 0), (1, 1, 0.35))], clearance=0.2, apart=0.1)

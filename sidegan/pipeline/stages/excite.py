@@ -213,16 +213,20 @@ def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     arm, times = task.whole_arm, family.times(task.cfg.identification.rate)
     motion = family.roll_out(run.coefficients, times)
     torque = task.body.torque(*motion[1:])
-    nearest = _nearest(task, family, run)
+    nearest, known = _nearest(task, family, run), bool(arm.inertial_parameters.any())
+    speeds, efforts = (
+        [slide if slides else turn for slides in arm.prismatic.tolist()]
+        for slide, turn in (("m/s", "rad/s"), ("N", "N·m"))
+    )
     return pd.DataFrame(
         {
             "trajectory": range(1, len(run) + 1),
             "cond(YᵀY)": [plain(x) for x in run.fitness.tolist()],
-            "peak velocity": _percent((motion.velocity.abs() / arm.velocity_limit).amax((1, 2))),
+            "peak velocity": _peaks(motion.velocity, arm.velocity_limit, speeds),
             **_higher_peaks(task, family, run),
-            "peak torque": _percent((torque.abs() / arm.torque_limit).amax((1, 2))),
+            "peak torque": _peaks(torque, arm.torque_limit, efforts) if known else "—",
             "clearance [m]": [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()],
-            "energy [J]": [plain(x) for x in _energy(task, motion).tolist()],
+            "energy [J]": [plain(x) for x in _energy(task, motion).tolist()] if known else "—",
         }
     ).set_index("trajectory")
 
@@ -245,6 +249,16 @@ def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, lis
             most = x.amax((1, 2)).tolist()
             peaks[f"peak {name} [rad/s{_POWERS[order]}]"] = [f"{one:.3g}" for one in most]
     return peaks
+
+
+def _peaks(x: Tensor, limit: Tensor, units: list[str]) -> list[str]:
+    """What is largest of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
+    most = x.abs().amax(1)
+    share, joint = (most / limit if limit.isfinite().any() else most).max(1)
+    values = [f"{plain(float(row[j]))} {units[j]}" for row, j in zip(most, joint.tolist())]
+    if not limit.isfinite().any():
+        return values
+    return [f"{one:.0%}, {value}" for one, value in zip(share.tolist(), values)]
 
 
 def _percent(share: Tensor) -> list[str]:

@@ -1,0 +1,81 @@
+"""What stands in a description where nobody filled in how an arm is: limits that no arm has."""
+
+import math
+
+import torch
+from torch import Tensor
+
+from sidegan.base.names import listed
+from sidegan.motion.dynamics import RigidBody
+from sidegan.robot import Arm
+from sidegan.robot.setup import override
+from sidegan.validity.pairs import sampled
+
+_FASTEST, _FASTEST_SLIDE = 60.0, 10.0  # [rad/s, m/s] that joints of arms stay below
+_TURN, _FARTHEST = (
+    2.02 * math.pi,
+    100.0,
+)  # [rad] that no two joints alike go beyond, and [rad, m] that none does
+_STRONGEST = 1e5  # [N·m, N] that joints of arms stay below
+_SPARE = 10.0  # times what holding the arm takes at most, that its weakest joint has not
+_WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] that the weakest joint may have; and where nothing has a mass
+_TRIED = 500  # configurations in which the arm is held
+
+
+def tell_placeholders(arm: Arm) -> str:
+    """Limits of an arm that no arm has, and the words that state others; empty where there are none."""
+    held, units = _held(arm), [("m", "N") if slides else ("rad", "N·m") for slides in arm.prismatic.tolist()]
+    enough = (2 * held).clamp_min(0.4 * float(held.max())).clamp_min(1.0)
+    span = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+    speed = torch.where(arm.prismatic, _FASTEST_SLIDE, _FASTEST)
+    kinds = {
+        "position": (span, _far(arm, span), [f"±{{}} {length}" for length, _ in units]),
+        "velocity": (arm.velocity_limit, arm.velocity_limit > speed, [f"{{}} {x}/s" for x, _ in units]),
+        "effort": (arm.torque_limit, _strong(arm, held), [f"{{}} {force}" for _, force in units]),
+    }
+    said, settings = [], []
+    for kind, (values, marked, forms) in kinds.items():
+        which = marked.nonzero()[:, 0].tolist()
+        by_value: dict[str, list[str]] = {}
+        for j in which:
+            by_value.setdefault(forms[j].format(f"{float(values[j]):.4g}"), []).append(arm.joint_names[j])
+        said += [f"{kind} {value} of {listed(names)}" for value, names in by_value.items()]
+        examples = {
+            arm.joint_names[j]: _example(kind, bool(arm.prismatic[j]), float(enough[j])) for j in which
+        }
+        settings += [override(f"limits.{kind}", examples, getattr(arm.setup.limits, kind))] if which else []
+    if not said:
+        return ""
+    return f"limits that no arm has: {'; '.join(said)}; state the arm's own, for example {' '.join(settings)}"
+
+
+def _held(arm: Arm) -> Tensor:
+    """The most that holding the arm takes of each joint [N·m or N], (J,)."""
+    q = sampled(arm, _TRIED)
+    still = torch.zeros_like(q)
+    return RigidBody(arm).torque(q, still, still).abs().amax(0)
+
+
+def _far(arm: Arm, span: Tensor) -> Tensor:
+    """Joints, (J,) bool, that go nowhere near their limits, which are so far from zero [rad or m], (J,)."""
+    alike = (span[:, None] == span[~arm.prismatic]).sum(1) > 1
+    return (span > _FARTHEST) | (~arm.prismatic & alike & (span > _TURN))
+
+
+def _strong(arm: Arm, held: Tensor) -> Tensor:
+    """Joints, (J,) bool, whose limits could hold the arm many times over, which takes so much, (J,)."""
+    limit, turns = arm.torque_limit, ~arm.prismatic
+    none = torch.zeros_like(turns)
+    if turns.any() and limit[turns].isfinite().all():
+        most = max(_SPARE * float(held[turns].max()), _WEAK) if held.any() else _UNKNOWN
+        none = turns & (limit[turns].min() >= most)
+    return none | (limit.isfinite() & (limit > _STRONGEST))
+
+
+def _example(kind: str, slides: bool, effort: float) -> float | tuple[float, float]:
+    """A limit that an arm may have, of a joint that so much effort is enough for [N·m or N]."""
+    if kind == "position":
+        return (-0.5, 0.5) if slides else (-3.14, 3.14)
+    if kind == "velocity":
+        return 0.1 if slides else 1.0
+    return float(f"{effort:.2g}")
