@@ -13,6 +13,7 @@ from sidegan.plant.execute import Plant
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
 from sidegan.robot import Arm, Drives
+from sidegan.robot.mujoco_log import mujoco_logged
 
 Array = NDArray[np.float64]
 
@@ -55,5 +56,6 @@ def driven(
     lead = np.divide(kd, kp, out=np.zeros(joints), where=kp > 0)  # a servo's damping acts against all speed
     control = [np.concatenate([q[1:] + dq[1:] * lead, torque], 1) for q, dq, torque in runs]
     both = mjtState.mjSTATE_CTRL.value | mjtState.mjSTATE_QFRC_APPLIED.value
-    states, _ = rollout.rollout(model, MjData(model), start, np.stack(control), control_spec=both)
+    with mujoco_logged(arm.name):
+        states, _ = rollout.rollout(model, MjData(model), start, np.stack(control), control_spec=both)
     return np.asarray(states[:, :, 1 : 1 + joints])

@@ -13,6 +13,7 @@ from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import PlantSettings
 from sidegan.robot import Arm, require_consistent
+from sidegan.robot.mujoco_log import mujoco_logged
 
 if TYPE_CHECKING:
     import mujoco
@@ -114,7 +115,9 @@ class Plant:
         mj_getState(self.model, data, start, spec)
         # The solver starts from rest, whatever was simulated before.
         warm = np.zeros(self.model.nv)
-        states, _ = rollout.rollout(self.model, data, start, target.numpy()[None], initial_warmstart=warm)
+        given = self.model, data, start, target.numpy()[None]
+        with mujoco_logged(self.arm.name):
+            states, _ = rollout.rollout(*given, initial_warmstart=warm)
         joints = self.arm.joints  # a state is time, positions, velocities
         states = torch.from_numpy(np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints])
         position, velocity = states[:, :joints], states[:, joints:]

@@ -9,6 +9,7 @@ from sidegan.errors import RobotError
 from sidegan.plant.settings import IDEAL, PlantSettings
 from sidegan.robot import Arm, require_consistent
 from sidegan.robot.drives import Drives
+from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.write_mjcf import chain, words
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ def mujoco_model(
 
     require_consistent(arm)
     try:
-        return mujoco.MjModel.from_xml_string(_mjcf(arm, settings, stiffness, damping))
+        with mujoco_logged(arm.name):
+            return mujoco.MjModel.from_xml_string(_mjcf(arm, settings, stiffness, damping))
     except ValueError as error:
         raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
 

@@ -23,6 +23,7 @@ from sidegan.plant.friction import Array, Form, FrictionSettings, Law
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
 from sidegan.robot import Arm, require_consistent
+from sidegan.robot.mujoco_log import mujoco_logged
 
 if TYPE_CHECKING:
     import mujoco
@@ -140,7 +141,8 @@ class VariedPlant:
 
     def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J)."""
-        return (self._compiled if compiled() else self._plain)(q, dq, ahead)
+        with mujoco_logged(self.arm.name):
+            return (self._compiled if compiled() else self._plain)(q, dq, ahead)
 
     def _compiled(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """The same as ``_plain``, motion by motion and without Python between the steps."""

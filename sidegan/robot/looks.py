@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm
@@ -63,18 +64,26 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
             lock(tree.joints[name], value, tree.at(tree.joints[name]))
         places = [(link, _placed(arm, tree, link.get("name", ""))) for link in root.findall("link")]
         shown = [(link, placed) for link, placed in places if placed.joint < 0 or not base]
-        return [part for link, placed in shown for part in _link_parts(arm, link, placed, colours)]
+        unread: dict[str, str] = {}
+        parts = [part for link, placed in shown for part in _link_parts(arm, link, placed, colours, unread)]
+        if unread:
+            why = next(iter(unread.values()))
+            _log.info("%s: shapes that are not shown are of %s: %s", arm.name, listed(list(unread)), why)
+        return parts
     except RobotError as error:
         _log.warning("%s is shown as its collision shapes alone: %s", arm.name, error)
         return []
 
 
-def _link_parts(arm: Arm, link: ET.Element, placed: Placed, colours: dict[str, Colour]) -> Iterator[Part]:
+def _link_parts(
+    arm: Arm, link: ET.Element, placed: Placed, colours: dict[str, Colour], unread: dict[str, str]
+) -> Iterator[Part]:
+    """Surfaces of one link; why those that cannot be read are left out is put into ``unread``."""
     for visual in link.findall("visual") or link.findall("collision"):
         try:
             yield from _shape_parts(arm.urdf, visual, placed, _own_colour(visual, colours))
         except Exception as error:  # readers of meshes raise whatever they like
-            _log.info("a shape of link %s is not shown: %s", link.get("name"), error)
+            unread[link.get("name", "")] = str(error)
 
 
 def _placed(arm: Arm, tree: Tree, link: str) -> Placed:

@@ -12,9 +12,9 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
 from sidegan.robot.mjcf_shapes import GeomWriter, turn_of, words
+from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.sources import Source
 
-_log = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 _KINDS = {
     int(mujoco.mjtJoint.mjJNT_FREE): "floating",
@@ -38,14 +38,11 @@ def read_mjcf(path: Path) -> Source:
     Raises:
         RobotError: when MuJoCo refuses it.
     """
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda text: _log.warning("%s: %s", path, text))
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        with mujoco_logged(path, logging.WARNING):
+            model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
-    finally:
-        mujoco.set_mju_user_warning(before)
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     x, y, z = (float(one) for one in model.opt.gravity)

@@ -1,5 +1,6 @@
 """An arm as MJCF: its chain of links with explicit inertias, its joints with friction and rotors."""
 
+import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
+from sidegan.robot.mujoco_log import mujoco_logged
 
 _STEP = 1e-3  # [s] of a written model
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
@@ -141,7 +143,8 @@ def _check(arm: Arm, text: str) -> None:
     import mujoco
 
     try:
-        mujoco.MjModel.from_xml_string(text)
+        with mujoco_logged(arm.name, logging.WARNING):
+            mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
 

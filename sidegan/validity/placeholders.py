@@ -17,7 +17,7 @@ _TURN, _FARTHEST = (
     100.0,
 )  # [rad] that no two joints alike go beyond, and [rad, m] that none does
 _STRONGEST = 1e5  # [N·m, N] that joints of arms stay below
-_SPARE = 10.0  # times what holding the arm takes at most, that its weakest joint has not
+_SPARE = 20.0  # times what holding the arm takes at most, that its weakest joint has not
 _WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] that the weakest joint may have; and where nothing has a mass
 _TRIED = 500  # configurations in which the arm is held
 
