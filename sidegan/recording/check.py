@@ -199,7 +199,9 @@ def read_and_check(
         source = Source(file, settings, arm.joint_names, settings.rows, chain_of(arm))
         name = source.name if isinstance(file, Files) else file
         checked = check_recording(source, arm, settings, gains, sign_width, settings.units.angle, role)
-        checked = replace(checked, warnings=[*source.remarks, *checked.warnings])
+        locked = arm.setup.locked or {}
+        left_out = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
+        checked = replace(checked, warnings=[*left_out, *source.remarks, *checked.warnings])
         raw = checked.statistics
         log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:

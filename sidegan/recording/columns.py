@@ -1,34 +1,13 @@
 """Which columns of a file hold which signal: by the patterns that are set, or by what they are called."""
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
+from sidegan.recording.called import Series, is_split, own_names, series_of, stamps_of
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, Columns
 
-_CALLED = {
-    "position": ["q", "qpos", "pos", "position", "positions", "angle", "angles"],
-    "velocity": ["qd", "dq", "dot", "qdot", "qvel", "vel", "velocity", "velocities", "speed", "speeds"],
-    "acceleration": ["qdd", "ddq", "ddot", "qddot", "qacc", "acc", "accel", "acceleration", "accelerations"],
-    "torque": ["tau", "trq", "torque", "torques"],
-    "effort": ["eff", "effort", "efforts"],
-    "current": ["i", "cur", "current", "currents"],
-}
-_WORDS = {word: signal for signal, words in _CALLED.items() for word in words}
-_OTHERS = {  # words of what was asked for, estimated of the outside or not measured at a joint
-    *("d", "des", "desired", "target", "targets", "cmd", "command", "commands", "commanded", "ref"),
-    *("reference", "goal", "set", "setpoint", "action", "ipo", "ext", "external", "err", "error", "limit"),
-    *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
-    *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian"),
-}
-_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps"}
-_SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are no stamps
-_SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
-_UNITS = _SECONDS | _NANOSECONDS | {"ms", "us", "msec", "usec"}
-_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *_UNITS}
 _MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
 _SHOWN = 3  # patterns that a message offers
 
@@ -39,13 +18,13 @@ class Joints:
 
     chain: tuple[
         str, ...
-    ]  # names of the arm's joints and of those locked between them, from the base outwards
+    ]  # names of the arm's joints and of locked ones between them, from the base outwards
     places: tuple[int, ...]  # which of these are the arm's
     own: tuple[str, ...]  # names of the arm's joints in its description
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the arm's joints."""
+        """Names of the arm's joints in the file."""
         return tuple(self.chain[place] for place in self.places)
 
 
@@ -57,34 +36,6 @@ class Found:
     # are seconds and nanoseconds
     where: dict[str, list[str]]
     remarks: list[str]  # what a person should know about that
-
-
-@dataclass(frozen=True)
-class _Series:
-    """Columns that differ in nothing but a number, or the name of a joint."""
-
-    before: str
-    after: str
-    named: bool
-    columns: dict[int, str]  # by the number, or the place of the joint in the chain
-
-    def of(self, places: Sequence[int], base: int) -> list[str]:
-        """Columns of some joints, those that are there; numbers begin with the base."""
-        wanted = [place + (0 if self.named else base) for place in places]
-        return [self.columns[k] for k in wanted if k in self.columns]
-
-    def pattern(self, base: int) -> str:
-        """The pattern that they are columns of."""
-        return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
-
-    def signal(self, effort: str) -> str | None:
-        """What they hold, by their words, of which the last one counts: a current position is a position."""
-        words = [*_words(f"{self.before} {self.after}")]
-        known = [word for word in words if word in _WORDS]
-        if not known or _OTHERS & {*words}:
-            return None
-        signal = _WORDS[known[-1]]
-        return effort if signal == "effort" else signal
 
 
 def columns_of(
@@ -129,11 +80,12 @@ def header_of(patterns: Sequence[str], joints: Joints) -> list[str]:
 class _Finder:
     def __init__(self, file: str, available: Sequence[str], columns: Columns, joints: Joints) -> None:
         self.file, self.available, self.columns, self.joints = file, available, columns, joints
-        self.series = [*_series_of(available, joints.chain)]
-        self.numberings = self._numberings()
-        (self.places, self.base), *others = self.numberings
+        self.series = [*series_of(available, joints.chain)]
+        chains = self.joints.places, tuple(range(len(self.joints.places)))
+        self.every = [(places, base) for places in chains for base in (0, 1)]
+        (self.places, self.base), *others = self._numberings()
         self.ambiguous = bool(others)
-        self.remarks: list[str] = []
+        self.shifted: list[str] = []  # columns of the first joint, where others are called as other joints
         self.left: dict[str, str] = {}  # columns of more joints than the arm's, and the pattern they continue
 
     def found(self, only: str | None) -> Found:
@@ -149,7 +101,7 @@ class _Finder:
                 f"{self.file} has neither torque nor current: {like}; it has {self._has()}"
                 f"{self._offers('torque')}"
             )
-        return Found(where, [*self.remarks, *self._left_over(where)])
+        return Found(where, [*self._shifted(), *self._left_over(where)])
 
     def _time(self) -> list[str]:
         """Columns of time stamps; none of a file without, whose rate is known.
@@ -160,7 +112,7 @@ class _Finder:
         names = self.columns.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
-            stamps = _stamps(self.available)
+            stamps = stamps_of(self.available)
         if not stamps and self.columns.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
@@ -168,7 +120,7 @@ class _Finder:
                 "recording.time=NAME, or without a clock how many rows there are in a second: "
                 "recording.rate=1000"
             )
-        if len(stamps) > 1 and not _split(stamps):
+        if len(stamps) > 1 and not is_split(stamps):
             self._refuse_several("time", stamps)
         return stamps
 
@@ -184,7 +136,7 @@ class _Finder:
         if AUTO in patterns and not alone and signal != "position":
             self._refuse_partial(signal)
             return []
-        raise self._missing(signal, patterns)
+        raise self._missing(signal, patterns, alone)
 
     def _set(self, pattern: str) -> list[str]:
         """Columns of a pattern that is set, where all are there."""
@@ -196,19 +148,22 @@ class _Finder:
                 return columns
         return []
 
-    def _named(self, signal: str, alone: bool) -> list[str]:
-        """Columns that are the signal's by their names.
+    def _candidates(self, signal: str, alone: bool) -> list[Series]:
+        """Series that are called as a signal; in a file of that alone all that may be, where none is."""
+        called = [s for s in self.series if s.signal(self.columns.effort) == signal]
+        return called or [s for s in self.series if alone and not s.foreign]
 
-        In a file of one signal, whatever goes by joints is that where nothing is called so.
-        """
-        ways = self._ways([s for s in self.series if s.signal(self.columns.effort) == signal])
-        if not ways and alone:
-            ways = self._ways([s for s in self.series if not _OTHERS & {*_words(f"{s.before} {s.after}")}])
+    def _named(self, signal: str, alone: bool) -> list[str]:
+        """Columns that are the signal's by their names."""
+        ways = self._ways(self._candidates(signal, alone), self.places, self.base)
         if len(ways) > 1:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
             self._note_left(columns, pattern)
-            if len(left := [c for c, p in self.left.items() if p == pattern]) > _MOST_LEFT:
+            if "{joint}" not in pattern:
+                self._note_shifted(columns)
+            left = [c for c, p in self.left.items() if p == pattern and "{joint}" not in p]
+            if len(left) > _MOST_LEFT:
                 raise RecordingError(
                     f"{self.file} has {signal} of {counted(len(columns) + len(left), 'joint')}, the arm has "
                     f"{len(columns)}; if its first ones are the arm's, say so: {_typed(signal, pattern)}"
@@ -216,14 +171,13 @@ class _Finder:
             return [*columns]
         return []
 
-    def _ways(self, series: Sequence[_Series]) -> dict[tuple[str, ...], str]:
-        """Patterns of series that have all joints, by their columns; names go before numbers."""
+    def _ways(self, series: Sequence[Series], places: Sequence[int], base: int) -> dict[tuple[str, ...], str]:
+        """Patterns of series that have all joints, numbered like this, by their columns; names go first."""
         ways: dict[tuple[str, ...], str] = {}
         for one in sorted(series, key=lambda one: not one.named):
-            places = self.joints.places if one.named else self.places
-            columns = one.of(places, self.base)
+            columns = one.of(self.joints.places if one.named else places, base)
             if len(columns) == len(places):
-                ways.setdefault(tuple(columns), one.pattern(self.base))
+                ways.setdefault(tuple(columns), one.pattern(base))
         return ways
 
     def _numberings(self) -> list[tuple[tuple[int, ...], int]]:
@@ -233,12 +187,11 @@ class _Finder:
         or else none.
         """
         count = len(self.joints.places)
-        every = [(p, base) for p in (self.joints.places, tuple(range(count))) for base in (0, 1)]
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.columns.effort)]
         scores = {
             one: tuple(sum(len(s.of(*one)) == count for s in some) for some in (signals, series))
-            for one in every
+            for one in self.every
         }
         if (most := max(scores.values())) == (0, 0):
             return [(self.joints.places, 0 if any(0 in s.columns for s in signals) else 1)]
@@ -250,6 +203,21 @@ class _Finder:
             if not one.named and {*columns} <= {*one.columns.values()}:
                 mine = {*_filled(pattern, self.joints.chain, range(len(self.joints.chain))), *columns}
                 self.left |= {column: pattern for column in one.columns.values() if column not in mine}
+
+    def _note_shifted(self, columns: Sequence[str]) -> None:
+        """Take down columns that are called as other joints than the ones they are taken for."""
+        taken = dict(zip(columns, self.joints.places))
+        named = [(c, place) for s in self.series if s.named for place, c in s.columns.items()]
+        if any(taken.get(c, place) != place for c, place in named):
+            self.shifted.append(columns[0])
+
+    def _shifted(self) -> list[str]:
+        """A sentence about numbers that are not those of the joints' names."""
+        if not self.shifted:
+            return []
+        are = "is" if len(self.shifted) == 1 else "are"
+        own = self.joints.own[0]
+        return [f"joints are counted from 0: {listed(self.shifted)} {are} taken for {own}, and so on"]
 
     def _left_over(self, where: dict[str, list[str]]) -> list[str]:
         """A sentence about columns of more joints than the arm has."""
@@ -267,20 +235,20 @@ class _Finder:
 
     def _refuse_partial(self, signal: str) -> None:
         """Raise when a signal is there for half of the joints or more."""
-        if len(self._nearest(signal)[0]) * 2 >= len(self.joints.places):
-            raise self._missing(signal, [AUTO])
+        if len(self._nearest(signal, False)[0]) * 2 >= len(self.joints.places):
+            raise self._missing(signal, [AUTO], False)
 
-    def _nearest(self, signal: str) -> tuple[list[str], str]:
+    def _nearest(self, signal: str, alone: bool) -> tuple[list[str], str]:
         """Columns of the series that lacks the fewest of the signal's, and its pattern."""
-        series = [s for s in self.series if s.signal(self.columns.effort) == signal]
+        series = self._candidates(signal, alone)
         there = [(s.of(self.joints.places if s.named else self.places, self.base), s) for s in series]
         columns, one = max(there, key=lambda pair: len(pair[0]), default=([], None))
         return columns, "" if one is None else one.pattern(self.base)
 
-    def _missing(self, signal: str, patterns: Sequence[str]) -> RecordingError:
+    def _missing(self, signal: str, patterns: Sequence[str], alone: bool) -> RecordingError:
         """What to say about columns that are not there."""
         like = [pattern for pattern in patterns if pattern != AUTO] or [f"{signal}_{{index}}"]
-        nearest = self._nearest(signal)[1] if AUTO in patterns else ""
+        nearest = self._nearest(signal, alone)[1] if AUTO in patterns else ""
         wanted, own = _filled(nearest or like[0], self.joints.names, self.places), self.joints.own
         lacking = [column for column in wanted if column not in self.available]
         joints = [name for name, column in zip(own, wanted) if column in lacking] if wanted[1:] else own
@@ -301,10 +269,15 @@ class _Finder:
     def _offers(self, signal: str) -> str:
         """Settings with which other columns of the file would be the signal."""
         unknown = [s for s in self.series if s.signal(self.columns.effort) is None]
-        patterns = [*self._ways(unknown).values()]
+        arrays = [c for c in self.available if Series(c, "", True, {}).signal(self.columns.effort) == signal]
+        ways = [self._ways(unknown, *numbers) for numbers in dict.fromkeys(self.every)]
+        patterns = [
+            *dict.fromkeys(p for one in ways for p in one.values()),
+            *(arrays if len(arrays) == 1 else []),
+        ]
         if patterns:
             return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
-        names = _own_names(self.available, signal, len(self.joints.places))
+        names = own_names(self.available, signal, len(self.joints.places))
         return (
             f"; are its joints, in the arm's order, 'recording.joints=[{','.join(names)}]'?" if names else ""
         )
@@ -320,25 +293,9 @@ class _Finder:
         return listed([repr(column) for column in self.available]) or "none"
 
 
-def _series_of(available: Sequence[str], names: Sequence[str]) -> Iterator[_Series]:
-    """All ways in which columns differ in a number or the name of a joint."""
-    found: dict[tuple[str, str, bool], dict[int, str]] = {}
-    places = [(re.compile(_bounded(name), re.IGNORECASE), place) for place, name in enumerate(names)]
-    for column in available:
-        for match in re.finditer(r"\d+", column):
-            key = column[: match.start()], column[match.end() :], False
-            found.setdefault(key, {}).setdefault(int(match[0]), column)
-        for name, place in places:
-            for match in name.finditer(column):
-                key = column[: match.start()], column[match.end() :], True
-                found.setdefault(key, {}).setdefault(place, column)
-    return (_Series(*key, columns) for key, columns in found.items())
-
-
-def _bounded(name: str) -> str:
-    """A regular expression of a name that is no part of a longer word or number."""
-    before, after = (r"\d" if end.isdigit() else "[A-Za-z]" for end in (name[:1], name[-1:]))
-    return rf"(?<!{before}){re.escape(name)}(?!{after})"
+def _typed(signal: str, pattern: str) -> str:
+    """A setting as a word on the command line."""
+    return f"'recording.{signal}=\"{pattern}\"'"
 
 
 def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[str]:
@@ -346,53 +303,3 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
         return [pattern]
     each = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
     return [PLACEHOLDER.sub(lambda match, one=one: one[match[1]], pattern) for one in each]  # type: ignore[misc]
-
-
-def _words(text: str) -> Iterator[str]:
-    """Words of a name in small letters; where a word is none that is known, its humps are words."""
-    for run in re.findall(r"[A-Za-z]+", text):
-        if run.lower() in _KNOWN:
-            yield run.lower()
-        else:
-            yield from (hump.lower() for hump in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", run))
-
-
-def _stamps(available: Sequence[str]) -> list[str]:
-    """Columns of time stamps that are called so with the fewest words."""
-    ranked = []
-    for column in available:
-        words = [word for word in _words(column) if word not in _UNITS]
-        if words and words[-1] in _TIMES and not _SPANS & {*words} and not re.search(r"\d", column):
-            ranked.append((len(words), column))
-    return [column for words, column in ranked if words == min(ranked)[0]]
-
-
-def _split(stamps: Sequence[str]) -> bool:
-    """Whether stamps are seconds and, in a column of their own, nanoseconds."""
-    units = [_UNITS & {*_words(column)} for column in stamps]
-    return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
-
-
-def _own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
-    """Names of so many joints that a file has a signal of, in the order of its columns."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for column in available:
-        edges = [
-            0,
-            *(k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in (m.start(), m.end())),
-            len(column),
-        ]
-        for start, end in combinations(edges, 2):
-            if column[start:end].strip():
-                groups.setdefault((column[:start], column[end:]), []).append(column[start:end])
-    fitting = {
-        key: names
-        for key, names in groups.items()
-        if len(names) == count and _Series(*key, False, {}).signal("torque") == signal
-    }
-    return fitting[max(fitting, key=lambda key: len(key[0]) + len(key[1]))] if fitting else []
-
-
-def _typed(signal: str, pattern: str) -> str:
-    """A setting as a word on the command line."""
-    return f"'recording.{signal}=\"{pattern}\"'"

@@ -49,8 +49,8 @@ def merged(tracks: Sequence[Track]) -> tuple[Numbers, dict[str, Numbers], list[s
         for one, clock in zip(tracks, clocks)
     }
     whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
-    others = [one.file for one in tracks if not np.array_equal(one.time, fastest.time)]
-    remarks = [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"]
+    others = [one.file for one in tracks if not np.isin(time[whole], one.time).all()]
+    remarks = [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
     lost = max(max(begin - one.time[0], one.time[-1] - end) for one in tracks)
     if lost > max(steps):
         remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest of them is left out")

@@ -82,7 +82,7 @@ class Files:
 
     def __post_init__(self) -> None:
         if self.torque is self.current is self.effort is None:
-            raise ConfigError(f"{self} has no effort: {{position: q.csv, effort: tau.csv}}")
+            raise ConfigError(f"{self} has no effort, expected {{position: q.csv, effort: tau.csv}}")
         if self.effort is not None and (self.torque or self.current):
             raise ConfigError(f"{self} has an effort beside a torque or current: leave one of them out")
 

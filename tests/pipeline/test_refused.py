@@ -61,6 +61,8 @@ SETTINGS = [
     ("identify", "+identify.settings.magic=1 recordings=[FOLDER/a.csv]", "magic"),
     ("identify", "recordings=[a.csv] validation=[a.csv]", "would not be held out"),
     ("identify", "recordings=[a.csv,a.csv]", "recordings has a.csv twice"),
+    ("identify", "recordings=[{position:a,effort:b}] validation=[{position:c,torque:b}]", "validation has b"),
+    ("identify", "recordings=[{position:a}]", "recordings[0]: {position: a} has no effort"),
     ("identify", "recording.units.angle=turn", "recording.units.angle is 'turn'"),
     ("identify", "identify.method=magic", "identify.method is 'magic'"),
     ("payload", "recordings=[FOLDER/a.csv]", "loaded is empty, expected files with the load"),

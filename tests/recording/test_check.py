@@ -141,3 +141,8 @@ def test_a_delay_is_believed_beyond_its_errors_and_within_the_search():
     """At a tenth of a second the search was stopped: the torques are not late by just that."""
     assert all(Delay(seconds, 1e-4).believed for seconds in (0.099, 4e-4))
     assert not any(Delay(seconds, 1e-4).believed for seconds in (0.1, -0.1, 2e-4))
+
+
+def test_a_negative_delay_is_told_as_earlier(recording, planar):
+    said = check_recording(recording, planar, of_file(delay=-0.071)).statements
+    assert said[-1] == "torques are taken to be 71 ms earlier than the motion, as is set"

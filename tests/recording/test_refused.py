@@ -74,7 +74,7 @@ FILES = [
     ("no torque of 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
     (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
     ("time as 't' and as 'time'; say which is meant: 'recording.time=\"t\"'", twice(time="t"), {}),
-    (r"position as 'q\{joint\}' and as 'q_\{joint\}'; say which", twice(q_1="q1", q_2="q2"), {}),
+    (r"position as 'q\{index\}' and as 'q_\{index\}'; say which", twice(q_1="q1", q_2="q2"), {}),
     ("begins with numbers.*say what they are", NAMELESS, {}),
     (r"has 7 columns, recording\.header has 5", NAMELESS, {"header": HEADER[:3]}),
     ("named twice", NAMELESS, {"header": [HEADER[0], *HEADER[1:2] * 3]}),

@@ -1,0 +1,131 @@
+"""What columns hold, by what they are called, whoever wrote them."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+_CALLED = {
+    "position": ["q", "qpos", "pos", "position", "positions", "angle", "angles"],
+    "velocity": ["qd", "dq", "dot", "qdot", "qvel", "vel", "velocity", "velocities", "speed", "speeds"],
+    "acceleration": ["qdd", "ddq", "ddot", "qddot", "qacc", "acc", "accel", "acceleration", "accelerations"],
+    "torque": ["tau", "trq", "torque", "torques"],
+    "effort": ["eff", "effort", "efforts"],
+    "current": ["i", "cur", "current", "currents"],
+}
+_WORDS = {word: signal for signal, words in _CALLED.items() for word in words}
+_RATES = {"dot", "ddot"}  # of a position; of a torque they are no signal
+_OTHERS = {  # words of what was asked for, estimated of the outside or not measured at a joint
+    *("d", "des", "desired", "target", "targets", "cmd", "command", "commands", "commanded", "ref"),
+    *("reference", "goal", "set", "setpoint", "action", "ipo", "ext", "external", "err", "error", "limit"),
+    *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
+    *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian"),
+}
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps"}
+_SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are no stamps
+_SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
+_UNITS = _SECONDS | _NANOSECONDS | {"ms", "us", "msec", "usec"}
+_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *_UNITS}
+
+
+@dataclass(frozen=True)
+class Series:
+    """Columns that differ in nothing but a number, or the name of a joint."""
+
+    before: str
+    after: str
+    named: bool
+    columns: dict[int, str]  # by the number, or the place of the joint in the chain
+
+    def of(self, places: Sequence[int], base: int) -> list[str]:
+        """Columns of some joints, those that are there; numbers begin with the base."""
+        wanted = [place + (0 if self.named else base) for place in places]
+        return [self.columns[k] for k in wanted if k in self.columns]
+
+    def pattern(self, base: int) -> str:
+        """The pattern that they are columns of."""
+        return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
+
+    def signal(self, effort: str) -> str | None:
+        """What they hold, by their words, of which the last one counts: a current position is a position."""
+        words = [*_words(f"{self.before} {self.after}")]
+        signals = [_WORDS[word] for word in words if word in _WORDS]
+        loads = {"torque", "effort", "current"} & {*signals}
+        if not signals or self.foreign or (loads and _RATES & {*words}):
+            return None
+        return effort if signals[-1] == "effort" else signals[-1]
+
+    @property
+    def foreign(self) -> bool:
+        """Whether a word of theirs says that they are no measurements of joints."""
+        return bool(_OTHERS & {*_words(f"{self.before} {self.after}")})
+
+
+def series_of(available: Sequence[str], names: Sequence[str]) -> Iterator[Series]:
+    """All ways in which columns differ in a number or the name of a joint that is none."""
+    found: dict[tuple[str, str, bool], dict[int, str]] = {}
+    patterns = [
+        (re.compile(_bounded(name), re.IGNORECASE), place)
+        for place, name in enumerate(names)
+        if not name.isdigit()
+    ]
+    for column in available:
+        for match in re.finditer(r"\d+", column):
+            key = column[: match.start()], column[match.end() :], False
+            found.setdefault(key, {}).setdefault(int(match[0]), column)
+        for pattern, place in patterns:
+            for match in pattern.finditer(column):
+                key = column[: match.start()], column[match.end() :], True
+                found.setdefault(key, {}).setdefault(place, column)
+    return (Series(*key, columns) for key, columns in found.items())
+
+
+def _bounded(name: str) -> str:
+    """A regular expression of a name that is no part of a longer word or number."""
+    before, after = (r"\d" if end.isdigit() else "[A-Za-z]" for end in (name[:1], name[-1:]))
+    return rf"(?<!{before}){re.escape(name)}(?!{after})"
+
+
+def _words(text: str) -> Iterator[str]:
+    """Words of a name in small letters; where a word is none that is known, its humps are words."""
+    for run in re.findall(r"[A-Za-z]+", text):
+        if run.lower() in _KNOWN:
+            yield run.lower()
+        else:
+            yield from (hump.lower() for hump in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", run))
+
+
+def stamps_of(available: Sequence[str]) -> list[str]:
+    """Columns of time stamps that are called so with the fewest words."""
+    ranked = []
+    for column in available:
+        words = [word for word in _words(column) if word not in _UNITS]
+        if words and words[-1] in _TIMES and not _SPANS & {*words} and not re.search(r"\d", column):
+            ranked.append((len(words), column))
+    return [column for words, column in ranked if words == min(ranked)[0]]
+
+
+def is_split(stamps: Sequence[str]) -> bool:
+    """Whether stamps are seconds and, in a column of their own, nanoseconds."""
+    units = [_UNITS & {*_words(column)} for column in stamps]
+    return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
+
+
+def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
+    """Names of so many joints that a file has a signal of, in the order of its columns."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for column in available:
+        edges = [
+            0,
+            *(k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in (m.start(), m.end())),
+            len(column),
+        ]
+        for start, end in combinations(edges, 2):
+            if column[start:end].strip():
+                groups.setdefault((column[:start], column[end:]), []).append(column[start:end])
+    fitting = {
+        key: names
+        for key, names in groups.items()
+        if len(names) == count and Series(*key, False, {}).signal("torque") == signal
+    }
+    return fitting[max(fitting, key=lambda key: len(key[0]) + len(key[1]))] if fitting else []

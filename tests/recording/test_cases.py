@@ -1,0 +1,131 @@
+"""Files as people have them: columns by many names, a file for each signal, a joint without a torque."""
+
+import re
+
+import pytest
+import torch
+
+from sidegan.errors import RecordingError
+from sidegan.recording.check import read_and_check
+from sidegan.recording.load import Source
+from sidegan.recording.recording import whole
+from sidegan.recording.settings import Files
+from sidegan.recording.standing import chain_of, standing
+from sidegan.robot import Setup, load_robot
+from tests.recording.conftest import of_file
+from tests.recording.files import frame
+
+JOINTS = ("shoulder", "elbow")
+NAMES = [  # of time, positions and torques; {i} counts from 0, {n} from 1
+    *(("t", "q{i}", "tau{i}"), ("Time", "Q{n}", "TAU{n}"), ("time [s]", "q_{i}", "tau_{i}")),
+    *(("timestamp", "joint_{i}_pos", "joint_{i}_torque"), ("t", "actual_q_{i}", "motor_torque_{i}")),
+    *(("t", "- {j}_position", "- {j}_effort"), (" t", " q0{n}", " tau0{n}"), ("t", "{j}.pos", "effort.{j}")),
+    *(("state.time", "state.q[{i}]", "state.tau_J[{i}]"), ("%time", "field.position{i}", "field.effort{i}")),
+    *(("__time", "/states/{j}/position", "/states/{j}/effort"), ("t", "current_pos_{i}", "motorTrq{i}")),
+    *(("time", ".position.{i}", ".effort.{i}"), ("timestamp", "observation.state.{j}.pos", "{j}.effort")),
+]
+FOREIGN = """q_d[{i}] tau_J_d[{i}] tau_ext_hat_filtered[{i}] target_q_{i} tau_dot_{n} O_T_EE[{i}] theta[{i}]
+action.{j}.pos finger_joint{n}_position actual_TCP_speed_{i}"""
+
+
+def columns_of(pattern):
+    return [pattern.format(i=k, n=k + 1, j=joint) for k, joint in enumerate(JOINTS)]
+
+
+def named(made, time="t", q="q{n}", tau="tau{n}", **more):
+    """The table of a recording's time, positions and torques under other names, and of more columns."""
+    table = frame(made)[["t", "q1", "q2", "tau1", "tau2"]]
+    return table.set_axis([time, *columns_of(q), *columns_of(tau)], axis=1).assign(**more)
+
+
+def source(folder, table, **changes):
+    table.to_csv(folder / "a.csv", index=False)
+    return Source(folder / "a.csv", of_file(**changes), JOINTS)
+
+
+def assert_same(found, made):
+    for name in ("time", "position", "torque"):
+        torch.testing.assert_close(getattr(found, name), getattr(made, name))
+
+
+@pytest.mark.parametrize("names", NAMES)
+def test_columns_are_known_by_their_names(made, tmp_path, names):
+    from_ = source(
+        tmp_path, named(made, *names, **{c: 1.0 for one in FOREIGN.split() for c in columns_of(one)})
+    )
+    assert_same(found := whole(from_), made)
+    assert found.velocity is None and found.current is None and not from_.remarks
+
+
+LEFT = [
+    ("q{i} tau{i}", "q2 tau2", r"counted from 0.* say so: 'recording.position=\"q\{index\}\"' 'rec"),
+    ("q{i} tau{i}", "q2", "q2 is left over: the arm has 2 joints"),
+    ("q{n} tau{n}", "q3 tau3", "q3, tau3 are left over: the arm has 2 joints"),
+]
+
+
+@pytest.mark.parametrize(("names", "more", "words"), LEFT)
+def test_a_column_that_is_left_over_is_remarked_on(made, tmp_path, names, more, words):
+    from_ = source(tmp_path, named(made, "t", *names.split(), **dict.fromkeys(more.split(), 1.0)))
+    assert_same(whole(from_), made)
+    assert re.search(words, "".join(from_.remarks))
+
+
+REFUSED = [
+    ({"q": "theta{i}"}, {}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
+    ({"tau": "load{n}"}, {}, r"neither torque nor current.* fit\? 'recording.torque=\"load\{index\}\"'"),
+    ({"q": "left{n}_q", "right1_q": 1.0, "right2_q": 1.0}, {}, "say which is meant: 'recording.position"),
+    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, {}, r"'recording.joints=\[shoulderx,elbowx\]'"),
+]
+
+
+@pytest.mark.parametrize(("names", "changes", "words"), REFUSED)
+def test_what_to_type_is_said_where_names_do_not_tell(made, tmp_path, names, changes, words):
+    with pytest.raises(RecordingError, match=words):
+        whole(source(tmp_path, named(made, **names), **changes))
+
+
+def several(folder, made, change=lambda same: same):
+    """A file for each signal; that of the torques is changed, and calls them by the joints alone."""
+    named(made)[["t", "q1", "q2"]].to_csv(folder / "position.csv", index=False)
+    change(named(made, tau="{j}")[["t", *JOINTS]]).to_csv(folder / "effort.csv", index=False)
+    files = Files(str(folder / "position.csv"), effort=str(folder / "effort.csv"))
+    return Source(files, of_file(), JOINTS, rows=64)
+
+
+def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
+    assert_same(whole(several(tmp_path, recording)), recording)
+    from_ = several(tmp_path, recording, lambda x: x.assign(t=x.t + 3e-4)[100:1900:2].drop(index=[600]))
+    found = whole(from_)  # at the stamps of the faster file, where there are torques
+    inside = torch.isin(recording.time, found.time)
+    torch.testing.assert_close(found.position, recording.position[inside])
+    assert 1 < found.time[0] < 1.02 and 18.96 < found.time[-1] < 19
+    assert (found.torque - recording.torque[inside]).abs().max() < 0.05 * recording.torque.abs().max()
+    assert "effort.csv: interpolated" in from_.remarks[0] and "is in all files" in from_.remarks[1]
+
+
+APART = [
+    ("effort.csv has no column like 't' or 'time'", lambda x: x.drop(columns="t")),
+    ("no moment is in all files, .* effort.csv from 100 s", lambda x: x.assign(t=x.t + 100)),
+    ("effort.csv: time runs backwards", lambda x: x[::-1]),
+    ("effort.csv has no torque of 1 of the arm's 2 .*without=.elbow", lambda x: x.drop(columns="elbow")),
+]
+
+
+@pytest.mark.parametrize(("words", "change"), APART)
+def test_files_that_do_not_go_together_are_refused(made, tmp_path, words, change):
+    with pytest.raises(RecordingError, match=words):
+        whole(several(tmp_path, made, change))
+
+
+def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path, planar):
+    source(tmp_path, named(recording).assign(q1=0.3).drop(columns="tau1"))
+    path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
+    assert standing(planar, [path], settings) == pytest.approx({"shoulder": 0.3})
+    arm = load_robot("planar2", Setup(locked={"shoulder": 0.3}))
+    (found,) = read_and_check([path], "training", arm, settings)
+    assert "shoulder is left out, locked at 0.3" in found.warnings and chain_of(arm) == JOINTS
+    torch.testing.assert_close(found.statistics.signals["position"].upper, recording.position[:, 1:].amax(0))
+    for words, name in ("out, moves", "elbow"), ("names wrist; the arm has joints", "wrist"):
+        with pytest.raises(RecordingError, match=words):
+            standing(planar, [path], of_file(without=[name]))
