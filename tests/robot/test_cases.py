@@ -1,0 +1,150 @@
+"""Descriptions as people have them: masses, shapes and limits that are not there, or that no arm has."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.errors import RobotError
+from sidegan.pipeline.compose import CONF
+from sidegan.pipeline.stages.excite import _peaks
+from sidegan.plant import Run, driven
+from sidegan.robot import (
+    Drives,
+    doubtful_links,
+    inconsistent_links,
+    load_robot,
+    possible_links,
+    tell_doubtful,
+)
+from sidegan.robot.looks import visual_parts
+from sidegan.validity.pairs import tell_displaced
+from sidegan.validity.placeholders import tell_placeholders
+from tests.identification.test_cases import recordings
+from tests.identification.test_workflow import identified
+from tests.pipeline.test_workspace import workspace
+from tests.robot.urdf import collision, joint, link, mesh, robot
+
+AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1")
+LIMIT = '<limit lower="-2.8" upper="2.8" velocity="2" effort="50"/>'
+
+
+def rod(place='xyz="0 0 0.15"'):
+    return collision('<cylinder radius="0.04" length="0.24"/>', place)
+
+
+def inertial(mass="2", moments=(0.02, 0.02, 0.004), place="0.01 0.005 0.15"):
+    moments = " ".join(f'{name}="{x}"' for name, x in zip(("ixx", "iyy", "izz"), moments))
+    moments += ' ixy="0" ixz="0" iyz="0"'
+    return f'<inertial><origin xyz="{place}"/><mass value="{mass}"/><inertia {moments}/></inertial>'
+
+
+def arm_of(content=None, limit=LIMIT, base=None):
+    """Four rods, one on the other; what some of them are made of instead, by number."""
+    parts = [link("base", rod('xyz="0 0 0.02"') if base is None else base)]
+    for k, axis in enumerate(AXES):
+        place, turn = f'xyz="0 0 {0.3 if k else 0.1}"', f'<axis xyz="{axis}"/>'
+        before = f"link{k - 1}" if k else "base"
+        parts.append(joint(f"joint{k}", before, f"link{k}", "revolute", place, turn, limit))
+        parts.append(link(f"link{k}", (content or {}).get(k, inertial() + rod())))
+    return robot(*parts, name="rods")
+
+
+BARE = dict.fromkeys(range(4), "")
+KINDS = {  # what link 1 says of its mass, and what is said of that
+    "the largest exceeds": inertial(moments=(0.02, 0.02, 0.042)),
+    "too far out": inertial(moments=(-0.02, 0.02, 0.004)),
+    "its mass is 0 kg": "",
+    "its mass is 0 kg, expected more": inertial(mass=0),
+    "its mass is 0 kg, ": inertial(mass=-3),
+    "mass is 0 kg": inertial(mass="nan"),
+    "1e-06 kg at": inertial(mass=1e-6, moments=(1e-9, 1e-9, 1e-9)),
+    "2 kg at 150 m from its joint": inertial(place="10 5 150"),
+    "": inertial(moments=(1e-9, 1e-9, 1e-9)),  # can be, and is too thin to start from
+}
+
+
+@pytest.mark.parametrize(("said", "inside"), KINDS.items(), ids=[*KINDS])
+def test_a_link_that_cannot_be_is_named_and_replaced_by_the_nearest_that_can(load, said, inside):
+    arm, whole = load(arm_of({1: inside + rod()})), load(arm_of()).inertial_parameters
+    assert said in tell_doubtful(arm) and [*doubtful_links(arm)] == (["link1"] if said else [])
+    start = possible_links(arm)
+    assert inconsistent_links(arm, start) == [] and torch.equal(start[[0, 2, 3]], whole[[0, 2, 3]])
+    if "kg" not in said:  # mass and place are kept, and only the inertia is another
+        torch.testing.assert_close(start[1, :4], whole[1, :4])
+
+
+@pytest.mark.parametrize("content", [BARE, {1: inertial(moments=(0.02, 0.02, 0.042))}], ids=["none", "one"])
+def test_an_arm_is_identified_whatever_its_masses_are(load, content):
+    truth, arm = load(arm_of()), load(arm_of(content))
+    training, validation = recordings(arm, lambda made: made.torque, truth)
+    found = identified(arm, [training], [validation])
+    assert found.use == "consistent" and found.tests["consistent"].nmse_mean < 2e-3
+    assert inconsistent_links(arm, found.links) == [] and "description" not in found.forward
+
+
+def test_an_identification_asks_for_no_limits_and_looks_for_no_meshes(load, caplog, tmp_path):
+    text = arm_of({1: inertial() + mesh("lost.stl")}, '<limit effort="50"/>')
+    with pytest.raises(RobotError, match="state what the arm can do"):
+        load(text)
+    caplog.clear()
+    arm = load_robot(tmp_path / "robot.urdf", planning=False)
+    assert not caplog.records and arm.velocity_limit.tolist() == [1.0] * 4
+    assert "limits that the description lacks are taken for 'robot.limits.position={joint0: " in arm.told[0]
+
+
+@pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])
+def test_shapes_that_are_displaced_are_named(load, place):
+    said = tell_displaced(load(arm_of({1: inertial() + rod(f'xyz="{place}"')})))
+    assert "never come near each other: link0 – link1 (" in said
+    arms = [load(arm_of()), load(arm_of(BARE, base="")), load_robot("kuka_lwr4"), load_robot("planar2")]
+    assert [tell_displaced(arm) + tell_placeholders(arm) for arm in arms] == [""] * 4
+
+
+def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_claimed(load):
+    place = replace(workspace(choice="desk"), clearance=None)
+    arm = load(arm_of(dict.fromkeys(range(4), inertial()), base=""))
+    assert "floor at z = 0 m" in place.told(arm)
+    said = (constraints := place.around(arm)).described()
+    assert "0 of 0 pairs" in said and "4 of 4 joint origins in 1 region" in said and "clear" not in said
+    low = torch.tensor([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).double()
+    assert (constraints.at_rest(low)["keep_out"].amin(1) > 0).tolist() == [False, True]
+    assert constraints.nearest(low).isinf().all()
+
+
+@pytest.mark.parametrize(
+    ("span", "velocity", "effort", "said"),
+    [
+        (2, 1000, 50, "velocity 1000 rad/s of joint0, joint1, "),
+        (2, 2, 1000, "'robot.limits.effort={joint0: "),
+        (10, 2, 50, "'robot.limits.position={joint0: [-3.14, 3.14], "),
+        (170, 2, 50, "position ±170 rad of joint0, "),
+    ],
+)
+def test_limits_that_no_arm_has_are_named_with_the_words_that_set_them(load, span, velocity, effort, said):
+    limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
+    assert said in tell_placeholders(load(arm_of(limit=limit)))
+
+
+def test_peaks_are_shares_with_their_values():
+    peaks = torch.tensor([[[1.0, -3.0], [0.5, 2.0]]])
+    assert _peaks(peaks, torch.tensor([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
+    assert _peaks(peaks, torch.tensor([torch.inf, torch.inf]), ["N·m", "N"]) == ["3 N"]
+
+
+def test_mujoco_leaves_no_file_and_pictures_one_message(load, tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    arm, count = load_robot("planar2"), 50
+    still, push = np.zeros((count + 1, 2)), np.full((count, 2), 1e12)
+    with caplog.at_level(logging.DEBUG):
+        driven(arm, Drives.none(2), [Run(still, still, push)], 1000.0)
+        assert "planar2: " in caplog.text and not (tmp_path / "MUJOCO_LOG.TXT").exists()
+        visual_parts(load(arm_of({k: inertial() + mesh(f"{k}.stl") for k in range(4)})))
+    shown = [record for record in caplog.records if "not shown" in record.message]
+    assert len(shown) == 1 and "link0, link1, link2, link3" in shown[0].message
+
+
+def test_nothing_in_conf_is_outside_of_the_repository():
+    assert not [path for path in CONF.rglob("*.yaml") if "../" in path.read_text()]
