@@ -56,6 +56,11 @@ class Series:
         return effort if signals[-1] == "effort" else signals[-1]
 
     @property
+    def names(self) -> bool:
+        """Whether they hold names of joints, as those of a joint state do."""
+        return not self.named and [*_words(f"{self.before} {self.after}")][-1:] in (["name"], ["names"])
+
+    @property
     def foreign(self) -> bool:
         """Whether a word of theirs says that they are no measurements of joints."""
         return bool(_OTHERS & {*_words(f"{self.before} {self.after}")})

@@ -1,12 +1,13 @@
 """Which columns of a file hold which signal: by the patterns that are set, or by what they are called."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording.called import Series, is_split, own_names, series_of, stamps_of
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, Columns
+from sidegan.recording.tables import Table
 
 _MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
 _SHOWN = 3  # patterns that a message offers
@@ -38,15 +39,13 @@ class Found:
     remarks: list[str]  # what a person should know about that
 
 
-def columns_of(
-    file: str, available: Sequence[str], columns: Columns, joints: Joints, only: str | None = None
-) -> Found:
+def columns_of(file: str, table: Table, columns: Columns, joints: Joints, only: str | None = None) -> Found:
     """Where a file keeps time and signals; ``only`` is the signal that nothing else is read of it but.
 
     Raises:
         RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
     """
-    return _Finder(file, available, columns, joints).found(only)
+    return _Finder(file, table, columns, joints).found(only)
 
 
 def joints_of(
@@ -78,11 +77,13 @@ def header_of(patterns: Sequence[str], joints: Joints) -> list[str]:
 
 
 class _Finder:
-    def __init__(self, file: str, available: Sequence[str], columns: Columns, joints: Joints) -> None:
-        self.file, self.available, self.columns, self.joints = file, available, columns, joints
-        self.series = [*series_of(available, joints.chain)]
+    def __init__(self, file: str, table: Table, columns: Columns, joints: Joints) -> None:
+        self.file, self.available, self.columns, self.joints = file, table.columns, columns, joints
+        self.series = [*series_of(self.available, joints.chain)]
         chains = self.joints.places, tuple(range(len(self.joints.places)))
+        orders = [order for s in self.series if s.names and (order := self._order(s, table.first))]
         self.every = [(places, base) for places in chains for base in (0, 1)]
+        self.every = [(order, 0) for order in orders[:1]] or self.every
         (self.places, self.base), *others = self._numberings()
         self.ambiguous = bool(others)
         self.shifted: list[str] = []  # columns of the first joint, where others are called as other joints
@@ -179,6 +180,12 @@ class _Finder:
             if len(columns) == len(places):
                 ways.setdefault(tuple(columns), one.pattern(base))
         return ways
+
+    def _order(self, series: Series, first: Mapping[str, str]) -> tuple[int, ...]:
+        """Numbers of the arm's joints in a file that names them in columns; none where one is missing."""
+        numbers = {first.get(column): number for number, column in series.columns.items()}
+        found = tuple(numbers[name] for name in self.joints.names if name in numbers)
+        return found if len(found) == len(self.joints.names) else ()
 
     def _numberings(self) -> list[tuple[tuple[int, ...], int]]:
         """How the file may number the arm's joints: their places, and the number of the first joint.

@@ -136,8 +136,8 @@ class Source:
         with reading(path, suffix[1:], RecordingError):
             reader = dataset_table if is_dataset(path) else _READERS[suffix]
             table = (reader if header is None else partial(text_table, header=header))(path, self.rows)
-        found = columns_of(path.name, table.columns, self.columns, joints, only)
-        self.remarks.extend(found.remarks)
+        found = columns_of(path.name, table, self.columns, joints, only)
+        self.remarks.extend(f"{path.name}: {remark}" if only else remark for remark in found.remarks)
         return table.pieces([c for columns in found.where.values() for c in columns]), found.where
 
     def _numbers(

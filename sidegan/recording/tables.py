@@ -3,7 +3,7 @@
 import csv
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -45,6 +45,7 @@ class Table:
 
     columns: list[str]
     pieces: Callable[[Sequence[str]], Iterator[Piece]]
+    first: Mapping[str, str] = field(default_factory=dict)  # what stands in a text's first row, by column
 
 
 def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Table:
@@ -74,7 +75,9 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
     layout = separator, decimal
-    return Table(names, lambda columns: _text_pieces(path, names, layout, columns, rows, bare))
+    first = next(csv.reader(lines[0 if bare else 1 :][:1], delimiter=separator), [])
+    fields = dict(zip(names, (text.strip() for text in first)))
+    return Table(names, lambda columns: _text_pieces(path, names, layout, columns, rows, bare), fields)
 
 
 def _format_of(lines: Sequence[str]) -> tuple[str, str]:

@@ -20,7 +20,7 @@ NAMES = [  # of time, positions and torques; {i} counts from 0, {n} from 1
     *(("t", "q{i}", "tau{i}"), ("Time", "Q{n}", "TAU{n}"), ("time [s]", "q_{i}", "tau_{i}")),
     *(("timestamp", "joint_{i}_pos", "joint_{i}_torque"), ("t", "actual_q_{i}", "motor_torque_{i}")),
     *(("t", "- {j}_position", "- {j}_effort"), (" t", " q0{n}", " tau0{n}"), ("t", "{j}.pos", "effort.{j}")),
-    *(("state.time", "state.q[{i}]", "state.tau_J[{i}]"), ("%time", "field.position{i}", "field.effort{i}")),
+    *(("state.time", "state.q[{i}]", "state.tau_J[{i}]"), ("%time", "field.pos{i}", "field.eff{i}")),
     *(("__time", "/states/{j}/position", "/states/{j}/effort"), ("t", "current_pos_{i}", "motorTrq{i}")),
     *(("time", ".position.{i}", ".effort.{i}"), ("timestamp", "observation.state.{j}.pos", "{j}.effort")),
 ]
@@ -38,9 +38,9 @@ def named(made, time="t", q="q{n}", tau="tau{n}", **more):
     return table.set_axis([time, *columns_of(q), *columns_of(tau)], axis=1).assign(**more)
 
 
-def source(folder, table, **changes):
+def source(folder, table):
     table.to_csv(folder / "a.csv", index=False)
-    return Source(folder / "a.csv", of_file(**changes), JOINTS)
+    return Source(folder / "a.csv", of_file(), JOINTS)
 
 
 def assert_same(found, made):
@@ -57,9 +57,13 @@ def test_columns_are_known_by_their_names(made, tmp_path, names):
     assert found.velocity is None and found.current is None and not from_.remarks
 
 
+def test_joints_are_in_the_order_that_the_file_names(made, tmp_path):
+    table = named(made, "Time", "position_{i}", "effort_{i}", name_0="elbow", name_1="shoulder")
+    torch.testing.assert_close(whole(source(tmp_path, table)).torque, made.torque[:, [1, 0]])
+
+
 LEFT = [
     ("q{i} tau{i}", "q2 tau2", r"counted from 0.* say so: 'recording.position=\"q\{index\}\"' 'rec"),
-    ("q{i} tau{i}", "q2", "q2 is left over: the arm has 2 joints"),
     ("q{n} tau{n}", "q3 tau3", "q3, tau3 are left over: the arm has 2 joints"),
 ]
 
@@ -72,17 +76,16 @@ def test_a_column_that_is_left_over_is_remarked_on(made, tmp_path, names, more, 
 
 
 REFUSED = [
-    ({"q": "theta{i}"}, {}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
-    ({"tau": "load{n}"}, {}, r"neither torque nor current.* fit\? 'recording.torque=\"load\{index\}\"'"),
-    ({"q": "left{n}_q", "right1_q": 1.0, "right2_q": 1.0}, {}, "say which is meant: 'recording.position"),
-    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, {}, r"'recording.joints=\[shoulderx,elbowx\]'"),
+    ({"q": "theta{i}"}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
+    ({"tau": "load{n}"}, r"neither torque nor current.* fit\? 'recording.torque=\"load\{index\}\"'"),
+    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"'recording.joints=\[shoulderx,elbowx\]'"),
 ]
 
 
-@pytest.mark.parametrize(("names", "changes", "words"), REFUSED)
-def test_what_to_type_is_said_where_names_do_not_tell(made, tmp_path, names, changes, words):
+@pytest.mark.parametrize(("names", "words"), REFUSED)
+def test_what_to_type_is_said_where_names_do_not_tell(made, tmp_path, names, words):
     with pytest.raises(RecordingError, match=words):
-        whole(source(tmp_path, named(made, **names), **changes))
+        whole(source(tmp_path, named(made, **names)))
 
 
 def several(folder, made, change=lambda same: same):
@@ -99,7 +102,6 @@ def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
     found = whole(from_)  # at the stamps of the faster file, where there are torques
     inside = torch.isin(recording.time, found.time)
     torch.testing.assert_close(found.position, recording.position[inside])
-    assert 1 < found.time[0] < 1.02 and 18.96 < found.time[-1] < 19
     assert (found.torque - recording.torque[inside]).abs().max() < 0.05 * recording.torque.abs().max()
     assert "effort.csv: interpolated" in from_.remarks[0] and "is in all files" in from_.remarks[1]
 
@@ -107,7 +109,6 @@ def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
 APART = [
     ("effort.csv has no column like 't' or 'time'", lambda x: x.drop(columns="t")),
     ("no moment is in all files, .* effort.csv from 100 s", lambda x: x.assign(t=x.t + 100)),
-    ("effort.csv: time runs backwards", lambda x: x[::-1]),
     ("effort.csv has no torque of 1 of the arm's 2 .*without=.elbow", lambda x: x.drop(columns="elbow")),
 ]
 
@@ -126,6 +127,5 @@ def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path,
     (found,) = read_and_check([path], "training", arm, settings)
     assert "shoulder is left out, locked at 0.3" in found.warnings and chain_of(arm) == JOINTS
     torch.testing.assert_close(found.statistics.signals["position"].upper, recording.position[:, 1:].amax(0))
-    for words, name in ("out, moves", "elbow"), ("names wrist; the arm has joints", "wrist"):
-        with pytest.raises(RecordingError, match=words):
-            standing(planar, [path], of_file(without=[name]))
+    with pytest.raises(RecordingError, match=r"elbow, which recording\.without leaves out, moves"):
+        standing(planar, [path], of_file(without=["elbow"]))
