@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, RecordingError, RobotError
+from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, RecordingError
 from sidegan.pipeline import run
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
@@ -75,7 +75,6 @@ OTHERS = [
     (ArtifactError, "exp1", "stages=[selection]", "there is no random/planar2-random-seed0"),
     (ArtifactError, "exp1", "stages=[table]", "identification/planar2-long-3-seed0"),
     (InfeasibleError, "identify", "recordings=[FOLDER/a.csv] identify.total_mass=1e-9", "infeasible"),
-    (RobotError, "identify", "robot.name=FOLDER/impossible.urdf recordings=[FOLDER/a.csv]", "upper_arm"),
     (RecordingError, "identify", "recordings=[none.csv]", "there is no file none.csv"),
     (RecordingError, "identify", "robot=kuka_lwr4 recordings=[FOLDER/a.csv]", "no column 'q3'"),
     (RecordingError, "identify", f"{RECORDED} validation=[FOLDER/x/../a.csv]", "holds samples of a.csv"),
@@ -94,8 +93,6 @@ def folder(tmp_path_factory, planar):
     table.to_csv(folder / "a.csv", index=False)
     table[500:700].to_csv(folder / "part.csv", index=False)
     (folder / "broken.stl").write_text("no mesh")
-    text = planar.urdf.read_text()
-    (folder / "impossible.urdf").write_text(text.replace('ixx="0.045"', 'ixx="-5"'))
     (folder / "arm.srdf").write_text(SRDF)
     return folder
 
