@@ -145,5 +145,14 @@ def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:
 
 
 def usual_torque(body: RigidBody) -> Tensor:
-    """Root mean square torque of each joint within the limits [N·m or N], (J,)."""
+    """Root mean square torque of each joint within the limits [N·m or N], (J,).
+
+    Raises:
+        ConfigError: when no link has a mass.
+    """
+    if not body.arm.inertial_parameters.any():
+        raise ConfigError(
+            f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "
+            "goal.wanted=condition needs none, and the URDF that +experiment=identify leaves has masses"
+        )
     return torch.from_numpy(torque_scale(body, _FLOOR))

@@ -66,7 +66,13 @@ class Task:
             raise ConfigError(
                 f"trajectory.home and robot.home={robot.home} are two homes; set one of them to null"
             )
-        return load_robot(robot.name, robot.setup, home, planning=self.cfg.has("workspace"))
+        return load_robot(robot.name, robot.setup, home, self.planning)
+
+    @property
+    def planning(self) -> bool:
+        """Whether motions of the arm are planned, or looked at in a library of such."""
+        cfg = self.cfg
+        return cfg.has("workspace") or (cfg.has("identify") and cfg.identify.library is not None)
 
     @property
     def _stated_home(self) -> list[float] | None:

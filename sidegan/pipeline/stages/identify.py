@@ -75,7 +75,7 @@ def recorded_arm(task: Task) -> Arm:
     held_out = cfg.held_out if cfg.has("validation") else []
     places = standing(arm, [*cfg.recordings, *held_out, *loaded], cfg.recording)
     locked = {**(arm.setup.locked or {}), **places}
-    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=False)
+    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=task.planning)
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
