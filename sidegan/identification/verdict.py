@@ -150,6 +150,8 @@ def _scale(trust: Trust) -> Iterator[Finding]:
     if trust.mass is None or trust.doubts:
         return
     found, described = trust.mass
+    if not described > 0:
+        return
     if not described / _MASSES <= found <= described * _MASSES:
         units = "recording.units.torque or recording.units.current, robot.gains"
         text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
@@ -244,7 +246,7 @@ def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
             text = f"{arm.link_names[j]} weighs {mass:.3g} kg, by the description {described[j]:.3g} kg"
             found.append(Finding(USABLE, text, j))
         if away > reach > 0 and mass > _NOTABLE * whole:
-            text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m off, further than the arm reaches"
+            text = f"the mass of {arm.link_names[j]} is {away:.3g} m off, further than the arm reaches"
             found.append(Finding(BAD, text, j))
     return found
 

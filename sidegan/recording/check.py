@@ -15,7 +15,7 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
 from sidegan.recording.agreement import Agreement, agreement_of
-from sidegan.recording.delay import Delay, delay_of
+from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.recording.excitation import Excitation, excitation_of
 from sidegan.recording.load import Source
 from sidegan.recording.overload import refuse_overload
@@ -183,8 +183,7 @@ def _between(recording: CheckedRecording, first: int, last: int) -> list[Segment
 
 
 def read_and_check(
-    files: Sequence[Recorded],
-    role: Role,
+    files: Sequence[tuple[Recorded, Role]],
     arm: Arm,
     settings: RecordingSettings,
     gains: Sequence[float] | None = None,
@@ -192,13 +191,23 @@ def read_and_check(
 ) -> list[CheckedRecording]:
     """Recordings of files, checked and preprocessed; what is odd about them is logged.
 
-    Arguments and errors are those of ``check_recording``.
+    They are of one arm and have one delay. Arguments and errors are those of ``check_recording``.
     """
+    sources = [Source(file, settings, arm.joint_names, settings.rows, chain_of(arm)) for file, _ in files]
+
+    def check(k: int, known: Delay | None = None) -> CheckedRecording:
+        options = gains, sign_width, settings.units.angle, files[k][1], known
+        return check_recording(sources[k], arm, settings, *options)
+
+    found = [check(k) for k in range(len(files))]
+    common = pooled([one.delay for one in found if one.delay is not None])
+    if common is not None and settings.delay is None:
+        found = [check(k, common) for k in range(len(files))]
+    elif common is not None:
+        found = [replace(one, delay=common) for one in found]
     recordings = []
-    for file in files:
-        source = Source(file, settings, arm.joint_names, settings.rows, chain_of(arm))
+    for (file, role), source, checked in zip(files, sources, found):
         name = source.name if isinstance(file, Files) else file
-        checked = check_recording(source, arm, settings, gains, sign_width, settings.units.angle, role)
         locked = arm.setup.locked or {}
         left_out = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
         checked = replace(checked, warnings=[*left_out, *source.remarks, *checked.warnings])
@@ -220,12 +229,13 @@ def check_recording(
     sign_width: float = SIGN_WIDTH,
     angle: str = "rad",
     role: Role = "training",
+    known: Delay | None = None,
 ) -> CheckedRecording:
     """A recording, checked and preprocessed.
 
     Its torques are compared with the arm's description. ``angle`` is the unit that the file's angles were
-    declared in; the other arguments are those of ``preprocess``, and a recording in pieces is walked through
-    twice.
+    declared in, ``known`` the delay of the torques where other recordings tell it too; the other arguments
+    are those of ``preprocess``, and a recording in pieces is walked through twice.
 
     Raises:
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
@@ -245,7 +255,7 @@ def check_recording(
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
     body, segments = RigidBody(arm), kept(settings.delay or 0.0)
-    delay = None if settings.delay else delay_of(body, segments)
+    delay = None if settings.delay else known or delay_of(body, segments)
     corrected = settings.delay is None and delay is not None and delay.believed
     segments = kept(delay.seconds) if corrected and delay is not None else segments
     warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)

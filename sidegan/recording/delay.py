@@ -1,5 +1,7 @@
 """By how much a recording's torques are later than its motion, from the motion and the torques alone."""
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -16,6 +18,7 @@ _ROUNDING = 1e-12  # relative eigenvalue that is no information
 # samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
 _CORRELATED = 5.0
 _CLEAR = 3.0  # deviations off zero at which a delay is believed
+_ALIKE = 3e-3  # [s] between delays of one arm: friction that sticks passes for some of it
 
 
 class Delay(NamedTuple):
@@ -28,6 +31,16 @@ class Delay(NamedTuple):
     def believed(self) -> bool:
         """Whether there is one beyond doubt; one as long as the search goes is where that was stopped."""
         return _CLEAR * self.deviation < abs(self.seconds) < _LONGEST
+
+
+def pooled(delays: Sequence[Delay]) -> Delay | None:
+    """The delay that recordings have in common; None of a single one, or where they have not the same."""
+    if len(delays) < 2 or not all(math.isfinite(one.deviation) and one.deviation > 0 for one in delays):
+        return None
+    weights = [one.deviation**-2 for one in delays]
+    mean = sum(w * one.seconds for w, one in zip(weights, delays)) / sum(weights)
+    apart = any(abs(one.seconds - mean) > max(_CLEAR * one.deviation, _ALIKE) for one in delays)
+    return None if apart else Delay(mean, sum(weights) ** -0.5)
 
 
 def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:

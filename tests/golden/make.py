@@ -125,11 +125,11 @@ def identified(name: str) -> dict[str, Any]:
     arm = load_robot(DATA / robot if robot.endswith("urdf") else robot)
     terms = settings(Terms, f"model/{model}")
     more = arm, settings(RecordingSettings, f"recording/{recording}"), gains, terms.sign_width
-    (training,) = read_and_check([str(DATA / first)], "training", *more)
+    (training,) = read_and_check([(str(DATA / first), "training")], *more)
     if other is None:
         training, held_out = split(training, 0.3)
     else:
-        (held_out,) = read_and_check([str(DATA / other)], "validation", *more)
+        (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
     one = identify_arm(arm, [training], [held_out], terms, settings(EstimationSettings, "identify/default"))
     vars(one)["forward"] = {}  # simulated motions: a second of them makes a per mille of rounding
     return _flat(verdict(one))

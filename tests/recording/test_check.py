@@ -9,7 +9,7 @@ import torch
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording, split
-from sidegan.recording.delay import Delay, delay_of
+from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.recording.statistics import statistics_of
 from sidegan.robot import Limits, Setup, load_robot
 from tests.recording.conftest import load_recording, of_file, part_of, real, recorded
@@ -146,3 +146,12 @@ def test_a_delay_is_believed_beyond_its_errors_and_within_the_search():
 def test_a_negative_delay_is_told_as_earlier(recording, planar):
     said = check_recording(recording, planar, of_file(delay=-0.071)).statements
     assert said[-1] == "torques are taken to be 71 ms earlier than the motion, as is set"
+
+
+def test_recordings_of_one_arm_have_one_delay():
+    """The mean by how much each tells; none where they differ, or there is nothing to pool."""
+    common = pooled([Delay(0.004, 1e-4), Delay(0.006, 2e-4)])
+    assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)
+    assert pooled([Delay(0.004, 1e-4)]) is None
+    assert pooled([Delay(0.004, 1e-4), Delay(0.03, 1e-4)]) is None
+    assert pooled([Delay(0.004, 1e-4), Delay(0.0, float("inf"))]) is None

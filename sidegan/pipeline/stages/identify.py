@@ -18,7 +18,7 @@ from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.store import STAMP, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.check import CheckedRecording, read_and_check, split
+from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
 from sidegan.recording.load import files_of
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.sent import sent_files
@@ -84,11 +84,12 @@ def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[Checked
     Raises:
         RecordingError: when one cannot be used, or two have a stretch of samples in common.
     """
-    settings = (arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
-    training = read_and_check(cfg.recordings, "training", *settings)
-    validation = read_and_check(cfg.held_out, "validation", *settings)
-    refuse_shared([(one.name, one.statistics.rows) for one in (*training, *validation)])
-    show_checks([*training, *validation])
+    files: list[tuple[Recorded, Role]] = [(one, "training") for one in cfg.recordings]
+    files += [(one, "validation") for one in cfg.held_out]
+    recordings = read_and_check(files, arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
+    refuse_shared([(one.name, one.statistics.rows) for one in recordings])
+    show_checks(recordings)
+    training, validation = recordings[: len(cfg.recordings)], recordings[len(cfg.recordings) :]
     if isinstance(cfg.validation, list):
         return training, validation
     parts = [split(one, cfg.validation) for one in training]

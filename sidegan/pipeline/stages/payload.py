@@ -15,8 +15,9 @@ from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.check import read_and_check
+from sidegan.recording.check import Role, read_and_check
 from sidegan.recording.overlap import refuse_shared
+from sidegan.recording.settings import Recorded
 from sidegan.report.export import publish
 from sidegan.robot import Arm
 
@@ -32,14 +33,15 @@ def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measure
         ConfigError: when there are no recordings of one kind.
         RecordingError: when one cannot be used, or two have a stretch of samples in common.
     """
-    kinds = []
     for name, files in (("recordings", cfg.recordings), ("loaded", cfg.loaded)):
         if not files:
             which = "with the load" if name == "loaded" else "without the load"
             raise ConfigError(f"{name} is empty, expected files {which}: '{name}=[a.csv]'")
-        kinds.append(read_and_check(files, "training", arm, cfg.recording, gains, cfg.model.sign_width))
-    refuse_shared([(one.name, one.statistics.rows) for kind in kinds for one in kind])
-    return measurements_of(kinds[0]), measurements_of(kinds[1])
+    together: list[tuple[Recorded, Role]] = [(one, "training") for one in (*cfg.recordings, *cfg.loaded)]
+    found = read_and_check(together, arm, cfg.recording, gains, cfg.model.sign_width)
+    refuse_shared([(one.name, one.statistics.rows) for one in found])
+    count = len(cfg.recordings)
+    return measurements_of(found[:count]), measurements_of(found[count:])
 
 
 def _show(task: Task, tracker: Tracker) -> None:
