@@ -45,7 +45,7 @@ def columns_of(file: str, table: Table, columns: Columns, joints: Joints, only: 
     Raises:
         RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
     """
-    return _Finder(file, table, columns, joints).found(only)
+    return _Finder(file, table, columns, joints, only).found()
 
 
 def joints_of(
@@ -77,7 +77,8 @@ def header_of(patterns: Sequence[str], joints: Joints) -> list[str]:
 
 
 class _Finder:
-    def __init__(self, file: str, table: Table, columns: Columns, joints: Joints) -> None:
+    def __init__(self, file: str, table: Table, columns: Columns, joints: Joints, only: str | None) -> None:
+        self.only = only
         self.file, self.available, self.columns, self.joints = file, table.columns, columns, joints
         self.series = [*series_of(self.available, joints.chain)]
         chains = self.joints.places, tuple(range(len(self.joints.places)))
@@ -89,18 +90,18 @@ class _Finder:
         self.shifted: list[str] = []  # columns of the first joint, where others are called as other joints
         self.left: dict[str, str] = {}  # columns of more joints than the arm's, and the pattern they continue
 
-    def found(self, only: str | None) -> Found:
+    def found(self) -> Found:
         time = self._time()
         where = {"time": time} if time else {}
-        for signal in [only] if only else SIGNALS:
-            if columns := self._signal(signal, bool(only)):
+        for signal in [self.only] if self.only else SIGNALS:
+            if columns := self._signal(signal):
                 where[signal] = columns
         loads = [name for name in ("torque", "current") if getattr(self.columns, name) is not None]
-        if not only and loads and not {"torque", "current"} & {*where}:
+        if not self.only and loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
                 f"{self.file} has neither torque nor current: {like}; it has {self._has()}"
-                f"{self._offers('torque')}"
+                f"{self._offers('torque') or self._another_file('position')}"
             )
         return Found(where, [*self._shifted(), *self._left_over(where)])
 
@@ -125,19 +126,19 @@ class _Finder:
             self._refuse_several("time", stamps)
         return stamps
 
-    def _signal(self, signal: str, alone: bool) -> list[str]:
+    def _signal(self, signal: str) -> list[str]:
         """Columns of a signal; none where the file has none, and that is no matter."""
         patterns = (getattr(self.columns, signal) or "").split("|")
         if patterns == [""]:
             return []
         for pattern in patterns:
-            columns = self._named(signal, alone) if pattern == AUTO else self._set(pattern)
+            columns = self._named(signal) if pattern == AUTO else self._set(pattern)
             if columns:
                 return columns
-        if AUTO in patterns and not alone and signal != "position":
+        if AUTO in patterns and not self.only and signal != "position":
             self._refuse_partial(signal)
             return []
-        raise self._missing(signal, patterns, alone)
+        raise self._missing(signal, patterns)
 
     def _set(self, pattern: str) -> list[str]:
         """Columns of a pattern that is set, where all are there."""
@@ -149,14 +150,14 @@ class _Finder:
                 return columns
         return []
 
-    def _candidates(self, signal: str, alone: bool) -> list[Series]:
-        """Series that are called as a signal; in a file of that alone all that may be, where none is."""
+    def _candidates(self, signal: str) -> list[Series]:
+        """Series that are called as a signal; in a file of that alone those that are called as none."""
         called = [s for s in self.series if s.signal(self.columns.effort) == signal]
-        return called or [s for s in self.series if alone and not s.foreign]
+        return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
-    def _named(self, signal: str, alone: bool) -> list[str]:
+    def _named(self, signal: str) -> list[str]:
         """Columns that are the signal's by their names."""
-        ways = self._ways(self._candidates(signal, alone), self.places, self.base)
+        ways = self._ways(self._candidates(signal), self.places, self.base)
         if len(ways) > 1:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
@@ -242,20 +243,20 @@ class _Finder:
 
     def _refuse_partial(self, signal: str) -> None:
         """Raise when a signal is there for half of the joints or more."""
-        if len(self._nearest(signal, False)[0]) * 2 >= len(self.joints.places):
-            raise self._missing(signal, [AUTO], False)
+        if len(self._nearest(signal)[0]) * 2 >= len(self.joints.places):
+            raise self._missing(signal, [AUTO])
 
-    def _nearest(self, signal: str, alone: bool) -> tuple[list[str], str]:
+    def _nearest(self, signal: str) -> tuple[list[str], str]:
         """Columns of the series that lacks the fewest of the signal's, and its pattern."""
-        series = self._candidates(signal, alone)
+        series = self._candidates(signal)
         there = [(s.of(self.joints.places if s.named else self.places, self.base), s) for s in series]
         columns, one = max(there, key=lambda pair: len(pair[0]), default=([], None))
         return columns, "" if one is None else one.pattern(self.base)
 
-    def _missing(self, signal: str, patterns: Sequence[str], alone: bool) -> RecordingError:
+    def _missing(self, signal: str, patterns: Sequence[str]) -> RecordingError:
         """What to say about columns that are not there."""
         like = [pattern for pattern in patterns if pattern != AUTO] or [f"{signal}_{{index}}"]
-        nearest = self._nearest(signal, alone)[1] if AUTO in patterns else ""
+        nearest = self._nearest(signal)[1] if AUTO in patterns else ""
         wanted, own = _filled(nearest or like[0], self.joints.names, self.places), self.joints.own
         lacking = [column for column in wanted if column not in self.available]
         joints = [name for name, column in zip(own, wanted) if column in lacking] if wanted[1:] else own
@@ -267,15 +268,22 @@ class _Finder:
 
     def _remedy(self, signal: str, joints: Sequence[str]) -> str:
         """What to type when a signal of some joints is missing."""
-        if signal == "position" or len(joints) == len(self.joints.own):
-            return self._offers(signal)
+        partial = len(joints) < len(self.joints.own)
+        if signal == "position" or not partial:
+            return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
         if signal in ("torque", "current"):
             return f"; joints that stand still can be left out: 'recording.without=[{','.join(joints)}]'"
         return f"; recording.{signal}=null derives it"
 
+    def _another_file(self, has: str) -> str:
+        """What to type when another file has what this one lacks, and this one has a signal."""
+        files = {"position": "FILE", "effort": "FILE"} | {has: self.file}
+        each = ", ".join(f"{signal}: {file}" for signal, file in files.items())
+        return f"; is it in a file of its own? 'recordings=[{{{each}}}]'"
+
     def _offers(self, signal: str) -> str:
         """Settings with which other columns of the file would be the signal."""
-        unknown = [s for s in self.series if s.signal(self.columns.effort) is None]
+        unknown = [s for s in self.series if self.only or s.signal(self.columns.effort) is None]
         arrays = [c for c in self.available if Series(c, "", True, {}).signal(self.columns.effort) == signal]
         ways = [self._ways(unknown, *numbers) for numbers in dict.fromkeys(self.every)]
         patterns = [
