@@ -6,27 +6,12 @@ from dataclasses import dataclass
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording.called import Series, is_split, own_names, series_of, stamps_of
-from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, Columns
+from sidegan.recording.joints import Joints, filled
+from sidegan.recording.settings import AUTO, SIGNALS, Columns
 from sidegan.recording.tables import Table
 
 _MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
 _SHOWN = 3  # patterns that a message offers
-
-
-@dataclass(frozen=True)
-class Joints:
-    """The arm's joints as a file names and numbers them."""
-
-    chain: tuple[
-        str, ...
-    ]  # names of the arm's joints and of locked ones between them, from the base outwards
-    places: tuple[int, ...]  # which of these are the arm's
-    own: tuple[str, ...]  # names of the arm's joints in its description
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the arm's joints in the file."""
-        return tuple(self.chain[place] for place in self.places)
 
 
 @dataclass(frozen=True)
@@ -46,34 +31,6 @@ def columns_of(file: str, table: Table, columns: Columns, joints: Joints, only: 
         RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
     """
     return _Finder(file, table, columns, joints, only).found()
-
-
-def joints_of(
-    file: str, columns: Columns, joint_names: Sequence[str], chain: Sequence[str] | None = None
-) -> Joints:
-    """The arm's joints in a file, of a chain of joints of which some may be locked; null: of themselves.
-
-    Raises:
-        RecordingError: when the names that are set are not as many as the joints.
-    """
-    chain = tuple(joint_names if chain is None else chain)
-    places = tuple(chain.index(name) for name in joint_names)
-    if columns.joints is None:
-        return Joints(chain, places, tuple(joint_names))
-    if len(columns.joints) == len(chain):
-        return Joints(tuple(columns.joints), places, tuple(joint_names))
-    if len(columns.joints) == len(joint_names):
-        return Joints(tuple(columns.joints), tuple(range(len(joint_names))), tuple(joint_names))
-    raise RecordingError(
-        f"{file}: recording.joints has {counted(len(columns.joints), 'name')}, the arm has "
-        f"{counted(len(joint_names), 'joint')}: {', '.join(joint_names)}"
-    )
-
-
-def header_of(patterns: Sequence[str], joints: Joints) -> list[str]:
-    """Columns of a text without a first line of names, of patterns that stand for those of all joints."""
-    every = range(len(joints.chain))
-    return [name for pattern in patterns for name in _filled(pattern, joints.chain, every)]
 
 
 class _Finder:
@@ -144,7 +101,7 @@ class _Finder:
         """Columns of a pattern that is set, where all are there."""
         names, joints = self.joints.names, len(self.joints.names)
         for places in dict.fromkeys([self.joints.places, tuple(range(joints))]):
-            columns = _filled(pattern, names, places)
+            columns = filled(pattern, names, places)
             if {*columns} <= {*self.available}:
                 self._note_left(columns, pattern)
                 return columns
@@ -209,7 +166,7 @@ class _Finder:
         """Take down columns that go on after those of the arm's joints."""
         for one in self.series:
             if not one.named and {*columns} <= {*one.columns.values()}:
-                mine = {*_filled(pattern, self.joints.chain, range(len(self.joints.chain))), *columns}
+                mine = {*filled(pattern, self.joints.chain, range(len(self.joints.chain))), *columns}
                 self.left |= {column: pattern for column in one.columns.values() if column not in mine}
 
     def _note_shifted(self, columns: Sequence[str]) -> None:
@@ -235,7 +192,7 @@ class _Finder:
         has = f"the arm has {counted(len(self.joints.places), 'joint')}"
         said = f"{listed([*self.left])} {are} left over: "
         zero = [p for p in dict.fromkeys(self.left.values()) if "{index0}" in p]
-        meant = {s: p for s in where for p in zero if where[s] == _filled(p, self.joints.names, self.places)}
+        meant = {s: p for s in where for p in zero if where[s] == filled(p, self.joints.names, self.places)}
         if not self.ambiguous or AUTO not in self.columns.position or not meant:
             return [said + has]
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in meant.items())
@@ -257,7 +214,7 @@ class _Finder:
         """What to say about columns that are not there."""
         like = [pattern for pattern in patterns if pattern != AUTO] or [f"{signal}_{{index}}"]
         nearest = self._nearest(signal)[1] if AUTO in patterns else ""
-        wanted, own = _filled(nearest or like[0], self.joints.names, self.places), self.joints.own
+        wanted, own = filled(nearest or like[0], self.joints.names, self.places), self.joints.own
         lacking = [column for column in wanted if column not in self.available]
         joints = [name for name, column in zip(own, wanted) if column in lacking] if wanted[1:] else own
         return RecordingError(
@@ -311,10 +268,3 @@ class _Finder:
 def _typed(signal: str, pattern: str) -> str:
     """A setting as a word on the command line."""
     return f"'recording.{signal}=\"{pattern}\"'"
-
-
-def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[str]:
-    if not PLACEHOLDER.search(pattern):
-        return [pattern]
-    each = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
-    return [PLACEHOLDER.sub(lambda match, one=one: one[match[1]], pattern) for one in each]  # type: ignore[misc]

@@ -13,7 +13,8 @@ from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_pieces, is_bag
-from sidegan.recording.columns import Joints, columns_of, header_of, joints_of
+from sidegan.recording.columns import columns_of
+from sidegan.recording.joints import Joints, header_of, joints_of
 from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
 from sidegan.recording.merged import Track, merged
 from sidegan.recording.recording import Recording
