@@ -5,7 +5,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -39,7 +39,8 @@ class Consistent(Ols):
     """The most likely parameters of an arm that can exist.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
-    model's parameters, P_i ⪰ margin, and friction and rotor inertias not negative. The covariance is its own:
+    model's parameters, d the divergence of pseudo-inertias from the description's, which depends on neither
+    units nor frames, P_i ⪰ margin, and friction and rotor inertias not negative. The covariance is its own:
     the pull's second derivative at the fit counts as information beside the samples'. Bounds that are reached
     would only make it smaller.
 
@@ -47,10 +48,6 @@ class Consistent(Ols):
     identification: a convex programming approach, eq. 22.
     """
 
-    # logdet: the divergence of pseudo-inertias from the description's (Lee et al. 2020), which does not
-    # depend on units or frames and keeps away from the border; euclid: the squared distance in each link's
-    # typical units
-    pull: Literal["logdet", "euclid"]
     # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells.
     # None: each link's most probable one, so that a link that the samples contradict is pulled less
     strength: float | None
@@ -100,8 +97,7 @@ class Consistent(Ols):
         """Strengths (J,) that the samples make most probable, from the parameters (F,) found with others.
 
         Of a link's parameters, γ are told by the pull and not by the samples; strength · 2 d = γ then says
-        that these are off by what was believed. A link of which little is told is pulled like the others;
-        with ``euclid`` all are pulled alike.
+        that these are off by what was believed. A link of which little is told is pulled like the others.
 
         Source: MacKay 1992, Bayesian interpolation, eq. 27; MacKay 1994, Bayesian non-linear modeling, for a
         strength of each group of parameters; with a gamma distribution about the others' strength before.
@@ -113,8 +109,6 @@ class Consistent(Ols):
         both[:size, :size] += pull
         left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
         told = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
-        if self.pull == "euclid":
-            return (told.sum() / (2 * distances.sum())).clamp(*_STRENGTHS).expand(model.joints)
         usual = strength.log().mean().exp()
         return ((told + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
 
@@ -123,9 +117,6 @@ class Consistent(Ols):
         unit, axes = _units(arm), torch.eye(10, dtype=torch.float64).expand(len(links), 10, 10)
         steps = torch.stack([_scaled(axes[:, k], unit) for k in range(10)], 1)  # (J, 10, 4, 4)
         now, nominal = _scaled(links, unit), _scaled(possible_links(arm), unit)
-        if self.pull == "euclid":
-            squares = (now - nominal).square().sum((1, 2))
-            return squares, 2 * torch.einsum("jaxy,jbyx->jab", steps, steps)
         ratio = torch.linalg.solve(nominal, now)
         distances = ratio.diagonal(dim1=1, dim2=2).sum(1) - 4 - torch.logdet(ratio)
         steps = torch.linalg.solve(now[:, None], steps)
@@ -147,7 +138,8 @@ class Consistent(Ols):
         if self.total_mass is not None:
             masses = (unit[:, 3] ** 2).tolist()
             constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
-        pulls = (one * pull for one, pull in zip(strength.tolist(), self._pulls(links, nominal)))
+        each = zip(strength.tolist(), np.linalg.inv(nominal), links)
+        pulls = (one * (cp.trace(inverse @ p) - cp.log_det(p)) for one, inverse, p in each)
         status = minimise(misfit + sum(pulls), constraints)
         if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             bounds = f"margin {self.margin:g}"
@@ -157,14 +149,6 @@ class Consistent(Ols):
         if not (least_eigenvalues(model.links_of(values), model.arm) > 0).all():
             raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
         return values
-
-    def _pulls(self, links: "Sequence[cp.Variable]", nominal: np.ndarray) -> "list[cp.Expression]":
-        import cvxpy as cp
-
-        if self.pull == "euclid":
-            return [cp.sum_squares(p - p0) for p, p0 in zip(links, nominal)]
-        inverses = np.linalg.inv(nominal)
-        return [cp.trace(i @ p) - cp.log_det(p) for i, p in zip(inverses, links)]
 
 
 def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:

@@ -120,8 +120,7 @@ class EstimationSettings:
 
     method: Literal["ols", "weighted", "huber", "rls", "essential"]
     settings: dict[str, float] | None  # of the method
-    pull: Literal["logdet", "euclid"]
-    strength: Positive | None  # of the pull; null: the most probable one
+    strength: Positive | None  # of the pull towards the description; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]
     library: str | None  # of trajectories to recommend from

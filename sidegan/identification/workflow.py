@@ -271,7 +271,7 @@ def _halves(
 
 def _methods(settings: EstimationSettings) -> dict[str, dict[str, Any]]:
     """Settings by method: the chosen one first, then those that it is compared with."""
-    names = ("pull", "strength", "margin", "total_mass")
+    names = ("strength", "margin", "total_mass")
     methods: dict[str, dict[str, Any]] = {settings.method: dict(settings.settings or {})}
     methods.setdefault(EQUAL_WEIGHTS, {})
     return methods | {CONSISTENT: {name: getattr(settings, name) for name in names}}

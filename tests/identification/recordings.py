@@ -109,7 +109,7 @@ def fitted(method, model, measurements, **changes):
     """An estimate; the consistent method has the settings of conf/ but for the changes."""
     if method == "consistent":
         group = settings(EstimationSettings, "identify/default")
-        names = ("pull", "strength", "margin", "total_mass")
+        names = ("strength", "margin", "total_mass")
         changes = {name: getattr(group, name) for name in names} | changes
     return estimate(method, model, measurements, **changes)
 
