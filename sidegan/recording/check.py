@@ -10,7 +10,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from sidegan.base.names import counted
+from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility
@@ -205,7 +205,7 @@ def read_and_check(
         found = [check(k, common) for k in range(len(files))]
     elif common is not None:
         found = [replace(one, delay=common) for one in found]
-    recordings = []
+    recordings, warned = [], dict[str, list[str]]()
     for (file, role), source, checked in zip(files, sources, found):
         name = source.name if isinstance(file, Files) else file
         locked = arm.setup.locked or {}
@@ -216,8 +216,10 @@ def read_and_check(
         for statement in checked.statements:
             log.info("  %s", statement)
         for warning in checked.warnings:
-            log.warning("%s: %s", name, warning)
+            warned.setdefault(warning, []).append(name)
         recordings.append(checked)
+    for warning, names in warned.items():
+        log.warning("%s: %s", listed(names), warning)
     return recordings
 
 
