@@ -16,6 +16,7 @@ from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import read_mesh
+from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.clearance import TooLargeError
 from sidegan.validity.floor import floor_under, with_points
@@ -190,6 +191,8 @@ class Workspace:
         if self.desk is None or self._states_floor or is_built_in(arm):
             return ""
         floor = floor_under(arm)
+        if floor is None and not stands(arm):
+            return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
         if floor is None:
             return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; workspace=free drops it"

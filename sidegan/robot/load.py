@@ -41,8 +41,8 @@ def built_in_robots() -> list[str]:
 
 
 def is_built_in(arm: Arm) -> bool:
-    """Whether an arm is one of those that need no file."""
-    return arm.urdf.parent == _MODELS
+    """Whether an arm is one of those that need no file, upright as it is there."""
+    return arm.urdf.parent == _MODELS and not any(arm.mount)
 
 
 def load_robot(

@@ -13,6 +13,7 @@ from sidegan.robot.setup import Mount
 
 GRAVITY = 9.81  # [m/s²]
 _WORLD = "sidegan_world"
+_STANDING = 0.7  # cosine of the angle by which a base leans that something stands under it
 _STRAIGHT = 0.05  # [rad] off an axis of the base, which is then meant
 _ROUNDING = 1e-9
 
@@ -36,6 +37,11 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
     ET.SubElement(joint, "parent", link=_WORLD)
     ET.SubElement(joint, "child", link=base)
     ET.SubElement(joint, "origin", xyz="0 0 0", rpy=" ".join(map(repr, mount)))
+
+
+def stands(arm: Arm) -> bool:
+    """Whether an arm's base stands, and neither hangs nor is fixed to a wall."""
+    return float(from_rpy(arm.mount)[2, 2]) >= _STANDING
 
 
 def in_base(arm: Arm, vector: Tensor) -> Tensor:

@@ -8,6 +8,7 @@ import torch
 
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.looks import visual_parts
+from sidegan.robot.mounting import stands
 from sidegan.validity.capsules import capsule_axes
 from sidegan.validity.regions import Plane
 
@@ -23,12 +24,12 @@ _pointed: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
 def floor_under(arm: Arm) -> Plane | None:
     """The floor at the lowest point of an arm's base, or at z = 0 where the base has no shape.
 
-    None for an arm that reaches below that in nearly every configuration: it hangs from something.
+    None for an arm that is mounted so that it hangs, or reaches below that in nearly every configuration.
     """
     if arm not in _found:
         height = _lowest(arm)
-        stands = _above(with_points(arm), height) >= _STANDS
-        _found[arm] = Plane((0.0, 0.0, 1.0), height) if stands else None
+        above = stands(arm) and _above(with_points(arm), height) >= _STANDS
+        _found[arm] = Plane((0.0, 0.0, 1.0), height) if above else None
     return _found[arm]
 
 

@@ -12,7 +12,7 @@ import trimesh
 
 from sidegan.errors import InfeasibleError
 from sidegan.pipeline.workspace import Region, Workspace
-from sidegan.robot import load_robot
+from sidegan.robot import Setup, load_robot
 from sidegan.robot.load import _MODELS
 from sidegan.validity import Convex, Plane, Sphere
 from sidegan.validity.floor import floor_under
@@ -115,6 +115,15 @@ def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(
     parts = {name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "names")}
     bare = replace(planar, urdf=Path("lost.urdf"), capsules=replace(planar.capsules, **parts))
     assert floor_under(bare).offset == 0
+
+
+@pytest.mark.parametrize(
+    ("mount", "has_floor"), [((0.5, 0, 1), True), ((3.1416, 0, 0), False), ((0, 1.57, 0), False)]
+)
+def test_a_mounted_arm_stands_on_something_unless_it_hangs(mount, has_floor):
+    arm, desk = load_robot("kuka_lwr4", Setup(mount=mount)), tiny("workspace=desk").workspace
+    assert bool(desk.shapes(arm)) == has_floor
+    assert ("stands on" if has_floor else "no floor: kuka_lwr4 hangs") in desk.told(arm)
 
 
 def test_a_stated_clearance_is_kept_by_all_that_can_have_it(planar):
