@@ -85,7 +85,7 @@ def _word(name: str, value: object) -> str:
     """A setting of the robot as a word on the command line."""
     if isinstance(value, Mapping):
         return override(name, value)
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
     return choice(name, value) if isinstance(value, str) else f"robot.{name}={str(value).lower()}"
 

@@ -11,7 +11,7 @@ import torch
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Limits, Setup, load_robot, pinocchio_model, with_effort, write_urdf
+from sidegan.robot import Limits, Setup, load_robot, pinocchio_model, with_effort, words, write_urdf
 from sidegan.robot.looks import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, more, one_joint, robot, two_joints
@@ -247,3 +247,4 @@ def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
     tilted = replace(upright, gravity=turn.T @ upright.gravity)
     torch.testing.assert_close(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))
     write_urdf(mounted, mounted.inertial_parameters, tmp_path / "written.urdf")
+    assert words(mounted.setup) == ["'robot.mount=[0.4, -0.5, 0.6]'"]
