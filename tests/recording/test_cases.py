@@ -122,9 +122,8 @@ def test_files_that_do_not_go_together_are_refused(made, tmp_path, words, change
 def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path, planar):
     source(tmp_path, named(recording).assign(q1=0.3).drop(columns="tau1"))
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
-    assert standing(planar, [path], settings) == pytest.approx({"shoulder": 0.3})
-    arm = load_robot("planar2", Setup(locked={"shoulder": 0.3}))
-    (found,) = read_and_check([path], "training", arm, settings)
+    arm = load_robot("planar2", Setup(locked=standing(planar, [path], settings)))
+    (found,) = read_and_check([(path, "training")], arm, settings)
     assert "shoulder is left out, locked at 0.3" in found.warnings and chain_of(arm) == JOINTS
     torch.testing.assert_close(found.statistics.signals["position"].upper, recording.position[:, 1:].amax(0))
     with pytest.raises(RecordingError, match=r"elbow, which recording\.without leaves out, moves"):
