@@ -95,7 +95,6 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
         part = facts[facts["set"] == name]
         rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(levels(part)).covariance_norm.mean()),
-            "samples": f"{part.samples.mean():.0f}",
             "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
             "paper": PAPER["table3"].get(name, "—"),
         }
