@@ -17,6 +17,8 @@ from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, usual_gaps
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Plane, Region, tables
 
+# All that there are, in the order in which kernels have them.
+NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
 _DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
 _SHOWN = 4  # excepted names that are told
 _FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them

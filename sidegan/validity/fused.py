@@ -12,12 +12,10 @@ from sidegan.motion.compiled import validity as kernel
 from sidegan.motion.compiled.chain import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER
 from sidegan.validity.bounds import Slack, link_norms
-from sidegan.validity.constraints import Constraints
+from sidegan.validity.constraints import NAMES, Constraints
 from sidegan.validity.search import ORDERS, Result, Search
 
-NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
 _models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
