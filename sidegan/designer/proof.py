@@ -10,8 +10,8 @@ import numpy as np
 
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.motion.compiled.chain import array
+from sidegan.validity.bounds import COARSE, LEVELS, ORDERS, SPLIT
 from sidegan.validity.constraints import NAMES, Constraints
-from sidegan.validity.search import COARSE, LEVELS, ORDERS, SPLIT
 
 Array = np.ndarray
 
@@ -40,7 +40,7 @@ class Prover:
     def __init__(self, numbers: ArmNumbers) -> None:
         from sidegan.motion.compiled import cells, validity
         from sidegan.motion.compiled.waves import waves
-        from sidegan.validity.fused import model_of
+        from sidegan.validity.search import model_of
 
         self.numbers, self._cells, self._kernel, self._waves = numbers, cells, validity, waves
         self._model_of = model_of

@@ -123,7 +123,9 @@ def cost_of(numbers, settings, x):
     if constraints.torque:
         torque = constraints.body.torque(*motion_of(numbers, x, settings.samples, 3)).abs()
         parts.append(p.weight * (torque / constraints.arm.torque_limit + p.torque - 1).clamp_min(0).square())
-    parts.append(p.close * (p.reach - constraints.distances(q)).clamp_min(0).square())
+    margins = constraints.at_rest(q)
+    distances = [margins[name] for name in ("collision", "keep_out") if name in margins]
+    parts.append(p.close * (p.reach - torch.cat(distances, 1)).clamp_min(0).square())
     return sum(float(part.sum(1).mean()) for part in parts)
 
 
