@@ -120,15 +120,8 @@ def test_links_that_never_have_it_from_a_plane_merely_keep_out(planar: Arm) -> N
     before, after = plain.at_rest(q)["keep_out"], clear.at_rest(q)["keep_out"]
     torch.testing.assert_close(after[:, 1], before[:, 0])
     torch.testing.assert_close(after[:, 0], before[:, 1] - 0.2)
-<<<<<<< HEAD
-    assert (
-        "0.2 m from regions and 0.1 m between links (never so far: upper_arm in region 0) kept clear"
-        in clear.described()
-    )
-    assert_same(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))
-=======
-    assert "0.2 m, 0.1 m between links, (never so far: upper_arm in region 0) kept clear" in clear.described()
+    words = "0.2 m from regions and 0.1 m between links (never so far: upper_arm in region 0) kept clear"
+    assert words in clear.described()
     assert_sound(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))
->>>>>>> engine-kernels
     with pytest.raises(InfeasibleError, match="always nearer are upper_arm in region 0"):
         Constraints(planar, [Box((-1, -1, 0), (1, 1, 0.35))], clearance=0.2, apart=0.1)
