@@ -24,7 +24,7 @@ _NO_EFFECT = 1e-5
 class BaseParameters:
     """The identifiable combinations of the inertial parameters (Gautier 1991)."""
 
-    columns: Tensor  # indices of the independent columns of the full regressor, (p,)
+    columns: Tensor  # indices of the independent columns of the full regressor, ascending, (p,)
     mapping: Tensor  # base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``
     values: Tensor  # base parameters of the arm, (p,)
     subspace: Tensor  # C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY
