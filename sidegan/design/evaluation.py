@@ -1,59 +1,62 @@
-"""What an optimiser without gradients asks of single trajectories: log fitness and worst margins.
+"""What an optimiser without gradients asks of single trajectories: log fitness and worst margins, compiled.
 
-One question costs 0.2 ms where kernels are compiled, and most of it is arithmetic; elsewhere plain torch
-answers.
+One question costs 0.2 ms, and most of it is arithmetic.
 """
-
-from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from sidegan.design.problem import Problem
-from sidegan.motion.backend import usable
-from sidegan.robot import HIGHER
-
-if TYPE_CHECKING:
-    from sidegan.design.compiled import CompiledEvaluation
-
-# That kernels know, in their order.
-NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
+from sidegan.design.problem import HOPELESS, Problem
+from sidegan.motion.compiled import evaluation as kernel
+from sidegan.motion.compiled.chain import array
+from sidegan.motion.compiled.operations import columns_of_links
+from sidegan.validity.constraints import NAMES
 
 
-@dataclass(frozen=True)
 class Evaluation:
-    """Log fitness and violations of trajectories of a problem, at its samples."""
+    """Log fitness and violations of trajectories of a problem, at its samples; not for several threads.
 
-    problem: Problem
-    distance: float  # clearance that counts like a whole limit [m]
+    Args:
+        problem: of which they are.
+        distance: clearance that counts like a whole limit [m].
+    """
+
+    def __init__(self, problem: Problem, distance: float) -> None:
+        self.problem, self._subject = problem, _subject(problem)
+        self._measure = kernel.Measure(problem.diagonal, problem.weakest, HOPELESS, distance)
+        self._room = kernel.room(self._subject)
+        self._kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
     def __call__(self, c: np.ndarray) -> np.ndarray:
         """Log fitness, and the worst relative margin of each constraint with its sign turned, (B, 1 + G).
 
-        Coefficients [rad/s] are (B, J, H, 2); constraints are in the order of their labels.
+        Coefficients [rad/s] are (B, J, H, 2), contiguous; constraints are in the order of their labels.
         """
-        return self._compiled(c) if self._compiled is not None else self.plain(c)
+        numbers = np.empty((len(c), kernel.NUMBERS))
+        kernel.evaluate(self._subject, self._measure, c.reshape(*c.shape[:2], -1), numbers, self._room)
+        return numbers[:, self._kept]
 
-    @torch.no_grad()
-    def plain(self, coefficients: np.ndarray) -> np.ndarray:
-        """The same by torch: the reference."""
-        c = torch.from_numpy(coefficients)
-        constraints = self.problem.constraints
-        states = (part.flatten(0, 1) for part in self.problem.states(c))
-        shares = constraints.relative(constraints.margins(*states), self.distance)
-        violations = [-share.reshape(len(c), -1).amin(1) for share in shares.values()]
-        return torch.stack([self.problem.fitness(c).log(), *violations], 1).numpy()
 
-    @cached_property
-    def _compiled(self) -> "CompiledEvaluation | None":
-        """The kernel, where it can be had and knows the motion and every constraint."""
-        known = set(self.problem.constraints.labels) <= set(NAMES)
-        kind = type(self.problem)
-        moves_so = kind.motion is Problem.motion and kind.jerk is Problem.jerk
-        if not (known and moves_so and usable(self.problem.body.base.values)):
-            return None
-        from sidegan.design.compiled import CompiledEvaluation
+def _subject(problem: Problem) -> kernel.Subject:
+    constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
+    arm, base = constraints.arm, body.base
+    limit = arm.torque_limit
 
-        return CompiledEvaluation(self.problem, self.distance)
+    def functions(times: Tensor, orders: int) -> Tensor:
+        return torch.stack([trajectory.basis(times, order).flatten(1).T for order in range(orders)])
+
+    tensors = {
+        "subspace": base.subspace,
+        "parameters": arm.inertial_parameters.reshape(1, 1, -1),
+        "home": limit.new_tensor(trajectory.home),
+        "lower": arm.position_lower,
+        "upper": arm.position_upper,
+        "speed": arm.velocity_limit,
+        "higher": constraints.higher_rows,
+        "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
+        "basis": functions(trajectory.grid(problem.samples), 4 if constraints.higher else 3),
+    }
+    columns = columns_of_links(base.columns, body.joints)
+    arrays = {name: array(x) for name, x in tensors.items()}
+    return kernel.Subject(body.chain, constraints.shapes, columns, **arrays)

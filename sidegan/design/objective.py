@@ -13,7 +13,6 @@ from torch import Tensor
 
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.motion.backend import extremes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.threads import eigh
 
@@ -62,6 +61,8 @@ def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tens
 
     At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
     """
+    from sidegan.motion.compiled.operations import extremes
+
     subspace = body.base.subspace
     inner = subspace.T @ grams @ subspace
     values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)

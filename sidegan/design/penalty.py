@@ -56,4 +56,4 @@ class Penalty:
         limits = Limits(self.weight, self.limits, self.torque, *map(array, vectors))
         if not len(constraints.pairs) + len(constraints.guarded):
             return limits, None
-        return limits, Near(self.weight / _DISTANCE**2, self.reach, constraints.shapes, constraints.distances)
+        return limits, Near(self.weight / _DISTANCE**2, self.reach, constraints.shapes)

@@ -35,7 +35,7 @@ class SetInformation:
         """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient."""
         if self.together < 1 or len(c) % self.together:
             raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {self.together}")
-        problem, c = self.problem, c.detach().double()
+        problem, c = self.problem, c.detach().to("cpu", torch.float64)
         if self.noise is None:
             grams = problem.gram(c)
         else:
@@ -48,10 +48,11 @@ class SetInformation:
         v, w = (x.repeat_interleave(self.together, 0) for x in directions_of(problem.body, vectors, weights))
         if not w.shape[1]:
             return torch.zeros_like(c)
+        x = c.detach().to("cpu", torch.float64)
         if self.noise is None:
-            return pull_back(problem, c.double(), (v, w), None)[1].to(c)
+            return pull_back(problem, x, (v, w), None)[1].to(c)
         with torch.enable_grad():
-            x = c.detach().double().requires_grad_(True)
+            x.requires_grad_(True)
             torque = problem.body.torques_of(*problem.motion(x)[1:], v)
             energy = ((torque / x.new_tensor(self.noise)) ** 2).sum((2, 3)) / problem.samples
             (gradient,) = torch.autograd.grad((w * energy).sum(), x)
@@ -96,7 +97,7 @@ class _Quadratic(torch.autograd.Function):
 class _Violation(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, c: Tensor, problem: Problem, penalty: Penalty) -> Tensor:
-        value, gradient = pull_back(problem, c.double(), None, penalty)
+        value, gradient = pull_back(problem, c.to("cpu", torch.float64), None, penalty)
         ctx.save_for_backward(gradient.to(c))
         return value
 

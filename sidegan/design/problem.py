@@ -21,9 +21,6 @@ _AT_ONCE = 2_000  # states whose regressor stays near the processor
 class Problem:
     """Condition number and constraints of trajectories of one arm.
 
-    A kind of trajectories that moves otherwise overrides ``motion`` and ``jerk``; everything else follows
-    from them.
-
     Raises:
         ShapeError: when the trajectories are not the arm's, or too few samples see the highest harmonic.
     """

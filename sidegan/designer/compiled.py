@@ -25,7 +25,7 @@ _RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, short
 _MEMORY = 25
 
 
-class CompiledDescents:
+class Descents:
     """Descents for one arm in its workspace; not to be shared among threads."""
 
     def __init__(self, numbers: ArmNumbers, grid: Grid) -> None:
@@ -38,14 +38,14 @@ class CompiledDescents:
         self._fine = numbers.basis(grid.samples * grid.refine, 2 + len(numbers.limits))
         self._rooms: dict[tuple[int, int], plans.Room] = {}  # by parameters, and terms of joints among them
 
-    def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "CompiledDescent":
+    def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> "Descent":
         """A descent in a scene."""
         plan = self._plan(scene, aim, penalties)
         size = len(plan.subspace), len(plan.extra.kinds)
         if size not in self._rooms:
             self._rooms[size] = plans.room(plan)
         joints, functions = scene.size.shape
-        return CompiledDescent(self, plan, self._rooms[size], descent.search(joints, functions, _MEMORY))
+        return Descent(self, plan, self._rooms[size], descent.search(joints, functions, _MEMORY))
 
     def _plan(self, scene: Scene, aim: Aim, penalties: Penalties) -> plans.Plan:
         numbers, joints = self.numbers, len(scene.home)
@@ -77,12 +77,10 @@ class CompiledDescents:
         )
 
 
-class CompiledDescent:
+class Descent:
     """L-BFGS on one scene."""
 
-    def __init__(
-        self, owner: CompiledDescents, plan: plans.Plan, room: plans.Room, state: descent.Search
-    ) -> None:
+    def __init__(self, owner: Descents, plan: plans.Plan, room: plans.Room, state: descent.Search) -> None:
         self._owner, self._plan, self._room, self._state = owner, plan, room, state
 
     def penalise(self, penalties: Penalties) -> None:

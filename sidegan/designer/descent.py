@@ -1,14 +1,7 @@
-"""What a designer needs of those who calculate for it."""
+"""What a descent is given: where it looks at trajectories, and what violations cost."""
 
 from dataclasses import dataclass
 from typing import Protocol
-
-import numpy as np
-
-from sidegan.designer.aim import Aim
-from sidegan.designer.scene import Scene
-
-Array = np.ndarray
 
 _DISTANCE = 0.15  # [m] clearance that counts like a whole limit
 
@@ -42,42 +35,3 @@ class Penalties:
     def close(self) -> float:
         """Weight of the square of what a distance lacks [1/m²]."""
         return self.weight / _DISTANCE**2
-
-
-class Descent(Protocol):
-    """L-BFGS on one scene, at points (J, K) in natural coordinates."""
-
-    @property
-    def x(self) -> Array:
-        """Where it is."""
-
-    @property
-    def goal(self) -> float:
-        """The goal there."""
-
-    @property
-    def cost(self) -> float:
-        """The penalty there."""
-
-    @property
-    def coefficients(self) -> Array:
-        """Coefficients (J, K) [rad/s] there."""
-
-    def place(self, x: Array) -> None:
-        """Begin at a point."""
-
-    def penalise(self, penalties: Penalties) -> None:
-        """Go on with other penalties."""
-
-    def run(self, evaluations: int) -> None:
-        """So many evaluations."""
-
-    def evaluate(self, x: Array, gradient: Array) -> tuple[float, float]:
-        """Goal and penalty of a point; writes the gradient of their sum."""
-
-
-class Descents(Protocol):
-    """Descents for one arm in its workspace."""
-
-    def descent(self, scene: Scene, aim: Aim, penalties: Penalties) -> Descent:
-        """A descent in a scene, which is nowhere yet."""

@@ -12,16 +12,16 @@ from torch import Tensor
 from sidegan.design.criteria import Criteria, criteria_of
 from sidegan.design.information import information_of
 from sidegan.designer.aim import Aim
-from sidegan.designer.descent import Descents, Grid, Penalties
-from sidegan.designer.proof import CONSTRAINTS, CheckProver, Prover, Verdict
-from sidegan.designer.pursuit import Budget, Pace, Proves, Pursuit
+from sidegan.designer.descent import Penalties
+from sidegan.designer.proof import Prover, Verdict
+from sidegan.designer.pursuit import Budget, Pace, Pursuit
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
 from sidegan.designer.situation import Situation
 from sidegan.errors import ConfigError, InfeasibleError
-from sidegan.motion.compiled import compiled
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity.constraints import NAMES
 
 Array = np.ndarray
 
@@ -77,22 +77,6 @@ class Design:
         return criteria_of(self.information)
 
 
-def descents_of(numbers: ArmNumbers, grid: Grid) -> Descents:
-    """Descents by compiled kernels, or in torch where there are none."""
-    if compiled():
-        from sidegan.designer.compiled import CompiledDescents
-
-        return CompiledDescents(numbers, grid)
-    from sidegan.designer.plain import PlainDescents
-
-    return PlainDescents(numbers, grid)
-
-
-def prover_of(numbers: ArmNumbers) -> Proves:
-    """Proofs without overhead, or by the check where there are no kernels."""
-    return Prover(numbers) if compiled() else CheckProver(numbers)
-
-
 class Designer:
     """Designs trajectories of one arm in its workspace, again and again; not to be shared among threads.
 
@@ -112,10 +96,12 @@ class Designer:
         clock: Callable[[], float] = time.perf_counter,
         seed: int = 0,
     ) -> None:
+        from sidegan.designer.compiled import Descents
+
         self.settings, self.clock, self.seed = settings, clock, seed
         self.numbers = ArmNumbers(constraints, trajectory)
         self._pace = Pace()
-        self.descents, self.prover = descents_of(self.numbers, settings), prover_of(self.numbers)
+        self.descents, self.prover = Descents(self.numbers, settings), Prover(self.numbers)
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -174,7 +160,7 @@ class Designer:
             f"{name} of {labels[name][verdict.elements[k]]}"
             + (f" at {verdict.times[k]:.3f} s: " if timed else ": ")
             + f"margin {verdict.margins[k]:.4g}"
-            for k, name in enumerate(CONSTRAINTS)
+            for k, name in enumerate(NAMES)
             if not verdict.margins[k] >= 0
         ]
 
@@ -189,7 +175,7 @@ class Designer:
         shape = self.numbers.trajectory.shape
         coefficients = None if c is None else torch.from_numpy(np.ascontiguousarray(c)).reshape(shape)
         family = self.numbers.trajectory if scene is None else self.numbers.family(scene)
-        margins = {} if verdict is None else dict(zip(CONSTRAINTS, verdict.margins.tolist()))
+        margins = {} if verdict is None else dict(zip(NAMES, verdict.margins.tolist()))
         margins = {name: margin for name, margin in margins.items() if margin < np.inf}
         excepted = () if scene is None else scene.excepted
         spent = Spent(budget.evaluations + budget.looks, budget.proofs, budget.seconds)

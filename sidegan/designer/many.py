@@ -4,6 +4,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -13,12 +14,14 @@ from sidegan.base.threads import one_thread
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.designer.aim import Aim
-from sidegan.designer.descent import Descent, Penalties
+from sidegan.designer.descent import Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.situation import Situation
-from sidegan.motion.compiled import compiled
 from sidegan.motion.threads import each
 from sidegan.seeds.result import SeedBatch, collect
+
+if TYPE_CHECKING:
+    from sidegan.designer.compiled import Descent
 
 Array = np.ndarray
 
@@ -54,11 +57,6 @@ class Compiled:
     reserve: float  # share of each limit that is kept free, and twice that share of 0.25 m as clearance
     threads: int
 
-    @staticmethod
-    def serves() -> bool:
-        """Whether there are kernels."""
-        return compiled()
-
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
         numbers = ArmNumbers(problem.constraints, problem.trajectory)
@@ -76,7 +74,7 @@ class Compiled:
         reach: float,
         source: np.random.SeedSequence,
     ) -> Tensor:
-        from sidegan.designer.compiled import CompiledDescents
+        from sidegan.designer.compiled import Descents
 
         found = np.zeros((count, *scene.size.shape))
         sources = source.spawn(count)
@@ -86,7 +84,7 @@ class Compiled:
             left.put(k)
 
         def work(thread: int) -> None:
-            descents = CompiledDescents(numbers, _Grid(problem.samples))
+            descents = Descents(numbers, _Grid(problem.samples))
             descent = descents.descent(scene, aim, self._penalties(_ROUGH))
             with suppress(Empty):
                 while True:
@@ -97,7 +95,7 @@ class Compiled:
         each(work, max(1, min(self.threads, count)))
         return torch.from_numpy(found).reshape(count, *problem.trajectory.shape)
 
-    def _descend(self, numbers: ArmNumbers, scene: Scene, descent: Descent, x: Array) -> Array:
+    def _descend(self, numbers: ArmNumbers, scene: Scene, descent: "Descent", x: Array) -> Array:
         """Coefficients (J, K) [rad/s] that a start leads to."""
         first = round(_ROUGH_SHARE * self.steps)
         descent.penalise(self._penalties(_ROUGH))

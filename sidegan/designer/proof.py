@@ -7,21 +7,17 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import torch
 
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.motion.compiled.chain import array
-from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER
-from sidegan.validity import Constraints, check
-from sidegan.validity.search import COARSE, LEVELS, ORDERS, SPLIT
+from sidegan.validity.bounds import COARSE, LEVELS, ORDERS, SPLIT
+from sidegan.validity.constraints import NAMES, Constraints
 
 Array = np.ndarray
 
 _KEPT = 64  # grids of cells: a few megabytes
 
-CONSTRAINTS = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)  # the kernel's columns
-NEAR_MARGINS = [CONSTRAINTS.index(name) for name in ("collision", "keep_out")]
+NEAR_MARGINS = [NAMES.index(name) for name in ("collision", "keep_out")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,35 +34,13 @@ class Verdict:
         return bool((self.margins >= 0).all())
 
 
-class CheckProver:
-    """Proofs of single trajectories by ``sidegan.validity.check``, where there are no kernels."""
-
-    def __init__(self, numbers: ArmNumbers) -> None:
-        self._numbers = numbers
-        self._scene: Scene | None = None
-        self._question: tuple[Constraints, Trajectory] | None = None
-
-    def prove(self, scene: Scene, c: Array) -> Verdict:
-        """Whether coefficients (J, K) [rad/s] are valid."""
-        if self._question is None or self._scene is not scene:
-            self._scene, self._question = scene, (self._numbers.among(scene), self._numbers.family(scene))
-        constraints, family = self._question
-        found = check(constraints, family, torch.from_numpy(c).reshape(1, *family.shape))
-        tables, missing = (found.margins, found.elements, found.times), (np.inf, 0, 0.0)
-        columns = [
-            [float(table[name][0]) if name in table else other for name in CONSTRAINTS]
-            for table, other in zip(tables, missing)
-        ]
-        return Verdict(np.array(columns[0]), np.array(columns[1]).astype(int), np.array(columns[2]))
-
-
 class Prover:
-    """The same by the check's own kernel, without overhead."""
+    """Proofs of single trajectories by the check's own kernel."""
 
     def __init__(self, numbers: ArmNumbers) -> None:
         from sidegan.motion.compiled import cells, validity
         from sidegan.motion.compiled.waves import waves
-        from sidegan.validity.fused import model_of
+        from sidegan.validity.search import model_of
 
         self.numbers, self._cells, self._kernel, self._waves = numbers, cells, validity, waves
         self._model_of = model_of
@@ -106,7 +80,7 @@ class Prover:
         drifts = np.stack([np.abs(c) @ peaks for peaks in self._peaks]) / period ** np.array([[3.0], [4.0]])
         jerk = np.abs(c @ self._grid(sampled)[:, 3].T).max(1) / period**2 + drifts[0] * (period / sampled / 2)
         orders = period ** (1.0 - np.arange(ORDERS))[:, None]
-        shape = 1, len(CONSTRAINTS)
+        shape = 1, len(NAMES)
         smallest = self._kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, int), np.zeros(shape))
         index, basis = np.arange(count), self._grid(count)
         asked = self._kernel.everything(model, count)

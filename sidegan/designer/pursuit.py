@@ -2,14 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sidegan.designer.descent import Descent, Penalties
-from sidegan.designer.proof import NEAR_MARGINS, Verdict
+from sidegan.designer.descent import Penalties
+from sidegan.designer.proof import NEAR_MARGINS, Prover, Verdict
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.designer.settings import DesignerSettings
+
+if TYPE_CHECKING:
+    from sidegan.designer.compiled import Descent
 
 Array = np.ndarray
 
@@ -26,13 +29,6 @@ _LITTLE = 0.004  # share of limits, and [m], within which a smaller motion is no
 _HALF = 0.5  # of what home has, where that is less
 _ALIKE = 0.01  # share by which coefficients may differ that have one goal
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
-
-
-class Proves(Protocol):
-    """Who proves trajectories."""
-
-    def prove(self, scene: Scene, c: Array) -> Verdict:
-        """Whether coefficients (J, K) [rad/s] are valid."""
 
 
 @dataclass
@@ -94,7 +90,7 @@ class Pursuit:
         self,
         numbers: ArmNumbers,
         settings: DesignerSettings,
-        prover: Proves,
+        prover: Prover,
         scene: Scene,
         at_home: Verdict,
         budget: Budget,
@@ -115,7 +111,7 @@ class Pursuit:
         settings = self._settings
         return Penalties(_WEIGHT, settings.reserve, settings.reserve, settings.clearance)
 
-    def run(self, descent: Descent) -> tuple[Array | None, Verdict | None]:
+    def run(self, descent: "Descent") -> tuple[Array | None, Verdict | None]:
         """The best proven coefficients (J, K) [rad/s], and the verdict on them or on the last that failed."""
         while self._left > 0 and not self._budget.late:
             self._penalties = self.penalties
@@ -129,7 +125,7 @@ class Pursuit:
         """Evaluations that are left when what they find shall be proven, or made smaller until it is."""
         return self._budget.left(_FIRST if self.best is None else 1)
 
-    def _look(self, descent: Descent, c: Array) -> tuple[float, float]:
+    def _look(self, descent: "Descent", c: Array) -> tuple[float, float]:
         """Goal and penalty of coefficients (J, K) [rad/s] beside the search."""
         self._budget.looks += 1
         return descent.evaluate(self._numbers.points(self._scene, c), self._gradient)
@@ -138,7 +134,7 @@ class Pursuit:
         """A random point."""
         return self._numbers.start(self._scene, self._random, _REACH)
 
-    def _pursue(self, descent: Descent) -> None:
+    def _pursue(self, descent: "Descent") -> None:
         """Descend from one start, and prove what comes of it every now and then."""
         done = 0
         patience = self._settings.patience
@@ -154,12 +150,12 @@ class Pursuit:
             if last or self._budget.late:
                 return
 
-    def _descend(self, descent: Descent, count: int) -> None:
+    def _descend(self, descent: "Descent", count: int) -> None:
         began = self._budget.time()
         descent.run(count)
         self._budget.evaluated(count, self._budget.time() - began)
 
-    def _settle(self, descent: Descent, mend: bool) -> None:
+    def _settle(self, descent: "Descent", mend: bool) -> None:
         """Take what a descent has found where it is better and proven, after mending or shrinking."""
         if self._offer(descent) or (self.best is not None and not mend):
             return
@@ -173,7 +169,7 @@ class Pursuit:
         if self.best is None:
             self._shrink(descent)
 
-    def _shrink(self, descent: Descent) -> None:
+    def _shrink(self, descent: "Descent") -> None:
         """Take what a descent has found closer to home until it is proven."""
         c = self._numbers.within(self._scene, descent.coefficients, _FULL)
         descent.penalise(self._bare)
@@ -195,7 +191,7 @@ class Pursuit:
         reach = min(_LITTLE, _HALF * float(home.margins[NEAR_MARGINS].min()))
         return replace(self.penalties, reserve=float(reserve), torque=float(torque), reach=reach)
 
-    def _offer(self, descent: Descent) -> bool:
+    def _offer(self, descent: "Descent") -> bool:
         """Take what a descent has found, within the limits; whether there is nothing left to be done."""
         found = descent.coefficients
         c, goal = self._numbers.within(self._scene, found, _FULL), descent.goal

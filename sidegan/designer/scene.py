@@ -9,7 +9,6 @@ import torch
 
 from sidegan.designer.situation import Situation
 from sidegan.errors import InfeasibleError
-from sidegan.motion.compiled import compiled
 from sidegan.motion.compiled.chain import CONVEX, Shapes, array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
@@ -169,14 +168,9 @@ class ArmNumbers:
 
     def _leaving(self, regions: Sequence[Region]) -> Array:
         """Whether moving capsules are outside of regions in any configuration, (R, C)."""
-        if compiled():
-            from sidegan.motion.compiled.guards import leaving
+        from sidegan.motion.compiled.guards import leaving
 
-            return leaving(_with_regions(self._bare, regions), self.moving, self.ends)
-        radius = self.arm.capsules.radius[torch.from_numpy(self.moving)]
-        a, b = torch.from_numpy(self.ends).permute(0, 3, 1, 2)
-        clear = [(region.margin(a, b) > radius[:, None]).any(1) for region in regions]
-        return torch.stack(clear).numpy()
+        return leaving(_with_regions(self._bare, regions), self.moving, self.ends)
 
     @cached_property
     def _bare(self) -> Shapes:

@@ -9,7 +9,6 @@ from sidegan.design.sequence import Search
 from sidegan.designer import Designer, DesignerSettings
 from sidegan.errors import InfeasibleError
 from sidegan.identification.uncertain import Uncertain
-from sidegan.motion.compiled import compiled
 
 _POINTS = 10  # per second, at which the information of a trajectory is taken
 
@@ -25,13 +24,13 @@ def designed(
 ) -> Tensor:
     """A set of so many proven trajectories, (count, J, H, 2); the aim knows them then.
 
-    The designer makes each with so many evaluations. Where it does not know the goal, or nothing is
-    compiled, ``sequence`` makes them with its search.
+    The designer makes each with so many evaluations. Where it does not know the goal, ``sequence`` makes them
+    with its search.
 
     Raises:
         InfeasibleError: when no trajectory is proven.
     """
-    if not compiled() or aim.goal.form is None:
+    if aim.goal.form is None:
         return sequence.designed(problem, aim, count, search, torch.Generator().manual_seed(seed))
     designer = Designer(problem.constraints, problem.trajectory, settings, seed=seed)
     points = round(_POINTS * problem.trajectory.period)

@@ -165,9 +165,8 @@ class TorqueModel:
         if q.ndim != 2 or (sign is not None and sign.shape != q.shape):
             given = tuple(q.shape) if sign is None else f"{tuple(q.shape)} and sign {tuple(sign.shape)}"
             raise ShapeError(f"position is {given}, expected (S, {self.joints})")
-        y = q.new_zeros(self.joints, self.count, len(q))
-        full = self.body.regressor(q, dq, ddq).permute(1, 2, 0)
-        torch.index_select(full, 1, self.body.base.columns.to(q.device), out=y[:, : self.rigid])
+        y = torch.zeros(self.joints, self.count, len(q), dtype=torch.float64)
+        y[:, : self.rigid] = self.body.base_regressor(q, dq, ddq).permute(1, 2, 0)
         signals = self.terms.signals(dq, ddq, self.stribeck, sign)
         for place, k in enumerate(self.extras.tolist(), start=self.rigid):
             y[k % self.joints, place] = signals[k // self.joints][:, k % self.joints]
@@ -179,7 +178,7 @@ class TorqueModel:
         """Torque [N·m or N], (S, J), of parameters (P,) at states (S, J)."""
         if parameters.shape != (self.count,):
             raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {self.count}")
-        return self.regressor(q, dq, ddq, sign) @ parameters.to(q)
+        return self.regressor(q, dq, ddq, sign) @ parameters.double()
 
     def _grouped(self) -> tuple[Tensor, Tensor]:
         """Indices of the extra columns that are independent, and all extras' shares in the P parameters."""

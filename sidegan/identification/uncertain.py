@@ -5,7 +5,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from sidegan.design.linear import with_terms
+from sidegan.design.linear import weighted_products
 from sidegan.designer.aim import Aim, noise_at
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques, Wanted
@@ -56,12 +56,8 @@ class Uncertain:
 
     def information(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Tensor:
         """Information of B trajectories of so many seconds, each alone, at states (B, T, J): (B, P, P)."""
-        batch, count, joints = q.shape
-        states = [x.reshape(-1, joints) for x in (q, dq, ddq)]
-        y = with_terms(self._model, self._model.body.base_regressor(*states), *states[1:])
-        y = y * self._certainty[:, None] * self._scale
-        y = y.unflatten(0, (batch, count)).flatten(1, 2)
-        return self._rate * seconds / count * (y.mT @ y)
+        products = weighted_products(self._model, (q, dq, ddq), self._certainty, self._scale)
+        return self._rate * seconds / q.shape[1] * products
 
     def value(self, information: Tensor) -> Tensor:
         """The goal after each of B trajectories beside what is known, (B,)."""

@@ -1,1 +1,1 @@
-"""Trajectories and rigid-body dynamics, plain and compiled."""
+"""Trajectories and rigid-body dynamics."""

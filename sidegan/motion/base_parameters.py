@@ -8,7 +8,6 @@ from torch import Tensor
 
 from sidegan.base.threads import one_thread
 from sidegan.errors import RobotError
-from sidegan.motion import newton_euler
 from sidegan.motion.compiled.chain import Chain
 from sidegan.robot import Arm
 
@@ -25,7 +24,7 @@ _NO_EFFECT = 1e-5
 class BaseParameters:
     """The identifiable combinations of the inertial parameters (Gautier 1991)."""
 
-    columns: Tensor  # indices of the independent columns of the full regressor, (p,)
+    columns: Tensor  # indices of the independent columns of the full regressor, ascending, (p,)
     mapping: Tensor  # base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``
     values: Tensor  # base parameters of the arm, (p,)
     subspace: Tensor  # C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY
@@ -62,13 +61,16 @@ class BaseParameters:
 
 def _random_rows(arm: Arm) -> np.ndarray:
     """Rows of the full regressor over S random states, (S J, 10 J)."""
+    from sidegan.motion.compiled import operations
+
     random = torch.Generator().manual_seed(0)
     states = min(_STATES_EACH * arm.joints, _MOST_STATES)
     draw = torch.rand(3, states, arm.joints, generator=random, dtype=torch.float64) * 2 - 1
     span = (arm.position_upper - arm.position_lower) / 2
     q = (arm.position_upper + arm.position_lower) / 2 + span * draw[0]
-    last = newton_euler.states_last((q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
-    return newton_euler.regressor(Chain.of(arm), last).permute(2, 0, 1).reshape(-1, 10 * arm.joints).numpy()
+    full = torch.arange(10 * arm.joints)
+    y = operations.rows(Chain.of(arm), full, (q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
+    return y.reshape(-1, len(full)).numpy()
 
 
 def _first_independent(y: np.ndarray) -> np.ndarray:

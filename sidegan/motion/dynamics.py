@@ -1,18 +1,16 @@
 """Rigid-body dynamics of batches of states: regressor, torque, base parameters and Gram matrix.
 
-On processors and in float64, compiled kernels do the work where they can be had (``backend``); elsewhere,
-and for what has no kernel, plain torch does.
+Compiled kernels do the work, in float64 on the processor, whatever the states' type and device.
 """
 
 from collections.abc import Sequence
 from functools import cached_property
+from types import ModuleType
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.motion import newton_euler, plain
-from sidegan.motion.backend import backend
 from sidegan.motion.base_parameters import LINK_PARAMETERS, BaseParameters
 from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.compiled.limits import Limits, Near
@@ -23,9 +21,10 @@ __all__ = ["LINK_PARAMETERS", "BaseParameters", "RigidBody", "gram", "gram_of"]
 
 
 class RigidBody:
-    """Dynamics of a serial arm; tensors follow the device and dtype of the states given.
+    """Dynamics of a serial arm.
 
-    States are joint position [rad or m], velocity and acceleration, (…, J) each.
+    States are joint position [rad or m], velocity and acceleration, (…, J) each. Torques have derivatives in
+    them, the first ones; regressors and what is made of them have none.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -53,56 +52,54 @@ class RigidBody:
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
         """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m]."""
-        self._check(q, dq, ddq)
-        return plain.regressor(self, (q, dq, ddq))
+        return self._rows(torch.arange(10 * self.joints), q, dq, ddq)
 
     def base_regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
         """Base regressor, (…, J, p), with ``torque = base_regressor @ base.values`` [N·m]."""
-        return self.regressor(q, dq, ddq)[..., self.base.columns.to(q.device)]
+        return self._rows(self.base.columns, q, dq, ddq)
+
+    def _rows(self, columns: Tensor, *states: Tensor) -> Tensor:
+        flat = [x.reshape(-1, self.joints) for x in self._checked(*states)]
+        rows: Tensor = _kernels().rows(self.chain, columns, flat)
+        return rows.reshape(*states[0].shape, len(columns))
 
     def torque(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor | None = None) -> Tensor:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm.
 
         The parameters are the arm's own when None, else (J, 10), (10 J,) or one set per state, (…, 10 J).
         """
-        self._check(q, dq, ddq)
+        states, full = self._checked(q, dq, ddq), 10 * self.joints
         if parameters is None:
             parameters = self.arm.inertial_parameters
-        full = 10 * self.joints
         if parameters.shape not in ((self.joints, 10), (full,), (*q.shape[:-1], full)):
             raise ShapeError(
                 f"parameters are {tuple(parameters.shape)}, expected ({self.joints}, 10), ({full},) or "
                 f"{(*q.shape[:-1], full)}"
             )
-        v = parameters.to(q.device, q.dtype)
-        if v.ndim <= 2 and v.numel() == full and q.ndim > 1:  # one set for all states
-            flat = [x.reshape(1, -1, self.joints) for x in (q, dq, ddq)]
-            return self.torques_of(flat[0], flat[1], flat[2], v.reshape(1, 1, full)).reshape(q.shape)
-        v = v.reshape(-1, full).T.reshape(self.joints, 10, 1, -1)
-        states = newton_euler.states_last((q, dq, ddq))
-        return newton_euler.torque(self.chain, states, v)[:, 0].T.reshape(q.shape)
-
-    def torque_rate(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor) -> Tensor:
-        """Rate of the arm's torques [N·m/s], (…, J), of positions and their derivatives (…, J)."""
-        states = newton_euler.states_last((q, dq, ddq, jerk))
-        parameters = self.arm.inertial_parameters.to(q.device, q.dtype)
-        return newton_euler.torque_rates(self.chain, states, parameters).T.reshape(q.shape)
+        # One trajectory of all states, or of each state one where all have parameters of their own.
+        of_each = parameters.ndim == q.ndim and parameters.shape != (self.joints, 10)
+        shape = (-1, 1, self.joints) if of_each else (1, -1, self.joints)
+        sets = parameters.reshape(-1, 1, full).to("cpu", torch.float64)
+        torques: Tensor = _kernels().torques(self.chain, [x.reshape(shape) for x in states], sets)
+        return torques.reshape(q.shape)
 
     def torques_of(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor) -> Tensor:
         """Regressor times several parameter sets, (B, K, T, J), of states (B, T, J) and sets (B, K, 10 J).
 
         This is Y v for the K vectors v of each trajectory, at the cost of inverse dynamics.
         """
-        self._check(q, dq, ddq)
-        return backend(q, dq, ddq, parameters).torques(self, (q, dq, ddq), parameters)
+        sets = parameters.to("cpu", torch.float64)
+        torques: Tensor = _kernels().torques(self.chain, self._checked(q, dq, ddq), sets)
+        return torques
 
     def sums(self, q: Tensor, dq: Tensor, ddq: Tensor, torque: Tensor) -> Tensor:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 
         States and torque are (S, J). Not differentiable; no regressor is kept.
         """
-        self._check(q, dq, ddq)
-        return backend(q, dq, ddq, torque).sums(self, (q, dq, ddq), torque)
+        states, torque = self._checked(q, dq, ddq), torque.to("cpu", torch.float64)
+        sums: Tensor = _kernels().sums(self.chain, self.base.columns, states, torque)
+        return sums
 
     def penalised_slopes(
         self,
@@ -116,28 +113,39 @@ class RigidBody:
 
         The vectors v are (B, K, 10 J), their weights (B, K); no limits and no distances cost nothing.
         """
-        self._check(*states)
-        who, limits = backend(*states, parameters, weights), limits or Limits.none(self.joints)
-        return who.penalised_slopes(self, states, parameters, weights, limits, near)
+        limits = limits or Limits.none(self.joints)
+        sets, weights = (x.to("cpu", torch.float64) for x in (parameters, weights))
+        found: tuple[Tensor, list[Tensor]] = _kernels().penalised_slopes(
+            self.chain, self._checked(*states), sets, weights, limits, near
+        )
+        return found
 
-    def _check(self, q: Tensor, dq: Tensor, ddq: Tensor) -> None:
+    def _checked(self, q: Tensor, dq: Tensor, ddq: Tensor) -> list[Tensor]:
+        """The states as kernels take them."""
         for name, x in (("position", q), ("velocity", dq), ("acceleration", ddq)):
             if x.shape != q.shape or x.shape[-1:] != (self.joints,):
                 raise ShapeError(f"{name} is {tuple(x.shape)}, expected (…, {self.joints}), all three alike")
+        return [x.to("cpu", torch.float64) for x in (q, dq, ddq)]
 
 
 def gram(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) -> Tensor:
     """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p), at centres of cells.
 
-    Without gradients it works in about 150 MB beside its result, whatever the number of
-    trajectories, samples and joints: the regressor exists for a few thousand states at a time.
+    It works in about 150 MB beside its result, whatever the number of trajectories, samples and joints.
     """
-    times = trajectory.grid(samples)
-    batch = max(1, backend(c).states_at_once(body.joints) // samples)
+    times, c = trajectory.grid(samples), c.to("cpu", torch.float64)
+    batch = max(1, _kernels().states_at_once() // samples)
     return torch.cat([gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in c.split(batch)])
 
 
 def gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
     """Gram matrices YᵀY / T of the base regressor, (B, p, p), at states (B, T, J)."""
-    body._check(q, dq, ddq)
-    return backend(q, dq, ddq).gram(body, body.base.columns, (q, dq, ddq))
+    grams: Tensor = _kernels().gram(body.chain, body.base.columns, body._checked(q, dq, ddq))
+    return grams
+
+
+def _kernels() -> ModuleType:
+    """Compiled dynamics, imported when they are used."""
+    from sidegan.motion.compiled import operations
+
+    return operations

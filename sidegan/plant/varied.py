@@ -15,7 +15,6 @@ import torch
 
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.motion.compiled import compiled
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
@@ -140,12 +139,10 @@ class VariedPlant:
         return self._sensed(q, torque, friction)
 
     def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J)."""
-        with mujoco_logged(self.arm.name):
-            return (self._compiled if compiled() else self._plain)(q, dq, ahead)
+        """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J).
 
-    def _compiled(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """The same as ``_plain``, motion by motion and without Python between the steps."""
+        Motion by motion, without Python between the steps.
+        """
         from mujoco import MjData, mj_resetData
 
         from sidegan.motion.compiled import servos as kernels
@@ -163,34 +160,12 @@ class VariedPlant:
             *self._gains, self.arm.torque_limit.numpy(), self.rotor, float(self.settings.rate)
         )
         out = np.empty((len(q), 3, *q.shape[1:]))
-        for wanted, one in zip(np.stack([q, dq, ahead], 1), out):
-            mj_resetData(self.model, data)
-            data.qpos[:], data.qvel[:] = wanted[0, 0], wanted[1, 0]
-            kernels.follow(simulator, servos, friction, wanted, one)
+        with mujoco_logged(self.arm.name):
+            for wanted, one in zip(np.stack([q, dq, ahead], 1), out):
+                mj_resetData(self.model, data)
+                data.qpos[:], data.qvel[:] = wanted[0, 0], wanted[1, 0]
+                kernels.follow(simulator, servos, friction, wanted, one)
         return out[:, 0], out[:, 1], out[:, 2]
-
-    def _plain(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """All motions at once, step by step."""
-        from mujoco import MjData, mj_stateSize, mjtState, rollout
-
-        spec, applied = mjtState.mjSTATE_FULLPHYSICS, int(mjtState.mjSTATE_QFRC_APPLIED)
-        data, (batch, count, joints) = MjData(self.model), q.shape
-        state = np.zeros((batch, mj_stateSize(self.model, spec)))  # time, positions, velocities
-        state[:, 1 : 1 + joints], state[:, 1 + joints : 1 + 2 * joints] = q[:, 0], dq[:, 0]
-        (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
-        out = np.empty((3, batch, count, joints))
-        friction, push, past = np.zeros((batch, joints)), np.zeros((batch, joints)), dq[:, 0]
-        with rollout.Rollout(nthread=0) as step:
-            for i in range(count):
-                own, speed = state[:, 1 : 1 + joints], state[:, 1 + joints : 1 + 2 * joints]
-                motor = ahead[:, i] + stiffness * (q[:, i] - own) + damping * (dq[:, i] - speed)
-                motor = np.clip(motor, -limit, limit)
-                load = push - self.rotor * (speed - past) * self.settings.rate  # that the gears pass on
-                friction, past = self.law(own, speed, load), speed
-                push = motor - friction
-                out[:, :, i] = own, motor, friction
-                state = step.rollout(self.model, data, state, push[:, None], control_spec=applied)[0][:, 0]
-        return out[0], out[1], out[2]
 
     def _sensed(self, q: Array, torque: Array, friction: Array) -> Signals:
         """What encoders at the motors and torque sensors make of it, without noise."""

@@ -72,7 +72,11 @@ def tip_traces(arm: Arm, family: Trajectory, coefficients: Tensor) -> np.ndarray
     motion = family.roll_out(coefficients.to("cpu", torch.float64), family.times(_RATE))
     batch, count, joints = motion.position.shape
     q = motion.position.reshape(-1, joints).T
-    return place_points(arm, q, arm.tip[None], [arm.joints - 1])[:, 0].T.reshape(batch, count, 3).numpy()
+    return (
+        place_points(arm, q, arm.tip[None], torch.tensor([arm.joints - 1]))[:, 0]
+        .T.reshape(batch, count, 3)
+        .numpy()
+    )
 
 
 def film(arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6) -> Film:

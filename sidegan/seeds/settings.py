@@ -19,7 +19,7 @@ from sidegan.validity import Constraints
 class Seeds:
     """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
-    # compiled: as gradient, each start by itself, by ``sidegan.designer.Compiled`` where that serves
+    # compiled: as gradient, each start by itself, by ``sidegan.designer.Compiled``
     method: Literal["gradient", "paper", "compiled", "published"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
@@ -65,7 +65,7 @@ class Seeds:
 
     @property
     def optimiser(self) -> Method:
-        """The configured method; for ``compiled`` the batched search, which serves everywhere."""
+        """The configured method, where it is none of ``sidegan.designer``."""
         if self.ants is not None and self.evaluations is not None and self.box is not None:
             return Paper(self.steps, self.ants, self.evaluations, self.box, self.attempts)
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)

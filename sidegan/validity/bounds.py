@@ -1,47 +1,33 @@
-"""How much a margin can change between a sample and the edge of its cell: rigorous upper bounds.
+"""How much margins can change between a sample and the edge of its cell: what kernels need for upper bounds.
 
 From a sample's velocity and acceleration and a bound on the jerk follow bounds on the joints' motion in the
-cell; from those, bounds on the motion of capsules and on how torques change, by triangle inequalities
-alone (``sidegan.motion.compiled.formulas``). How far accelerations and jerks drift, where they
-are limited, follows from the next derivative at the sample and a bound on the one after.
+cell; from those, by triangle inequalities alone (``sidegan.motion.compiled.formulas``), bounds on the motion
+of capsules, given how far joints move them at most, and on how torques change. How far accelerations and
+jerks drift, where they are limited, follows from the next derivative at the sample and a bound on the one
+after.
 """
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled.formulas import (
-    Bounds,
-    MotionBounds,
-    WrenchBounds,
-    carried_bounds,
-    cell_bounds,
-    drift,
-    link_bounds,
-    summed,
-    wrench_bounds,
-)
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 if TYPE_CHECKING:
     from sidegan.validity.constraints import Constraints
 
+COARSE = 0.1  # [s] longest cell of the first pass
+SPLIT = 3  # parts that a cell is cut into where it cannot be decided
+ORDERS = 5  # derivatives of the motion, from none on, that kernels take
+LEVELS = 7  # passes: the last one's cells are 0.1 s / 3⁶ = 0.14 ms long
 _SAMPLES_AT_ONCE = 200_000  # of the jerk: 11 MB for seven joints
 
 
-@dataclass(frozen=True)
-class CellMotion:
-    """Bounds over a cell, (N, J) each: largest change of position and velocity, largest rates."""
-
-    position_change: Tensor
-    velocity_change: Tensor
-    speed: Tensor
-    acceleration: Tensor
-    jerk: Tensor
-    snap: Tensor
+def coarse_cells(trajectory: Trajectory) -> int:
+    """Number of cells of the first pass over one trajectory."""
+    return int(-(-trajectory.period // COARSE))
 
 
 def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
@@ -58,45 +44,25 @@ def derivative_bound(trajectory: Trajectory, c: Tensor, order: int) -> Tensor:
     return torch.einsum("bjhx,hx->bj", c.abs(), trajectory.derivative_bound(order).to(c))
 
 
-def cell_motion(dq: Tensor, ddq: Tensor, jerk: Tensor, snap: Tensor, half: float) -> CellMotion:
-    """Bounds over cells of half width ``half`` [s] around samples (N, J), by Taylor's theorem.
+class Reaches:
+    """How far the motion of each joint can change distances [m per rad or m].
 
-    Jerk and snap are bounds already.
+    Attributes:
+        pairs: of capsules, (P, J).
+        pieces: of what is inside of them, (P, J).
+        regions: of guarded capsules to their regions, (K, J).
     """
-    return CellMotion(*cell_bounds(dq, ddq, jerk, half), jerk, snap)
-
-
-class Slack:
-    """Largest change of every margin of ``constraints`` within a cell."""
 
     def __init__(self, constraints: "Constraints") -> None:
-        self.arm = constraints.arm
-        self.torque = constraints.torque
-        link = self.arm.capsules.link
-        reach = capsule_reach(self.arm)
+        arm, link = constraints.arm, constraints.arm.capsules.link
+        reach = capsule_reach(arm)
         # Between two capsules only the joints between their links count, and they carry the outer one.
         first, second = link[constraints.pairs].unbind(1)
         outer = torch.where(first > second, constraints.pairs[:, 0], constraints.pairs[:, 1])
-        joints = torch.arange(self.arm.joints)
-        far = torch.maximum(first, second)[:, None]
-        self.between = (joints[None] > torch.minimum(first, second)[:, None]) & (joints[None] <= far)
-        self.pair_reach = reach[outer] * self.between
-        self.piece_reach = piece_reach(self.arm)[outer] * self.between
-        self.region_reach = reach[constraints.guarded[:, 1]]
-
-    def of(self, motion: CellMotion, half: float, rate: Tensor | None = None) -> dict[str, Tensor]:
-        """Upper bounds of the change of each margin in the cell, shaped like the margins.
-
-        The torques' rates at the centre, (N, J), make theirs of second order where they are known.
-        """
-        slack = {"position": motion.position_change, "velocity": motion.velocity_change}
-        if self.torque:
-            most, bend = torque_bounds(self.arm, motion)
-            known = half * most
-            slack["torque"] = known if rate is None else torch.minimum(known, drift(rate, bend, half))
-        slack["collision"] = motion.position_change @ self.pair_reach.to(motion.jerk).T
-        slack["keep_out"] = motion.position_change @ self.region_reach.to(motion.jerk).T
-        return slack
+        joints, far = torch.arange(arm.joints), torch.maximum(first, second)[:, None]
+        between = (joints[None] > torch.minimum(first, second)[:, None]) & (joints[None] <= far)
+        self.pairs, self.pieces = reach[outer] * between, piece_reach(arm)[outer] * between
+        self.regions = reach[constraints.guarded[:, 1]]
 
 
 def _travel(arm: Arm) -> Tensor:
@@ -143,28 +109,6 @@ def _reach(arm: Arm, links: list[int], bodies: list[Tensor]) -> Tensor:
 def _from_axis(arm: Arm, joint: int, points: Tensor) -> Tensor:
     """Distance [m] of points (…, 3) from a joint's axis, (…)."""
     return torch.linalg.cross(arm.axis[joint].expand_as(points), points).norm(dim=-1)
-
-
-def torque_bounds(arm: Arm, motion: CellMotion) -> tuple[Tensor, Tensor]:
-    """Upper bounds of every joint torque's absolute rate and second derivative in a cell, (N, J) each."""
-    travel, mass, first, spin = link_norms(arm).values()
-    slides, zero = arm.prismatic.tolist(), torch.zeros_like(motion.speed[:, 0])
-    still: Bounds = (zero, zero, zero)
-    rates = motion.speed, motion.acceleration, motion.jerk, motion.snap
-    own = list(zip(*(x.unbind(1) for x in rates)))
-    link: MotionBounds = (still, still, (zero + arm.gravity.norm().to(zero), zero, zero))
-    wrenches = []
-    for i in range(arm.joints):
-        link = link_bounds(slides[i], own[i], travel[i], link)
-        wrenches.append(wrench_bounds(mass[i], first[i], spin[i], link))
-    carried: WrenchBounds = (still, still)
-    found = []
-    for i in reversed(range(arm.joints)):
-        force, moment = (summed(a, b) for a, b in zip(carried, wrenches[i]))
-        found.append(torch.stack((force if slides[i] else moment)[1:]))
-        carried = carried_bounds(slides[i], own[i], travel[i], (force, moment))
-    rate, bend = torch.stack(found[::-1], 2)
-    return rate, bend
 
 
 def link_norms(arm: Arm) -> dict[str, Tensor]:

@@ -8,10 +8,9 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
-from sidegan.motion.backend import usable
 from sidegan.motion.trajectory import Trajectory
+from sidegan.validity.bounds import coarse_cells
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.search import Search, coarse_cells
 
 _CELLS_AT_ONCE = 1_000_000  # of the first pass: 30 MB of indices
 
@@ -71,23 +70,24 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
 
     Samples the centres of cells of at most 0.1 s. A cell is settled when every margin at its centre
     is at least the largest possible change within it (``bounds``) or when one is negative; otherwise
-    it is cut into three, down to 0.14 ms. What is undecided then counts as invalid. Works in float64
-    whatever the coefficients' type: single precision leaves errors larger than the margins. On a
-    processor a compiled kernel does the work where numba is installed, with torch's number of threads.
+    it is cut into three, down to 0.14 ms. What is undecided then counts as invalid. Works in float64 on
+    the processor, with torch's number of threads, whatever the coefficients' type and device: single
+    precision leaves errors larger than the margins.
 
     Raises:
         ShapeError: when the coefficients have the wrong shape or are not finite, or the trajectory has
             another number of joints than the arm.
     """
+    from sidegan.validity.search import Search
+
     joints = constraints.arm.joints
     if trajectory.joints != joints:
         raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {joints}")
     trajectory.check(c)
-    c = c.double()
-    kind = _search_for(constraints, c)
+    c = c.to("cpu", torch.float64)
     results = []
     for part in c.split(max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
-        search = kind(constraints, trajectory, part)
+        search = Search(constraints, trajectory, part)
         search.run()
         results.append(search.result())
     valid, *tables = zip(*results)
@@ -95,12 +95,3 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
         {name: torch.cat([part[name] for part in table]) for name in constraints.labels} for table in tables
     )
     return Validity(torch.cat(valid), margins, elements, times, constraints.labels)
-
-
-def _search_for(constraints: Constraints, c: Tensor) -> type[Search]:
-    """The compiled search, where it knows every constraint; else the plain one."""
-    if not usable(c):
-        return Search
-    from sidegan.validity.fused import NAMES, FusedSearch
-
-    return FusedSearch if set(constraints.labels) <= set(NAMES) else Search

@@ -2,13 +2,17 @@
 
 from typing import NamedTuple
 
+import numpy as np
+import scipy  # its parts are imported when they are used
 import torch
 from torch import Tensor
 
-from sidegan.validity.capsules import capsule_axes, segment_distance
+from sidegan.validity.capsules import capsule_axes, frames_of, nearest_on_segments
 from sidegan.validity.constraints import Constraints
 
 _AT_ONCE = 1_000  # states: bounds the memory to some tens of megabytes
+_TOUCHING = 1e-7  # [m] below it two hulls touch
+_WORTH = 1e4  # [m] of a sum of shares beside distances: leaves an error of 1e-8 of a length
 
 
 class Closest(NamedTuple):
@@ -55,19 +59,18 @@ def _finer(constraints: Constraints) -> Tensor:
 def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
     """Nearest points [m], (N, 2, 3), of what these pairs are, or of a capsule and its region.
 
-    Pieces have theirs from the search for their distance. A capsule's distance grows at unit rate along the
-    line between the nearest points, so that its slopes in the ends of the axis tell the direction, and by
-    their sizes where on the axis the nearest point is.
+    A capsule's distance from a region grows at unit rate along the line between the nearest points, so that
+    its slopes in the ends of the axis tell the direction, and by their sizes where on the axis the nearest
+    point is.
     """
     axes, points = torch.stack(capsule_axes(constraints.arm, q.T.contiguous())), q.new_zeros(len(q), 2, 3)
     radius, count = constraints.arm.capsules.radius.to(q), len(constraints.pairs)
     states = torch.nonzero(which < count)[:, 0]
     first, second = constraints.pairs[which[states]].unbind(1)
-    one, other = (axes[:, :, side, states].requires_grad_() for side in (first, second))
-    apart = segment_distance(*one, *other)
-    for k, (axis, side) in enumerate(((one, first), (other, second))):
-        spot, away = _on_axis(axis, apart)
-        points[states, k] = spot - radius[side][:, None] * away
+    one, other = nearest_on_segments(*axes[:, :, first, states], *axes[:, :, second, states])
+    towards = torch.nn.functional.normalize(other - one, dim=0)
+    points[states, 0] = (one + radius[first] * towards).T
+    points[states, 1] = (other - radius[second] * towards).T
     _put_pieces(constraints, q, which, points)
     for index, region in enumerate((*constraints.regions, *constraints.lowered)):
         ours = torch.nonzero(constraints.guarded[:, 0] == index)[:, 0] + count
@@ -83,17 +86,33 @@ def _points(constraints: Constraints, q: Tensor, which: Tensor) -> Tensor:
 
 def _put_pieces(constraints: Constraints, q: Tensor, which: Tensor, points: Tensor) -> None:
     """Put the nearest points of pieces, where they are apart, in the place of those of their capsules."""
-    inside, pieces = constraints.pieces, constraints.arm.capsules.pieces
+    pieces, links = constraints.arm.capsules.pieces, constraints.arm.capsules.link
     states = torch.nonzero(_finer(constraints)[which])[:, 0]
     if pieces is None or not len(states):
         return
-    found = inside.nearest(q, torch.stack([states, which[states]], 1))
-    apart = found.isfinite().all(2).all(1)
-    states, found = states[apart], found[apart]
-    towards = torch.nn.functional.normalize(found[:, 1] - found[:, 0], dim=1)
-    radius = pieces.radius[constraints.pairs[which[states]]].to(q)
-    points[states, 0] = found[:, 0] + radius[:, :1] * towards
-    points[states, 1] = found[:, 1] - radius[:, 1:] * towards
+    turns, places = frames_of(constraints.arm, q[states].T.contiguous())
+    corners = pieces.corners.split(pieces.start.diff().tolist())
+    for n, state in enumerate(states.tolist()):
+        pair = constraints.pairs[which[state]]
+        bodies = [corners[c] @ turns[links[c] + 1, n].T + places[links[c] + 1, n] for c in pair.tolist()]
+        one, other = _nearest_in_hulls(*bodies)
+        if (gap := other - one).norm() > _TOUCHING:
+            towards = gap / gap.norm()
+            points[state, 0] = one + pieces.radius[pair[0]] * towards
+            points[state, 1] = other - pieces.radius[pair[1]] * towards
+
+
+def _nearest_in_hulls(one: Tensor, other: Tensor) -> tuple[Tensor, Tensor]:
+    """The points of two hulls of corners (V, 3) and (W, 3) that are nearest to each other, (3,) each.
+
+    The shares of the corners, by least squares with none below zero, and a sum of one that is worth much more
+    than the distance.
+    """
+    signs = torch.block_diag(torch.ones(1, len(one)), torch.ones(1, len(other))).double()
+    rows = torch.cat([torch.cat([one, -other]).T, _WORTH * signs])
+    shares, _ = scipy.optimize.nnls(rows.numpy(), np.array([0.0, 0.0, 0.0, _WORTH, _WORTH]))
+    first, second = torch.from_numpy(shares).split([len(one), len(other)])
+    return first @ one / first.sum(), second @ other / second.sum()
 
 
 def _on_axis(axis: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:

@@ -17,6 +17,8 @@ from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, usual_gaps
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Plane, Region, tables
 
+# All that there are, in the order in which kernels have them.
+NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
 _DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
 _SHOWN = 4  # excepted names that are told
 _FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them
@@ -126,13 +128,29 @@ class Constraints:
     def margins(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None) -> dict[str, Tensor]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
 
-        Differentiable; ≥ 0 is feasible. Distances of what is inside of capsules have the slope of the
-        capsules' own. The jerk may be left out where it is not limited.
+        At least zero is feasible. In float64 on the processor, whatever the states' type and device. The
+        jerk may be left out where it is not limited.
 
         Raises:
             ShapeError: when the states are not (N, J) each, or jerk is limited and not given.
         """
-        margins = self.capsule_margins(q, dq, ddq, jerk)
+        arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
+        if any(x.shape != (len(q), arm.joints) for x in states):
+            shapes = ", ".join(str(tuple(x.shape)) for x in states)
+            times = "three times" if jerk is None else "four times"
+            raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
+        if len(states) < self.orders:
+            raise ShapeError(f"jerk of {arm.name} is limited: margins need it beside the acceleration")
+        q, dq, ddq, *_ = states = [x.to("cpu", torch.float64) for x in states]
+        margins = {
+            "position": torch.minimum(q - arm.position_lower, arm.position_upper - q),
+            "velocity": arm.velocity_limit - dq.abs(),
+        }
+        for name, limit in self.higher.items():
+            margins[name] = limit - states[HIGHER[name]].abs()
+        if self.torque:
+            margins["torque"] = arm.torque_limit - self.body.torque(q, dq, ddq).abs()
+        margins |= self._distances(q)
         if self.pieces.finer.any():
             margins["collision"] = self._look_inside(q, margins["collision"])
         return margins
@@ -141,25 +159,6 @@ class Constraints:
         """Margins of positions (N, J) that are held."""
         still = torch.zeros_like(q)
         return self.margins(q, still, still, still)
-
-    def capsule_margins(
-        self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None
-    ) -> dict[str, Tensor]:
-        """The same, but for distances those of capsules, which are never larger."""
-        arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
-        if any(x.shape != (len(q), arm.joints) for x in states):
-            shapes = ", ".join(str(tuple(x.shape)) for x in states)
-            times = "three times" if jerk is None else "four times"
-            raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
-        if len(states) < self.orders:
-            raise ShapeError(f"jerk of {arm.name} is limited: margins need it beside the acceleration")
-        lower, upper, speed = (x.to(q) for x in (arm.position_lower, arm.position_upper, arm.velocity_limit))
-        margins = {"position": torch.minimum(q - lower, upper - q), "velocity": speed - dq.abs()}
-        for name, limit in self.higher.items():
-            margins[name] = limit.to(q) - states[HIGHER[name]].abs()
-        if self.torque:
-            margins["torque"] = arm.torque_limit.to(q) - self.body.torque(q, dq, ddq).abs()
-        return margins | self._distances(q, self._thick.capsules.radius)
 
     def relative(self, margins: dict[str, Tensor], distance: float) -> dict[str, Tensor]:
         """Margins as shares of half the range, the limit, or ``distance`` [m]; 1 where nothing limits."""
@@ -176,27 +175,16 @@ class Constraints:
             shares[name] = torch.where(torch.isfinite(scale), margin / scale, torch.ones_like(margin))
         return shares
 
-    def clearances(self, q: Tensor) -> dict[str, Tensor]:
-        """Signed distances [m] of pairs (N, P) and to regions (N, K), of N positions (N, J), for optimisers.
-
-        Differentiable. Those of pairs are about the distances of what is inside of the capsules: what they
-        lead to is to be checked.
-        """
-        return self._distances(q, self._thick.capsules.core)
-
-    def _distances(self, q: Tensor, radius: Tensor) -> dict[str, Tensor]:
-        clearances: dict[str, Tensor] = {}
+    def _distances(self, q: Tensor) -> dict[str, Tensor]:
+        """Margins of distances of capsules, which those of what is inside of them are never smaller than."""
+        distances: dict[str, Tensor] = {}
         if len(self.pairs) or len(self.guarded):
             a, b = capsule_axes(self.arm, q.T.contiguous())
             if len(self.pairs):
-                clearances["collision"] = self._pair_distances(a, b, radius).T
+                distances["collision"] = self._pair_distances(a, b).T
             if len(self.guarded):
-                clearances["keep_out"] = self._region_distances(a, b, self.guarded).T
-        return clearances
-
-    def distances(self, q: Tensor) -> Tensor:
-        """All of these side by side, (N, P + K); there must be some."""
-        return torch.cat([*self.clearances(q).values()], 1)
+                distances["keep_out"] = self._region_distances(a, b, self.guarded).T
+        return distances
 
     @cached_property
     def pieces(self) -> PieceDistances:
@@ -277,23 +265,20 @@ class Constraints:
 
     def _look_inside(self, q: Tensor, margin: Tensor) -> Tensor:
         """Distances [m], (N, P), of what is inside of capsules where these are near each other or touch."""
-        asked = torch.nonzero((margin < _FAR) & self.pieces.finer.to(margin.device))
-        inner = self.pieces.lower(q.detach(), asked)
+        asked = torch.nonzero((margin < _FAR) & self.pieces.finer)
         n, p = asked.unbind(1)
-        more = (inner - margin.detach()[n, p]).clamp_min(0).nan_to_num(0.0)
-        return margin + torch.zeros_like(margin).index_put((n, p), more)
+        margin[n, p] = torch.maximum(margin[n, p], self.pieces.lower(q, asked))
+        return margin
 
-    def _pair_distances(self, a: Tensor, b: Tensor, radius: Tensor) -> Tensor:
-        first, second = self.pairs.to(a.device).unbind(1)
-        radius = radius.to(a)
+    def _pair_distances(self, a: Tensor, b: Tensor) -> Tensor:
+        (first, second), radius = self.pairs.unbind(1), self._thick.capsules.radius
         apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
         return apart - (radius[first] + radius[second])[:, None]
 
     def _region_distances(self, a: Tensor, b: Tensor, guarded: Tensor) -> Tensor:
-        radius = self._thick.capsules.radius.to(a)
-        rows = []
+        radius, rows = self._thick.capsules.radius, []
         for index, region in enumerate(self.kept_out):
-            capsules = guarded[guarded[:, 0] == index, 1].to(a.device)
+            capsules = guarded[guarded[:, 0] == index, 1]
             rows.append(region.margin(a[:, capsules], b[:, capsules]) - radius[capsules][:, None])
         return torch.cat(rows)
 

@@ -4,7 +4,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.motion.backend import usable
 from sidegan.motion.compiled.chain import Chain, array
 from sidegan.robot import Arm
 from sidegan.validity.bounds import piece_reach
@@ -19,12 +18,12 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
     """Which pairs of capsules, of some (P, 2), provably never touch within the joints' limits, (P,) bool.
 
     Branch and bound over boxes of joint positions, with the bounds on motion that the check of trajectories
-    uses. Only for arms with something inside of their capsules, and where kernels are compiled; a pair for
-    which the proof takes too long counts as one that may touch.
+    uses. Only for arms with something inside of their capsules; a pair for which the proof takes too long
+    counts as one that may touch.
     """
     found = torch.zeros(len(pairs), dtype=torch.bool)
     inside = PieceDistances(arm, pairs)
-    if not len(pairs) or arm.capsules.pieces is None or not usable(arm.position_lower):
+    if not len(pairs) or arm.capsules.pieces is None:
         return found
     from sidegan.motion.compiled import boxes, hulls
 

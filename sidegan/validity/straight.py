@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.validity.bounds import Slack
+from sidegan.validity.bounds import Reaches
 from sidegan.validity.constraints import Constraints
 
 _CELLS = 16  # of the way, to begin with
@@ -48,9 +48,9 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
 
 def _reaches(constraints: Constraints) -> dict[str, Tensor]:
     """How far [m per rad or m] unit motion of each joint can change each distance, (K, J), by constraint."""
-    slack = Slack(constraints)
-    reaches = torch.maximum(slack.pair_reach, slack.piece_reach), slack.region_reach
-    return {name: reach for name, reach in zip(_DISTANCES, reaches) if name in constraints.labels}
+    reaches = Reaches(constraints)
+    each = torch.maximum(reaches.pairs, reaches.pieces), reaches.regions
+    return {name: reach for name, reach in zip(_DISTANCES, each) if name in constraints.labels}
 
 
 def _refuse(constraints: Constraints, q: Tensor, share: Tensor) -> dict[str, Tensor]:

@@ -7,18 +7,11 @@ import pytest
 import torch
 
 from sidegan.designer import Compiled
-from sidegan.motion.compiled import VARIABLE
-from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from sidegan.seeds import Gradient
 from sidegan.validity import Constraints, check
-from tests.tiny import tiny
 from tests.validity.critical import limited
 
 from .conftest import BOX, DESK
-
-pytest.importorskip("numba")
 
 SEED = np.random.SeedSequence(3)
 
@@ -65,10 +58,3 @@ def test_the_diagonal_fitness_is_optimised_when_asked(problem, found):
     batch = Compiled(60, 5, reserve=0.05, threads=2).optimise(diagonal, 4, SEED)
     ratio, others = (diagonal.fitness(x.coefficients).median() for x in (batch, found))
     assert ratio < 0.8 * others
-
-
-def test_the_stage_falls_back_to_the_batch_where_there_are_no_kernels(tmp_path, monkeypatch):
-    store, config = Store(tmp_path), tiny(experiment="excite")
-    assert Compiled.serves() and seed_set(Task(config, store)).maker == "compiled_seeds"
-    monkeypatch.setenv(VARIABLE, "torch")
-    assert not Compiled.serves() and seed_set(Task(config, store)).maker == "seeds"

@@ -1,4 +1,4 @@
-"""The compiled objective of one trajectory: finite differences and plain torch as oracles."""
+"""The compiled objective of one trajectory: finite differences, and what its definition gives."""
 
 from dataclasses import replace
 
@@ -7,19 +7,17 @@ import pytest
 import torch
 
 from sidegan.design.information import information_of
+from sidegan.design.objective import smooth_condition
 from sidegan.designer import Aim, Designer
+from sidegan.designer.compiled import Descents
 from sidegan.designer.descent import Penalties
-from sidegan.designer.designer import descents_of
-from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
-from sidegan.identification.model import Terms, TorqueModel, states_within
+from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_chain
 
 from .conftest import CASES, scene_of
-
-pytest.importorskip("numba")
 
 PENALTIES = Penalties(300.0, 0.1, 0.1, 0.2)
 TERMS = Terms(True, True, True, True, stribeck=True, sign_width=0.3)
@@ -74,32 +72,87 @@ def assert_gradient(descent, x):
         assert (up - down) / 2e-6 == pytest.approx(float((gradient * direction).sum()), **near)
 
 
-def assert_plain_torch_agrees(numbers, settings, x, aim):
-    scene, gradients, values = scene_of(numbers), [np.zeros_like(x), np.zeros_like(x)], []
-    engines = descents_of(numbers, settings), PlainDescents(numbers, settings)
-    for descents, gradient in zip(engines, gradients):
-        values.append(descents.descent(scene, aim, PENALTIES).evaluate(x, gradient))
-    np.testing.assert_allclose(values[0], values[1], rtol=1e-8, atol=1e-8)
-    scale = np.abs(gradients[1]).max()
-    np.testing.assert_allclose(gradients[0], gradients[1], rtol=1e-5, atol=1e-6 * scale)
+def motion_of(numbers, x, count, orders):
+    """Derivatives from none on at so many time points, (count, J) each."""
+    scene = scene_of(numbers)
+    family = numbers.family(scene)
+    c = torch.from_numpy((x * scene.size) @ numbers.turn.T).reshape(1, *family.shape)
+    return [family.derivative(c, family.grid(count), order)[0] for order in range(orders)]
+
+
+def goal_of(numbers, settings, x, aim):
+    """The goal by its definition, from the regressor of all parameters."""
+    body, joints = numbers.constraints.body, numbers.arm.joints
+    model = aim.model or TorqueModel(body, RIGID)
+    told = information_on(model, motion_of(numbers, x, settings.samples, 3), aim.noise or [1.0] * joints)
+    if aim.kind == "diagonal":
+        return float(smooth_condition(torch.from_numpy(told).diagonal().sort().values[None])[0])
+    basis = np.eye(model.count)
+    basis[: model.rigid, : model.rigid] = body.base.subspace.numpy()
+    whole = settings.rate * scene_of(numbers).period * basis.T @ told @ basis
+    if aim.kind == "condition":
+        return float(smooth_condition(torch.linalg.eigvalsh(torch.from_numpy(whole))[None])[0])
+    if aim.prior is not None:
+        whole = whole + (aim.prior if aim.model is None else basis.T @ aim.prior @ basis)
+    if aim.kind == "determinant" and aim.interest is None:
+        return -np.linalg.slogdet(whole)[1]
+    covariance = basis @ np.linalg.inv(whole) @ basis.T
+    if aim.tasks is not None:
+        return np.log(np.trace(aim.tasks @ covariance))
+    links = [*(body.base.columns // 10).tolist(), *(model.extras % joints).tolist()]
+    every = dict.fromkeys(numbers.arm.link_names, 1.0)
+    weights = np.array([(aim.interest or every).get(numbers.arm.link_names[k], 0.0) for k in links])
+    if aim.kind == "variance":  # of rigid bodies
+        return np.log((weights * covariance.diagonal())[: model.rigid].sum())
+    ours = weights > 0
+    return np.linalg.slogdet(covariance[ours][:, ours])[1] + np.log(weights[ours]).sum()
+
+
+def cost_of(numbers, settings, x):
+    """The penalty by its definition."""
+    arm, constraints, p = numbers.arm, numbers.among(scene_of(numbers)), PENALTIES
+    orders = 2 + len(numbers.limits)
+    q, *rest = motion_of(numbers, x, settings.samples * settings.refine, orders)
+    middle, room = (
+        (arm.position_upper + arm.position_lower) / 2,
+        (arm.position_upper - arm.position_lower) / 2,
+    )
+    limits = [arm.velocity_limit, *map(torch.from_numpy, numbers.limits)]
+    uses = [(q - middle).abs() / room, *(x.abs() / limit for x, limit in zip(rest, limits))]
+    parts = [p.weight * (use + p.reserve - 1).clamp_min(0).square() for use in uses]
+    if constraints.torque:
+        torque = constraints.body.torque(*motion_of(numbers, x, settings.samples, 3)).abs()
+        parts.append(p.weight * (torque / constraints.arm.torque_limit + p.torque - 1).clamp_min(0).square())
+    margins = constraints.at_rest(q)
+    distances = [margins[name] for name in ("collision", "keep_out") if name in margins]
+    parts.append(p.close * (p.reach - torch.cat(distances, 1)).clamp_min(0).square())
+    return sum(float(part.sum(1).mean()) for part in parts)
+
+
+def assert_defined_so(numbers, settings, x, aim):
+    descent = Descents(numbers, settings).descent(scene_of(numbers), aim, PENALTIES)
+    goal, cost = descent.evaluate(x, np.zeros_like(x))
+    assert cost == pytest.approx(cost_of(numbers, settings, x), rel=1e-8, abs=1e-8)
+    assert goal == pytest.approx(goal_of(numbers, settings, x, aim), rel=1e-6, abs=1e-6)
+    assert_gradient(descent, x)
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if "pieces" not in case])
-def test_the_gradient_is_that_of_finite_differences_and_of_plain_torch(designer_of, settings, case):
+def test_value_and_gradient_are_those_of_the_definition_and_of_finite_differences(
+    designer_of, settings, case
+):
     numbers = designer_of(case).numbers
     x, every = point(numbers, seed=2), aims(numbers)
     for aim in every.values() if case == "all" else [Aim()]:
-        descent = descents_of(numbers, settings).descent(scene_of(numbers), aim, PENALTIES)
-        assert descent.evaluate(x, np.zeros_like(x))[1] > 0  # something is violated
-        assert_gradient(descent, x)
-        assert_plain_torch_agrees(numbers, settings, x, aim)
+        assert_defined_so(numbers, settings, x, aim)
+        assert cost_of(numbers, settings, x) > 0  # something is violated
 
 
 def test_an_arm_of_two_joints_and_few_parameters(planar, settings):
     regions = Plane((0, 0, 1), 0.1), Box((0.4, -1, 0), (1, 1, 1))
     numbers = ArmNumbers(Constraints(planar, regions), Trajectory(2, 3, 8.0))
     for aim in aims(numbers).values():
-        assert_plain_torch_agrees(numbers, settings, point(numbers, seed=4, use=0.8), aim)
+        assert_defined_so(numbers, settings, point(numbers, seed=4, use=0.8), aim)
 
 
 @pytest.mark.parametrize("chain", [(3, 0), (4, 2)], ids=["five parameters", "many parameters"])
@@ -108,7 +161,7 @@ def test_sliding_joints_are_no_exception(settings, chain):
     arm, regions = random_chain(*chain)[0], (Plane((0, 0, 1), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4)))
     assert arm.prismatic.any() and not arm.prismatic.all()
     numbers = ArmNumbers(Constraints(arm, regions), Trajectory(arm.joints, 3, 8.0))
-    assert_plain_torch_agrees(numbers, settings, point(numbers, seed=6), Aim())
+    assert_defined_so(numbers, settings, point(numbers, seed=6), Aim())
 
 
 @pytest.mark.parametrize("kind", ["condition", "diagonal"])
@@ -117,30 +170,9 @@ def test_an_arm_at_rest_that_feels_no_torque_tells_nothing(planar, settings, kin
     numbers = ArmNumbers(Constraints(replace(planar, gravity=0 * planar.gravity)), Trajectory(2, 3, 8.0))
     scene = scene_of(numbers)
     gradient = np.ones_like(scene.size)
-    descent = descents_of(numbers, settings).descent(scene, Aim(kind), PENALTIES)
+    descent = Descents(numbers, settings).descent(scene, Aim(kind), PENALTIES)
     assert descent.evaluate(np.zeros_like(scene.size), gradient) == (np.inf, 0.0)
     assert not gradient.any()
-
-
-@pytest.mark.parametrize("kind", ["determinant", "variance"])
-def test_an_aim_with_a_model_is_what_its_own_regressor_gives(designer_of, settings, kind):
-    numbers = designer_of("no torque").numbers
-    scene, x = scene_of(numbers), point(numbers, seed=5, use=0.7)
-    aim = aims(numbers)["determinant with friction" if kind == "determinant" else "variance of tasks"]
-    descent = descents_of(numbers, settings).descent(scene, aim, Penalties(0.0, 0.0, 0.0, 0.0))
-    goal, _ = descent.evaluate(x, np.zeros_like(x))
-    c = torch.from_numpy((x * scene.size) @ numbers.turn.T).reshape(1, *numbers.trajectory.shape)
-    family = numbers.family(scene)
-    states = [s[0] for s in family.roll_out(c, family.grid(settings.samples))[1:]]
-    told = information_on(aim.model, states, aim.noise)
-    whole = aim.prior + settings.rate * family.period * told
-    if kind == "variance":
-        assert goal == pytest.approx(np.log(np.trace(aim.tasks @ np.linalg.inv(whole))), abs=1e-6)
-        return
-    # log det in the basis, which is orthonormal for rigid bodies
-    body = numbers.constraints.body
-    basis = float(torch.linalg.slogdet(body.base.subspace)[1])
-    assert goal == pytest.approx(-np.linalg.slogdet(whole)[1] - 2 * basis, abs=1e-6)
 
 
 def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(arm, settings):

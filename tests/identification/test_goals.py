@@ -13,8 +13,8 @@ from sidegan.design.problem import Problem
 from sidegan.design.sequence import Search, information, value_and_gradient
 from sidegan.design.sequence import designed as by_search
 from sidegan.designer import DesignerSettings, Situation
+from sidegan.designer.compiled import Descents
 from sidegan.designer.descent import Penalties
-from sidegan.designer.plain import PlainDescents
 from sidegan.designer.scene import ArmNumbers
 from sidegan.errors import InfeasibleError
 from sidegan.identification import FULL, estimate
@@ -137,7 +137,7 @@ def test_a_designer_is_asked_for_the_goal_itself_beside_what_was_told(problem, w
     aim, c = aim_of(problem, wanted), problem.start(3, torch.Generator().manual_seed(0), reach=0.5)
     aim.take(information(problem, aim, c[2:], 40)[0])
     numbers = ArmNumbers(problem.constraints, problem.trajectory)
-    scene, descents = numbers.scene(Situation()), PlainDescents(numbers, DESIGNER)
+    scene, descents = numbers.scene(Situation()), Descents(numbers, DESIGNER)
     descent = descents.descent(scene, aim.asked(RATE), Penalties(0.0, 0.0, 0.0, 0.0))
     x = (c[:2].flatten(2).numpy() @ np.linalg.inv(numbers.turn).T) / scene.size
     found = [descent.evaluate(one, np.zeros_like(one))[0] for one in x]
@@ -159,7 +159,6 @@ def test_a_set_is_designed_one_after_another_and_known_then(problem):
 
 
 def test_where_nothing_can_be_proven_that_is_told(planar):
-    pytest.importorskip("numba")
     behind = Trajectory(2, harmonics=3, period=6.0, home=(-1.5, 0.0))
     problem = Problem(Constraints(planar, [Plane(normal=(1, 0, 0), offset=-0.3)]), behind)
     with pytest.raises(InfeasibleError, match="at home, keep_out of"):

@@ -1,9 +1,7 @@
-"""Builders of the room: random chains, their states, and both engines of the same work."""
+"""Builders of the room: random chains and their states."""
 
-import pytest
 import torch
 
-from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.dynamics import RigidBody
 from sidegan.validity import Box, Convex, Plane, Sphere
 from tests.chains import random_chain, random_states
@@ -37,12 +35,3 @@ def close(found, expected, precision):
     scale = max((float(other.detach().abs().max()) for _, other in pairs if other.numel()), default=0.0)
     for one, other in pairs:
         torch.testing.assert_close(one, other, rtol=0, atol=precision * scale)
-
-
-@pytest.fixture(params=["torch", "numba"])
-def engine(request, monkeypatch):
-    """Both ways of doing the same work."""
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    monkeypatch.setenv(VARIABLE, request.param)
-    return request.param

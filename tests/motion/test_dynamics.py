@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 import torch
 
-from sidegan.motion import newton_euler, plain
 from sidegan.motion.base_parameters import BaseParameters
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
@@ -179,22 +178,15 @@ def test_gram_is_the_mean_of_squared_regressors(arm, short):
 @pytest.mark.parametrize("states", [1, 45, 90])
 def test_gram_does_not_depend_on_its_chunks(arm, short, states, monkeypatch):
     body, (trajectory, c) = RigidBody(arm), short
-    whole, sizes, regressor = gram(body, trajectory, c, 30), [], newton_euler.regressor
-
-    def watched(chain, states):
-        sizes.append(states[0].shape[1])
-        return regressor(chain, states)
-
-    monkeypatch.setattr(plain, "_VALUES_AT_ONCE", states * 10 * 7**2)
-    monkeypatch.setenv("SIDEGAN_KERNELS", "torch")
-    monkeypatch.setattr(newton_euler, "regressor", watched)
+    whole = gram(body, trajectory, c, 30)
+    monkeypatch.setattr("sidegan.motion.compiled.operations._STATES_IN_CACHE", states)
     torch.testing.assert_close(gram(body, trajectory, c, 30), whole, atol=1e-11, rtol=1e-11)
-    assert max(sizes) <= states and sum(sizes) == 5 * 30
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_results_follow_type_and_device_of_the_states(arm, short, dtype, device):
-    body, states, (trajectory, c) = RigidBody(arm), random_states(arm, 50), short
+def test_results_are_double_whatever_the_type_and_device_of_the_states(arm, short, dtype, device):
+    body, (trajectory, c) = RigidBody(arm), short
+    states, c = [x.to(dtype).double() for x in random_states(arm, 50)], c.to(dtype).double()
     there = [x.to(device, dtype) for x in states]
     pairs = [
         (body.regressor(*there), body.regressor(*states)),
@@ -203,5 +195,13 @@ def test_results_follow_type_and_device_of_the_states(arm, short, dtype, device)
         (gram(body, trajectory, c.to(device, dtype)), gram(body, trajectory, c)),
     ]
     for result, exact in pairs:
-        assert result.dtype == dtype and result.device.type == device.type
-        close(result.cpu().double(), exact, 1e-5 if dtype == torch.float32 else 1e-12)
+        assert torch.equal(result, exact)
+
+
+@pytest.mark.parametrize("count", [0, 1, 63, 64, 65, 129, 2001])
+def test_a_regressor_does_not_depend_on_threads_or_on_how_many_states_there_are(arm, count):
+    body, states = RigidBody(arm), random_states(arm, 4100)
+    whole, some = body.regressor(*states), body.regressor(*(x[:count] for x in states))
+    torch.testing.assert_close(some, whole[:count], rtol=1e-13, atol=1e-12)
+    with several_threads():
+        torch.testing.assert_close(body.regressor(*states), whole, rtol=1e-13, atol=1e-12)

@@ -9,8 +9,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, RobotError, ShapeError
-from sidegan.motion import compiled
+from sidegan.errors import RobotError, ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Motion, Trajectory, concatenate
 
@@ -98,18 +97,6 @@ REFUSALS = [
 def test_refusals(room, words, call):
     with pytest.raises((ShapeError, RobotError), match=words):
         call(room)
-
-
-def test_an_engine_that_is_not_there_is_refused(monkeypatch):
-    monkeypatch.setenv(compiled.VARIABLE, "fortran")
-    with pytest.raises(ConfigError, match="'fortran', expected torch or numba"):
-        compiled.compiled()
-    monkeypatch.setattr(compiled, "_installed", lambda: False)
-    monkeypatch.setenv(compiled.VARIABLE, "numba")
-    with pytest.raises(ConfigError, match="not installed"):
-        compiled.compiled()
-    monkeypatch.delenv(compiled.VARIABLE)
-    assert not compiled.compiled()
 
 
 def test_numba_is_not_imported_before_it_is_needed():

@@ -10,7 +10,6 @@ from omegaconf import OmegaConf
 
 from sidegan.base.typed import build
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.motion.compiled import compiled
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.friction import FrictionSettings, Law
@@ -102,13 +101,21 @@ def test_misfits_are_no_combination_of_what_a_model_has(form):
     assert np.abs(law.linear(dq) - basis[:, :1] * law.coulomb - dq * law.viscous).max() < 1e-12
 
 
-@pytest.mark.skipif(not compiled(), reason="nothing is compiled")
 @pytest.mark.parametrize("form", ["linear", "eyring", "tustin"])
-def test_the_compiled_plant_moves_as_the_readable_one(planar, settings, motion, form):
-    made = plant(planar, settings, form)
-    references = motion.position.numpy(), motion.velocity.numpy(), made.feed_forward(motion)
-    for one, other in zip(made._compiled(*references), made._plain(*references)):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * np.abs(other).max())
+def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion, form):
+    """The law of friction at every step, given the load of the step before; the servos give the rest."""
+    made, rate = plant(planar, settings, form), settings.rate
+    wanted, speed, ahead = motion.position.numpy(), motion.velocity.numpy(), made.feed_forward(motion)
+    q, motor, friction = made._simulate(wanted, speed.copy(), ahead)
+    dq = np.diff(q, axis=1) * rate  # semi-implicit steps: the speed at the end of each
+    push, rotor = (motor - friction)[:, 1:-1], made.rotor * np.diff(dq, axis=1) * rate
+    expected = made.law(q[:, 2:], dq[:, 1:], push - rotor)
+    np.testing.assert_allclose(friction[:, 2:], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    stiffness, damping = made._gains
+    servo = ahead + stiffness * (wanted - q) + damping * (speed - np.insert(dq, 0, speed[:, 0], axis=1))
+    limit = planar.torque_limit.numpy()
+    scale = np.abs(motor).max()
+    np.testing.assert_allclose(motor[:, 1:], servo.clip(-limit, limit)[:, 1:], rtol=0, atol=1e-6 * scale)
 
 
 @pytest.mark.parametrize("steps", [1.0, 0.25, 2.75])

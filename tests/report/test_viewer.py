@@ -76,7 +76,8 @@ def test_the_closest_is_what_the_check_finds(planar, shown, coefficients):
     constraints = Constraints(planar, REGIONS)
     times = torch.linspace(0, 8, head["samples"] + 1, dtype=torch.float64)
     positions = FAMILY.derivative(coefficients, times, 0).reshape(-1, 2)
-    distance, which = constraints.distances(positions).min(1)
+    margins = constraints.at_rest(positions)
+    distance, which = torch.cat([margins["collision"], margins["keep_out"]], 1).min(1)
     names = [*constraints.labels["collision"], *constraints.labels["keep_out"]]
     np.testing.assert_allclose(arrays["distance"], distance, atol=1e-6)
     assert [head["pairs"][k] for k in arrays["pair"]] == [names[k] for k in which]

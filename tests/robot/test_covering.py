@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.errors import RobotError
+from sidegan.motion.compiled import hulls as kernel
 from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.capsule_fit import fit, from_segment, hull_volume, volume
@@ -21,7 +22,6 @@ from sidegan.robot.hull import thinned
 from sidegan.robot.kept import save_shapes
 from sidegan.robot.splitting import cut_further, split
 from sidegan.validity import Constraints, default_home
-from sidegan.validity.hulls import apart
 
 from .arms import ROBOTS, shape_accuracy
 from .judge import Facts, Judge
@@ -49,8 +49,10 @@ def on_sphere(count: int, seed: int = 0) -> np.ndarray:
 
 def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
     """Distance [m], (N,), of points (N, 3) from a hull; 0 inside."""
-    still = np.tile(np.eye(3), (len(points), 1, 1))
-    found = apart((hull, still, np.zeros_like(points)), (np.zeros((1, 3)), still, points))
+    both, starts = np.concatenate([hull, np.zeros((1, 3))]), np.array([0, len(hull), len(hull) + 1])
+    hulls = kernel.Hulls(both, starts, np.zeros(2), np.zeros(2), np.array([True]))
+    turn, middle, room = tuple(map(tuple, np.eye(3))), hull.mean(0) + 1e-9, np.zeros((6, 4))
+    found = [kernel.apart(hulls, (0, 1), turn, tuple(x), tuple(middle - x), np.inf, room) for x in points]
     return np.maximum(found, 0.0)
 
 

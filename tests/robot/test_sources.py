@@ -68,7 +68,7 @@ def vertices(model, data, geom):
 
 def assert_same_extent(arm, q, points, link, model, data, geom):
     """Points of a link's frame reach as far in the world, at positions (J,), as MuJoCo's mesh does [m]."""
-    placed = place_points(arm, torch.from_numpy(q.copy())[:, None], points, [link] * len(points))
+    placed = place_points(arm, torch.from_numpy(q.copy())[:, None], points, torch.full((len(points),), link))
     for end in (np.min, np.max):
         theirs = end(vertices(model, data, geom), 0)
         np.testing.assert_allclose(end(placed[:, :, 0].T.numpy(), 0), theirs, atol=1e-6)

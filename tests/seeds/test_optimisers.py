@@ -6,7 +6,6 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
-from sidegan.motion.compiled import VARIABLE
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient
 from sidegan.seeds.paper import ConditionProblem, Paper
@@ -74,14 +73,6 @@ def test_a_small_search_on_the_lwr_ends_valid_under_the_papers_constraints(lwr_p
     drawn = 0.4 * torch.rand(300, *problem.trajectory.shape, generator=noise, dtype=torch.float64) - 0.2
     assert batch.fitness.max() < problem.fitness(drawn).median()  # of which hardly one is valid
     assert (batch.coefficients[..., 0].abs() > 0.1999).double().mean() > 0.4  # on the box
-
-
-def test_the_colony_and_the_search_give_one_seed_with_and_without_kernels(planar_problem, monkeypatch):
-    seed, method, fitness = np.random.SeedSequence(3), Paper(4, 12, 30, box=0.5, attempts=2), []
-    for engine in ("numba", "torch"):
-        monkeypatch.setenv(VARIABLE, engine)
-        fitness.append(method.optimise(planar_problem, 1, seed).fitness)
-    torch.testing.assert_close(fitness[0], fitness[-1], rtol=1e-4, atol=0)
 
 
 def test_a_long_trajectory_is_not_a_straw_man(planar):

@@ -1,6 +1,6 @@
 """Builders of the room: segments, arms with hulls, trajectories that are critical in one constraint alone."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.arm import Pieces
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from sidegan.validity.bounds import cell_motion, derivative_bound, jerk_bound
 
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
@@ -93,12 +92,3 @@ def smallest(constraints: Constraints, trajectory: Trajectory, c: Tensor, rate: 
         for name, margin in margins_of(constraints, trajectory, part, times).items():
             least[name].append(margin.amin((1, 2)))
     return {name: torch.cat(found) for name, found in least.items()}
-
-
-def cells(trajectory: Trajectory, c: Tensor, half: float) -> Iterator[tuple[Tensor, ...]]:
-    """Five cells of a period: times (21,) in each, positions and velocities at its centre, its bounds."""
-    bounds = jerk_bound(trajectory, c, 30), derivative_bound(trajectory, c, 4)
-    for centre in torch.linspace(half, trajectory.period - half, 5, dtype=torch.float64).tolist():
-        times = torch.linspace(centre - half, centre + half, 21, dtype=torch.float64)
-        q, dq, ddq = (x[:, 0] for x in trajectory.roll_out(c, times[10:11])[1:])
-        yield times, q, dq, cell_motion(dq, ddq, *bounds, half)

@@ -17,7 +17,7 @@ from sidegan.validity.closest import closest
 from tests.chains import random_chain, random_states
 
 from .critical import BALL, BENT, BOX, DESK, HULL, moderate, smallest
-from .test_fused import assert_same
+from .test_search import assert_sound
 
 FAR = 0.04  # [m]
 
@@ -44,7 +44,7 @@ def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, cleara
     shared = [clear.labels["collision"].index(x) for x in plain.labels["collision"]]
     torch.testing.assert_close(other["collision"][:, shared], one["collision"] - apart)
     trajectory = Trajectory(7, 6, 16.0, BENT)
-    assert_same(clear, trajectory, 0.4 * moderate(arm, trajectory, 30, seed=1))
+    assert_sound(clear, trajectory, 0.4 * moderate(arm, trajectory, 30, seed=1))
     if BOX not in regions:
         shown = [torch.as_tensor(closest(x, states[0]).distance) for x in (plain, clear)]
         torch.testing.assert_close(*shown)
@@ -53,7 +53,7 @@ def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, cleara
 def test_boxes_keep_the_clearance_and_a_little_more_at_their_edges(arm: Arm) -> None:
     box = Box((0.4, -0.3, 0.1), (0.8, 0.3, 0.5))
     q = random_states(arm, 2000)[0]
-    one, other = (Constraints(arm, [box], clearance=x).clearances(q)["keep_out"] for x in (0.0, FAR))
+    one, other = (Constraints(arm, [box], clearance=x).at_rest(q)["keep_out"] for x in (0.0, FAR))
     lost = one - other - FAR
     assert (lost >= -1e-9).all() and (lost <= (3**0.5 - 1) * FAR / 2 + 1e-9).all()
 
@@ -106,7 +106,7 @@ def test_what_can_never_be_kept_is_refused_by_name(arm: Arm, planar: Arm) -> Non
     assert "kept clear" not in Constraints(arm).described()
     near = [0.0, 1.9, 0.0, 0.0, 0.0, 0.0, 0.0]
     constraints = Constraints(arm, [DESK], clearance=0.0)
-    margin = float(constraints.clearances(torch.tensor([near], dtype=torch.float64))["keep_out"].min())
+    margin = float(constraints.at_rest(torch.tensor([near], dtype=torch.float64))["keep_out"].min())
     assert margin < 0  # so near to the desk is nothing that rests
     with pytest.raises(InfeasibleError, match="home position"):
         Constraints(arm, [DESK], clearance=FAR).refuse_home(near)
@@ -117,13 +117,11 @@ def test_links_that_never_have_it_from_a_plane_merely_keep_out(planar: Arm) -> N
     plain, clear = Constraints(planar, [low]), Constraints(planar, [low], clearance=0.2, apart=0.1)
     assert plain.labels["keep_out"] == ("upper_arm in region 0", "forearm in region 0")
     assert clear.labels["keep_out"] == ("forearm in region 0", "upper_arm in region 0")
-    before, after = plain.clearances(q)["keep_out"], clear.clearances(q)["keep_out"]
+    before, after = plain.at_rest(q)["keep_out"], clear.at_rest(q)["keep_out"]
     torch.testing.assert_close(after[:, 1], before[:, 0])
     torch.testing.assert_close(after[:, 0], before[:, 1] - 0.2)
-    assert (
-        "0.2 m from regions and 0.1 m between links (never so far: upper_arm in region 0) kept clear"
-        in clear.described()
-    )
-    assert_same(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))
+    words = "0.2 m from regions and 0.1 m between links (never so far: upper_arm in region 0) kept clear"
+    assert words in clear.described()
+    assert_sound(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))
     with pytest.raises(InfeasibleError, match="always nearer are upper_arm in region 0"):
         Constraints(planar, [Box((-1, -1, 0), (1, 1, 0.35))], clearance=0.2, apart=0.1)

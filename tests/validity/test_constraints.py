@@ -24,7 +24,7 @@ def test_pair_that_the_description_names_is_excepted(arm: Arm) -> None:
     assert "link_5 – link_7" not in constraints.labels["collision"]
     assert "link_4 – link_6" in constraints.labels["collision"]
     constraints.pairs = torch.tensor([[5, 7]])  # it touches wherever the arm is
-    assert (constraints.clearances(random_states(arm, 5_000)[0])["collision"] < 0).all()
+    assert (constraints.at_rest(random_states(arm, 5_000)[0])["collision"] < 0).all()
 
 
 def test_what_is_excepted_is_said(arm: Arm) -> None:
@@ -59,9 +59,9 @@ def test_margins_of_limits_are_what_is_left(planar: Arm) -> None:
 def test_margins_of_the_upright_planar_arm(planar: Arm) -> None:
     """The forearm's axis begins 0.9 m up, 0.4 m above the base sphere's centre."""
     upright = torch.zeros(1, 2, dtype=torch.float64)
-    clearances = Constraints(planar, [DESK]).clearances(upright)
-    assert clearances["collision"].item() == pytest.approx(0.4 - 0.1 - 0.04)
-    assert clearances["keep_out"][0].tolist() == pytest.approx([0.5 - 0.05 - 0.1, 0.9 - 0.04 - 0.1])
+    margins = Constraints(planar, [DESK]).at_rest(upright)
+    assert margins["collision"].item() == pytest.approx(0.4 - 0.1 - 0.04)
+    assert margins["keep_out"][0].tolist() == pytest.approx([0.5 - 0.05 - 0.1, 0.9 - 0.04 - 0.1])
 
 
 def test_torque_counts_only_where_it_is_limited_and_wanted(planar: Arm) -> None:
@@ -88,20 +88,13 @@ def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) ->
     assert set(constraints.labels) == set(constraints.margins(*states)) == expected
 
 
-def test_margins_follow_labels_type_and_device(arm: Arm, device: torch.device) -> None:
+def test_margins_are_double_whatever_the_states_type_and_device(arm: Arm, device: torch.device) -> None:
     constraints = Constraints(arm, [DESK, Box((0.3, 0.3, 0.3), (0.6, 0.6, 0.6)), BALL, HULL])
-    states = random_states(arm, 30)
-    exact = constraints.margins(*states)
-    for name, margin in constraints.margins(*(x.to(device, torch.float32) for x in states)).items():
+    states = [x.float() for x in random_states(arm, 30)]
+    exact = constraints.margins(*(x.double() for x in states))
+    for name, margin in constraints.margins(*(x.to(device) for x in states)).items():
         assert margin.shape == (30, len(constraints.labels[name]))
-        assert margin.dtype == torch.float32 and margin.device.type == device.type
-        torch.testing.assert_close(margin.cpu().double(), exact[name], rtol=1e-5, atol=1e-4)
-
-
-def test_margins_can_be_differentiated(arm: Arm) -> None:
-    constraints = Constraints(arm, [DESK])
-    states = tuple(x.requires_grad_(True) for x in random_states(arm, 2, seed=5))
-    assert torch.autograd.gradcheck(lambda *x: (*constraints.margins(*x).values(),), states, fast_mode=True)
+        assert torch.equal(margin, exact[name])
 
 
 @pytest.mark.parametrize("beyond", [1e-6, -1e-6])
@@ -113,7 +106,7 @@ def test_a_home_may_come_near_a_limit_and_no_further(planar: Arm, kind: str, bey
     if kind == "position":
         home = [float(planar.position_upper[0]) + beyond, 0.0]
     elif kind == "keep_out":
-        lowest = float(Constraints(planar, deep).clearances(hanging)["keep_out"].min()) - 10.0
+        lowest = float(Constraints(planar, deep).at_rest(hanging)["keep_out"].min()) - 10.0
         regions = [Plane((0.0, 0.0, 1.0), lowest + beyond)]
     else:
         held = RigidBody(planar).torque(hanging, still, still)[0].abs()

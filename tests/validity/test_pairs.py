@@ -101,7 +101,6 @@ def test_pairs_of_an_srdf_are_exempt_only_where_the_user_says_so(load, tmp_path:
 
 
 def test_what_never_touches_is_dropped_on_proof_and_only_then(load) -> None:
-    pytest.importorskip("numba")
     box = collision('<box size="0.2 0.04 0.04"/>', 'xyz="0.15 0 0"')  # along the links
     text, ones = chain(0.05).replace(ball(0.05), box), torch.ones(3, dtype=torch.float64)
     arm = load(text)

@@ -1,7 +1,6 @@
 """One trajectory's fitness and worst margins at its samples, compiled from end to end.
 
-What an optimiser without gradients asks ten thousand times: the numbers of ``sidegan.design.evaluation``,
-which remains the reference, without the overhead of a call for each of their parts.
+What an optimiser without gradients asks ten thousand times, without the overhead of a call for each part.
 """
 
 import math

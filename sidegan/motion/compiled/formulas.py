@@ -1,4 +1,4 @@
-"""Rigid-body formulas on tuples, of numbers or of tensors alike: compiled kernels and plain torch share them.
+"""Rigid-body formulas on tuples of numbers, which all kernels share.
 
 Kernels compile them where they stand (``jit.share``); this file needs no numba. A rate is the derivative in
 time of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval
@@ -8,7 +8,7 @@ norms: each quantity x of a link carries bounds of (|x|, |ẋ|, |ẍ|).
 
 from typing import Any
 
-Number = Any  # or a tensor
+Number = Any  # or an array of them
 Vector = tuple[Number, Number, Number]
 Matrix = tuple[Vector, Vector, Vector]  # row by row
 Ten = tuple[Number, ...]  # a link's inertial parameters, in Pinocchio's order

@@ -20,8 +20,6 @@ from filelock import FileLock, Timeout
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import register_jitable
 
-from sidegan.motion.compiled import VARIABLE
-
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 _ANY_ORDER: Any = {"contract", "reassoc"}
 # Modules of this package that a source imports: from sidegan….lanes import, from sidegan… import lanes, links
@@ -74,11 +72,7 @@ class _Cache(FunctionCache):
 @cache
 def _tell() -> None:
     """Say once why nothing seems to happen."""
-    log.info(
-        "compiling for this processor, once, which takes up to two minutes (%s=torch: plain code that does "
-        "without, and is slower from the second run on)",
-        VARIABLE,
-    )
+    log.info("compiling for this processor, once, which takes up to two minutes")
 
 
 @cache
@@ -115,7 +109,7 @@ def _jit(**options: Any) -> Decorator:
 
 
 def share(module: ModuleType) -> None:
-    """Let kernels call the functions of a module, inlined; elsewhere they stay plain functions."""
+    """Let kernels call the functions of a module, inlined; in Python they stay functions."""
     for function in vars(module).values():
         if isfunction(function):
             register_jitable(forceinline=True, **_OPTIONS)(function)

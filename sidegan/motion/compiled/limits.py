@@ -1,10 +1,8 @@
 """What motions cost that come near their limits."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from torch import Tensor
 
 from sidegan.motion.compiled.chain import Array, Shapes
 
@@ -37,5 +35,4 @@ class Near(NamedTuple):
 
     weight: float  # of the squares [1/m²]
     reach: float  # smallest distance that costs nothing [m]
-    shapes: Shapes  # capsules and regions, for compiled kernels
-    distances: Callable[[Tensor], Tensor]  # all of them [m], (N, K), at positions (N, J); differentiable
+    shapes: Shapes  # capsules and regions

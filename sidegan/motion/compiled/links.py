@@ -1,7 +1,4 @@
-"""The chain of links, compiled: placements, Newton–Euler steps, capsules in the world; all on tuples.
-
-The formulas are those of ``sidegan.motion.newton_euler``, one state at a time.
-"""
+"""The chain of links, compiled: placements, Newton–Euler steps, capsules in the world; all on tuples."""
 
 from typing import NamedTuple
 

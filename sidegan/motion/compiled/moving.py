@@ -1,7 +1,6 @@
 """How near bodies may come, to each other or to a region, while the arm moves through a cell, compiled.
 
 Along one direction both bodies lie in intervals, whose ends move evenly but for how their points' paths bend.
-The plain twin is ``sidegan.validity.moving``.
 """
 
 import math

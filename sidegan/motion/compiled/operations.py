@@ -1,23 +1,17 @@
-"""Compiled dynamics as differentiable functions of tensors (CPU, float64); those of ``sidegan.motion.plain``.
-
-First derivatives of torques are compiled too. Others, and higher ones, are those of the plain code.
-"""
+"""Compiled dynamics as functions of tensors on the processor, in float64; torques with first derivatives."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
-from sidegan.motion import plain
 from sidegan.motion.compiled import apart, eigen, lanes, regressor, slopes
 from sidegan.motion.compiled.chain import Chain, array
 from sidegan.motion.compiled.limits import Limits, Near
-from sidegan.motion.threads import AS_STATES, each, share, threads_for
-
-if TYPE_CHECKING:
-    from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
 States = Sequence[Tensor]
 
@@ -25,16 +19,38 @@ _STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
 _ALONE = 2**14  # numbers: below 2**15 torch works in the thread that it is called in
 
 
-def states_at_once(joints: int) -> int:
+def states_at_once() -> int:
     """How many states to hold at a time."""
-    return min(plain.states_at_once(joints), _STATES_IN_CACHE * torch.get_num_threads())
+    return _STATES_IN_CACHE * torch.get_num_threads()
 
 
-def gram(body: "RigidBody", columns: Tensor, states: States) -> Tensor:
-    """Gram matrices YᵀY / T of columns (p,) of the regressor, (B, p, p), of states (B, T, J)."""
-    if torch.is_grad_enabled() and any(x.requires_grad for x in states):
-        return plain.gram(body, columns, states)
-    columns, order = columns.sort()
+def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
+    """Ascending columns (p,) of the regressor, (S, J, p), of states (S, J); not differentiable.
+
+    A view of an array with the states last, in which products over samples are fast.
+    """
+    count, joints = states[0].shape
+    of_links, threads = columns_of_links(columns, joints), threads_for(count, count)
+    cuts = [torch.tensor_split(x.detach(), threads) for x in states]
+    parts = [torch.empty(0)] * threads
+
+    def work(k: int) -> None:
+        motion, room = _states(*(x[k][None] for x in cuts)), lanes.room(joints)
+        samples = motion.shape[3]
+        y = np.zeros((len(columns), joints * (samples + lanes.LANES)))
+        lanes.rest(chain.gravity, room.links[0])
+        span = regressor.rows_of(chain, motion, (0, 0, samples), of_links, room, y)
+        parts[k] = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))[:, :, :samples]
+
+    each(work, threads)
+    return (parts[0] if threads == 1 else torch.cat(parts, 2)).permute(2, 1, 0)
+
+
+def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
+    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
+
+    Not differentiable.
+    """
     batch, count, joints = states[0].shape
     size, of_links = len(columns), columns_of_links(columns, joints)
     grams = np.zeros((batch, size, size))
@@ -42,23 +58,22 @@ def gram(body: "RigidBody", columns: Tensor, states: States) -> Tensor:
     def work(k: slice) -> None:
         y = lanes.aligned(size, joints * regressor.SPAN)
         motion = _states(*(x[k] for x in states))
-        regressor.grams(body.chain, motion, of_links, grams[k], lanes.room(joints), y)
+        regressor.grams(chain, motion, of_links, grams[k], lanes.room(joints), y)
 
     share(work, batch, count)
-    back = order.argsort().numpy()
-    ascending = (order[1:] > order[:-1]).all()
-    return torch.from_numpy(grams if ascending else grams[:, back][:, :, back])
+    return torch.from_numpy(grams)
 
 
-def torques(body: "RigidBody", states: States, sets: Tensor) -> Tensor:
-    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J)."""
-    return plain.torques(body, states, sets) if sets.requires_grad else _Torques.apply(*states, sets, body)
+def torques(chain: Chain, states: States, sets: Tensor) -> Tensor:
+    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J), which get no gradient."""
+    return _Torques.apply(*states, sets.detach(), chain)
 
 
-def sums(body: "RigidBody", states: States, torque: Tensor) -> Tensor:
-    """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples (S, J)."""
-    joints, columns = torque.shape[1], columns_of_links(body.base.columns, torque.shape[1])
-    size, threads = len(columns.kinds) + 1, threads_for(len(torque), len(torque))
+def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tensor:
+    """Each joint's sums of products of columns (p,) and torque, (J, p + 1, p + 1), over S samples (S, J)."""
+    joints = torque.shape[1]
+    of_links = columns_of_links(columns, joints)
+    size, threads = len(columns) + 1, threads_for(len(torque), len(torque))
     products = np.zeros((threads, joints, size, size))
     parts = [torch.tensor_split(x.detach(), threads) for x in (*states, torque)]
 
@@ -66,22 +81,28 @@ def sums(body: "RigidBody", states: States, torque: Tensor) -> Tensor:
         motion = _states(*(x[k][None] for x in parts[:3]))
         y = lanes.aligned(size, joints * regressor.SPAN)
         pulled = array(parts[3][k].T)[None]
-        regressor.sums(body.chain, motion, pulled, columns, products[k], lanes.room(joints), y)
+        regressor.sums(chain, motion, pulled, of_links, products[k], lanes.room(joints), y)
 
     each(work, threads)
     return torch.from_numpy(products.sum(0))
 
 
 def penalised_slopes(
-    body: "RigidBody", states: States, sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
+    chain: Chain, states: States, sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
 ) -> tuple[Tensor, list[Tensor]]:
     """Penalty, (B,), and gradients in the states, (B, T, J) each, of it and of Σ weight · |Y v|²."""
-    return _slopes(body.chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, near)
+    return _slopes(chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, near)
 
 
+@torch.no_grad()
 def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
-    """The ``low`` smallest and ``high`` largest of p > low + high eigenvalues, and eigenvectors."""
+    """The smallest and largest eigenvalues, ascending, (B, low + high), and eigenvectors (B, p, low + high).
+
+    Not differentiable. All eigenpairs where there are no more than that.
+    """
     batch, size, count = *x.shape[:2], low + high
+    if size <= count:
+        return eigh(x)
     scale = torch.maximum(x.amax((1, 2)), -x.amin((1, 2))).clamp_min(torch.finfo(x.dtype).tiny)
     a, sound = (x / scale[:, None, None]).contiguous().numpy(), np.zeros(batch, bool)
     values, vectors = np.zeros((batch, count)), np.zeros((batch, count, size))
@@ -92,37 +113,33 @@ def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
     share(work, batch, AS_STATES)
     pairs = torch.from_numpy(values) * scale[:, None], torch.from_numpy(vectors).transpose(1, 2)
     if not sound.all():
-        rest = torch.from_numpy(~sound)
-        for x_of_all, x_of_rest in zip(pairs, plain.extremes(x[rest], low, high)):
-            x_of_all[rest] = x_of_rest
+        rest, ends = torch.from_numpy(~sound), [*range(low), *range(size - high, size)]
+        for x_of_all, x_of_rest in zip(pairs, eigh(x[rest])):
+            x_of_all[rest] = x_of_rest[..., ends]
     return pairs
 
 
 class _Torques(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, body: "RigidBody") -> Tensor:
+    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, chain: Chain) -> Tensor:
         ctx.save_for_backward(q, dq, ddq, sets)
-        ctx.body, parameters = body, array(sets)
+        ctx.chain, parameters = chain, array(sets)
         batch, count, joints = q.shape
         torque = np.empty((batch, sets.shape[1], joints, count))
 
         def work(k: slice) -> None:
             motion = _states(q[k], dq[k], ddq[k])
-            lanes.torques(body.chain, motion, parameters[k], torque[k], lanes.room(joints))
+            lanes.torques(chain, motion, parameters[k], torque[k], lanes.room(joints))
 
         share(work, batch, count)
         return torch.from_numpy(torque).transpose(2, 3)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
         *states, sets = ctx.saved_tensors
-        if torch.is_grad_enabled():  # to be derived again
-            used = [x for x in states if x.requires_grad]
-            torque = plain.torques(ctx.body, states, sets)
-            again = iter(torch.autograd.grad(torque, used, cotangent, create_graph=True))
-            return (*(next(again) if x.requires_grad else None for x in states), None, None)
         fields = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
-        slope = _slopes(ctx.body.chain, states, fields, Limits.none(states[0].shape[2]), None)[1]
+        slope = _slopes(ctx.chain, states, fields, Limits.none(states[0].shape[2]), None)[1]
         return (*slope, None, None)
 
 

@@ -1,9 +1,7 @@
 """Margins of every constraint in many cells of many trajectories, one state at a time, in registers.
 
-The compiled twin of the torch code in ``sidegan.validity``, which remains the reference: the same margins,
-the same bounds of their change within a cell, the same smallest margins. What can neither be its
-trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test that proves as much, and
-a part of a cell is asked only what its whole could not decide.
+What can neither be its trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test
+that proves as much, and a part of a cell is asked only what its whole could not decide.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,6 @@
 """Stage seeds: the seed set, by the configured optimiser, or a published one."""
 
 import logging
-from dataclasses import replace
 from typing import Any
 
 import torch
@@ -23,17 +22,9 @@ FEATURES = "features.pt"  # the authors' own of their seeds
 log = logging.getLogger(__name__)
 
 
-def method_settings(task: Task) -> Seeds:
-    """The settings of the seed set, by gradients of a batch where there are no kernels."""
-    settings = task.cfg.seeds
-    if settings.method == "compiled" and not Compiled.serves():
-        return replace(settings, method="gradient")
-    return settings
-
-
 def seed_set(task: Task) -> Artifact:
     """The seed set; each method is a maker of its own."""
-    settings = method_settings(task)
+    settings = task.cfg.seeds
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
     make = _read if settings.method == "published" else _make
@@ -68,7 +59,7 @@ def _read(task: Task, build: Build) -> None:
 
 
 def _make(task: Task, build: Build) -> None:
-    settings, workers = method_settings(task), task.cfg.parallel.workers
+    settings, workers = task.cfg.seeds, task.cfg.parallel.workers
     batch = None
     if settings.shipped is not None:
         batch = shipped(CONF / "seeds" / settings.shipped, origin(task), settings.count)

@@ -11,7 +11,6 @@ from sidegan.library import Library
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import ExcitationSet, Pool, long_sets, pools
-from sidegan.pipeline.stages.seeds import method_settings
 from sidegan.pipeline.task import LIBRARY, Task
 
 
@@ -26,7 +25,7 @@ def selection(task: Task, pool: Pool) -> Artifact:
         pool.inputs,
         training=pool.training,
         title=f"selection/{pool.title}",
-        metrics=partial(_generated, method_settings(task).method),
+        metrics=partial(_generated, task.cfg.seeds.method),
     )
 
 

@@ -11,8 +11,6 @@ import pytest
 
 import sidegan
 
-pytest.importorskip("numba")
-
 KERNEL = """
 import logging, sys
 import numpy as np

@@ -1,9 +1,6 @@
 """What compiled L-BFGS remembers of its way."""
 
 import numpy as np
-import pytest
-
-pytest.importorskip("numba")
 
 from sidegan.motion.compiled import descent
 

@@ -1,17 +1,13 @@
 """Which capsules can leave which regions, by the regions' own margins."""
 
 import numpy as np
-import pytest
 import torch
 
 from sidegan.motion.compiled.chain import Shapes
+from sidegan.motion.compiled.guards import leaving
 from sidegan.validity.constraints import random_axes
 from sidegan.validity.regions import tables
 from tests.motion.conftest import REGIONS
-
-pytest.importorskip("numba")
-
-from sidegan.motion.compiled.guards import leaving
 
 
 def test_a_capsule_leaves_what_its_margin_says(arm):

@@ -1,13 +1,14 @@
-"""Compiled kernels against the plain torch code and finite differences."""
+"""Compiled kernels against Pinocchio, definitions and finite differences."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sidegan.motion import plain, threads
+from sidegan.motion import threads
 from sidegan.motion.compiled.chain import Chain
 from sidegan.motion.compiled.limits import Limits, Near
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
@@ -17,8 +18,6 @@ from tests.chains import random_chain, random_states
 from tests.motion.conftest import REGIONS, body_and_states, close, normal
 from tests.threads import several_threads
 
-pytest.importorskip("numba")
-
 CHAINS = st.tuples(st.integers(1, 9), st.integers(0, 30))
 COUNTS = st.sampled_from([1, 8, 63, 65, 130])  # around the number of lanes, and more than a span
 SIZES = st.tuples(st.integers(1, 3), COUNTS)
@@ -26,9 +25,10 @@ SIZES = st.tuples(st.integers(1, 3), COUNTS)
 
 @settings(deadline=None, max_examples=15)
 @given(CHAINS, SIZES)
-def test_grams_are_those_of_the_plain_code(chain, size):
+def test_grams_are_those_of_the_regressor(chain, size):
     body, states = body_and_states(chain, *size)
-    close(gram_of(body, *states), plain.gram(body, body.base.columns, states), 1e-13)
+    y = body.base_regressor(*states).flatten(1, 2)
+    close(gram_of(body, *states), y.mT @ y / size[1], 1e-13)
 
 
 @settings(deadline=None, max_examples=12)
@@ -36,34 +36,48 @@ def test_grams_are_those_of_the_plain_code(chain, size):
 def test_sums_are_those_of_the_regressor(chain, count):
     body, states = body_and_states(chain, count)
     torque = normal(count, body.joints)
-    close(body.sums(*states, torque), plain.sums(body, states, torque), 1e-13)
+    rows = torch.cat([body.base_regressor(*states), torque[..., None]], 2).transpose(0, 1)
+    close(body.sums(*states, torque), rows.mT @ rows, 1e-13)
 
 
 @settings(deadline=None, max_examples=15)
 @given(CHAINS, SIZES, st.integers(1, 4))
-def test_torques_and_their_slopes_are_those_of_the_plain_code(chain, size, sets):
-    body, states = body_and_states(chain, *size)
-    v, cotangent = normal(size[0], sets, 10 * body.joints), normal(size[0], sets, size[1], body.joints)
-    x = [part.requires_grad_(True) for part in states]
-    torques, expected = body.torques_of(*x, v), plain.torques(body, x, v)
-    close(torques, expected, 1e-13)
-    ours, reference = (torch.autograd.grad(torque, x, cotangent) for torque in (torques, expected))
-    close(ours, reference, 1e-12)
+def test_slopes_of_torques_are_pinocchios(chain, size, sets):
+    """Of several multiples of the arm's own parameters."""
+    (body, states), (_, model) = body_and_states(chain, *size), random_chain(*chain)
+    factors, cotangent = normal(size[0], sets), normal(size[0], sets, size[1], body.joints)
+    x, data = [part.requires_grad_(True) for part in states], model.createData()
+    torques = body.torques_of(*x, factors[:, :, None] * body.arm.inertial_parameters.flatten())
+    push = torch.einsum("bk,bktj->btj", factors, cotangent).flatten(0, 1).numpy()
+    rows = zip(push, *(part.detach().flatten(0, 1).numpy() for part in states))
+    slopes = [[one @ y for y in pin.computeRNEADerivatives(model, data, *state)] for one, *state in rows]
+    expected = torch.from_numpy(np.array(slopes)).reshape(*size, 3, body.joints).unbind(2)
+    close(torch.autograd.grad(torques, x, cotangent), expected, 1e-11)
+
+
+def cost_of(body, states, limits):
+    """What exceeds limits, by its definition, (B,)."""
+    middle, room, speed, most, own = map(torch.from_numpy, limits[3:])
+    torque = body.torques_of(*states, own.expand(len(states[0]), 1, -1))[:, 0]
+    uses = [(states[0] - middle).abs() / room, states[1].abs() / speed]
+    uses = [use + limits.reserve for use in uses] + [torque.abs() / most + limits.torque_reserve]
+    return limits.weight * sum(((use - 1).clamp_min(0) ** 2).sum((1, 2)) for use in uses)
 
 
 @settings(deadline=None, max_examples=15)
-@given(CHAINS, st.sampled_from([1, 8, 65]), st.floats(0.1, 100.0) | st.none())
-def test_penalised_slopes_are_those_of_the_plain_code(chain, count, weight):
+@given(CHAINS, st.sampled_from([1, 8, 65]), st.floats(0.1, 100.0))
+def test_penalised_slopes_are_those_of_torques_and_what_exceeds_limits(chain, count, weight):
     body, states = body_and_states(chain, 2, count)
-    sets, weights, limits = normal(2, 3, 10 * body.joints), normal(2, 3), Limits.none(body.joints)
-    if weight is not None:
-        tight = torch.full((body.joints,), 0.3, dtype=torch.float64).numpy()  # exceeded by some states
-        parameters = body.arm.inertial_parameters.flatten().contiguous().numpy()
-        limits = Limits(weight, 0.2, 0.1, 0.1 * tight, tight, 2 * tight, 10 * tight, parameters)
+    sets, weights = normal(2, 3, 10 * body.joints), normal(2, 3)
+    tight = torch.full((body.joints,), 0.3, dtype=torch.float64).numpy()  # exceeded by some states
+    parameters = body.arm.inertial_parameters.flatten().contiguous().numpy()
+    limits = Limits(weight, 0.2, 0.1, 0.1 * tight, tight, 2 * tight, 10 * tight, parameters)
     value, slopes = body.penalised_slopes(states, sets, weights, limits, None)
-    cost, expected = plain.penalised_slopes(body, states, sets, weights, limits, None)
+    x = [part.requires_grad_(True) for part in states]
+    cost = cost_of(body, x, limits)
+    energy = (weights * body.torques_of(*x, sets).square().sum((2, 3))).sum()
     torch.testing.assert_close(value, cost, rtol=1e-12, atol=1e-12)
-    close(slopes, expected, 1e-12)
+    close(slopes, torch.autograd.grad(cost.sum() + energy, x), 1e-12)
 
 
 def test_an_infinite_torque_limit_costs_nothing(arm):
@@ -78,47 +92,43 @@ def test_an_infinite_torque_limit_costs_nothing(arm):
 
 
 @pytest.mark.parametrize("region", REGIONS)
-def test_distances_cost_what_the_plain_code_says(arm, region):
-    body, states = RigidBody(arm), [x.reshape(2, 40, 7) for x in random_states(arm, 80)]
+def test_distances_cost_the_square_of_what_they_lack(arm, region):
+    """Slopes by finite differences along random directions."""
+    body, (q, dq, ddq) = RigidBody(arm), [x.reshape(2, 40, 7) for x in random_states(arm, 80)]
     constraints = Constraints(arm, [REGIONS[region]])
-    near = Near(3.0, 0.2, constraints.shapes, constraints.distances)
-    sets, weights, none = normal(2, 1, 70), 1e-6 * normal(2, 1), Limits.none(7)
-    value, slopes = body.penalised_slopes(states, sets, weights, none, near)
-    cost, expected = plain.penalised_slopes(body, states, sets, weights, none, near)
-    assert (value > 0).all()
-    torch.testing.assert_close(value, cost)
-    for one, other in zip(slopes, expected):
-        torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-9)
+    near, none = (
+        Near(3.0, 0.2, constraints.shapes),
+        normal(2, 0, 70),
+    )
+    weights, limits = normal(2, 0), Limits.none(7)
+
+    def cost(q):
+        return body.penalised_slopes([q, dq, ddq], none, weights, limits, near)
+
+    margins = constraints.at_rest(q.flatten(0, 1))
+    lack = (0.2 - torch.cat([margins["collision"], margins["keep_out"]], 1)).clamp_min(0)
+    value, (slope, *others) = cost(q)
+    assert (value > 0).all() and not any(x.any() for x in others)
+    torch.testing.assert_close(value, 3.0 * lack.square().sum(1).reshape(2, 40).sum(1))
+    for seed in range(3):
+        way = normal(2, 40, 7, seed=seed)
+        up, down = (cost(q + s * way)[0] for s in (1e-6, -1e-6))
+        torch.testing.assert_close((up - down) / 2e-6, (slope * way).sum((1, 2)), rtol=1e-5, atol=1e-5)
 
 
-def test_slopes_agree_with_finite_differences(engine):
+def test_slopes_agree_with_finite_differences():
     body, states = body_and_states((4, 1), 2, 2)  # joints that turn and joints that slide
     x = tuple(part.requires_grad_(True) for part in states)
-    v, own = normal(2, 2, 10 * body.joints), body.arm.inertial_parameters.clone().requires_grad_(True)
+    v = normal(2, 2, 10 * body.joints)
     assert torch.autograd.gradcheck(lambda *s: body.torques_of(*s, v), x)
-    assert torch.autograd.gradcheck(body.torque, (*x, own))
-    assert torch.autograd.gradcheck(body.regressor, x, fast_mode=True)
+    assert torch.autograd.gradcheck(body.torque, x)
 
 
-def test_gradients_of_any_function_of_the_gram_agree_with_finite_differences(engine):
-    arm, _ = random_chain(3, 3)
-    body, trajectory = RigidBody(arm), Trajectory(3, 1, 8.0)
-    c = (0.3 * normal(2, *trajectory.shape)).requires_grad_(True)
-
-    def several(x):
-        grams = gram(body, trajectory, x, 12)
-        return grams, grams.diagonal(dim1=1, dim2=2).square(), (grams * grams).sum()
-
-    assert torch.autograd.gradcheck(several, c, rtol=1e-3, atol=1e-4)
-
-
-def test_a_derivative_can_be_derived_again(planar, engine):
-    body = RigidBody(planar)
-    x = tuple(part.requires_grad_(True) for part in random_states(planar, 2))
-    assert torch.autograd.gradgradcheck(body.torque, x)
-    trajectory = Trajectory(2, 1, 8.0)
-    c = (0.3 * normal(1, *trajectory.shape)).requires_grad_(True)
-    assert torch.autograd.gradgradcheck(lambda x: gram(body, trajectory, x, 12), c, rtol=1e-3, atol=1e-4)
+def test_there_are_no_second_derivatives(planar):
+    x = [part.requires_grad_(True) for part in random_states(planar, 2)]
+    (slope,) = torch.autograd.grad(RigidBody(planar).torque(*x).square().sum(), x[:1], create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        slope.sum().backward()
 
 
 @pytest.mark.parametrize("rows", range(1, 10))

@@ -5,12 +5,9 @@ import pytest
 import torch
 
 from sidegan.motion.compiled.chain import Shapes
+from sidegan.motion.compiled.moving import bend, least_height
 from sidegan.validity.regions import tables
 from tests.motion.conftest import REGIONS
-
-pytest.importorskip("numba")
-
-from sidegan.motion.compiled.moving import bend, least_height
 
 LENGTHS, SPEEDS, HALF = np.array([0.4, 0.3, 0.2]), np.array([1.5, 0.7, 2.0]), 0.01
 

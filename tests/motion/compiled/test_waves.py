@@ -6,8 +6,6 @@ import torch
 
 from sidegan.motion.trajectory import Trajectory
 
-pytest.importorskip("numba")
-
 
 @pytest.mark.parametrize("order", range(5))
 @pytest.mark.parametrize("harmonics", [1, 7, 40])

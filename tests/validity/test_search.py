@@ -1,0 +1,162 @@
+"""The search for the smallest margins: against dense samples, cell by cell and over whole trajectories."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import HIGHER, Arm
+from sidegan.validity import Constraints, Convex, Plane, check
+from sidegan.validity.constraints import NAMES
+from tests.chains import constrained, random_chain
+from tests.threads import several_threads
+
+from .critical import BALL, BOX, DESK, HULL, limited, margins_of, moderate, smallest
+
+REGIONS = {
+    "none": (),
+    "desk": (DESK,),
+    "box": (BOX,),
+    "round": (BALL, HULL),
+    "all": (Plane((0.3, -0.2, 0.9), -0.5), BOX, DESK, Convex.box((0.5, 0.3, 0.2))),
+}
+EPS = 1e-9  # margin at the centre of a cell, so that nothing is settled
+RATE = 200.0  # [Hz]
+
+
+def assert_sound(constraints: Constraints, trajectory: Trajectory, c: Tensor, exact: bool = True) -> Tensor:
+    """What is valid, which comes back, holds everything at many samples; what does not at one is not valid.
+
+    The margins are those at their times where these are exact: no lower bounds of distances.
+    """
+    found, dense = check(constraints, trajectory, c), smallest(constraints, trajectory, c, RATE)
+    least = torch.stack([*dense.values()]).amin(0)
+    assert (least[found.valid] >= -1e-9).all() and not found.valid[least < -1e-9].any()
+    for name, margin in found.margins.items():
+        states = (trajectory.derivative(c, found.times[name], order) for order in range(constraints.orders))
+        at = [x.diagonal().T for x in states]  # each trajectory at its own time
+        own = constraints.margins(*at)[name].gather(1, found.elements[name][:, None])[:, 0]
+        sampled = torch.isclose(own, margin, rtol=1e-9, atol=1e-9)
+        assert not exact or (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
+    return found.valid
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    joints=st.integers(1, 9),
+    seed=st.integers(0, 10_000),
+    regions=st.sampled_from(sorted(REGIONS)),
+    period=st.sampled_from([0.7, 3.0, 8.05]),
+    limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+    higher=st.sets(st.sampled_from(["acceleration", "jerk"])),
+)
+def test_verdicts_and_margins_on_random_arms(joints, seed, regions, period, limit, higher):
+    arm = limited(random_chain(joints, seed)[0], sorted(higher), share=0.3)
+    torque = torch.full((joints,), limit, dtype=torch.float64)
+    torque[::2] = 150.0
+    arm = replace(arm, torque_limit=torque)
+    trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
+    constraints = constrained(arm, REGIONS[regions], torque=seed % 3 > 0)
+    assert_sound(constraints, trajectory, moderate(arm, trajectory, 12, seed))
+
+
+@settings(max_examples=15, deadline=None)
+@given(joints=st.integers(2, 6), seed=st.integers(0, 10_000), clearance=st.sampled_from([0.0, 0.05, 0.2]))
+def test_balls_that_keep_a_distance(joints: int, seed: int, clearance: float) -> None:
+    """Where what surrounds a link is no larger than the link, nothing may be skipped too early."""
+    arm = random_chain(joints, seed)[0]
+    middles = (arm.capsules.a + arm.capsules.b) / 2
+    arm = replace(arm, capsules=replace(arm.capsules, a=middles, b=middles))
+    trajectory = Trajectory(joints, 4, 3.0, ((arm.position_lower + arm.position_upper) / 2).tolist())
+    constraints = constrained(arm, (), clearance=clearance)
+    assert_sound(constraints, trajectory, moderate(arm, trajectory, 12, seed))
+
+
+def test_threads_change_nothing(arm: Arm) -> None:
+    constraints, trajectory = Constraints(arm, [DESK]), Trajectory(7)
+    c = moderate(arm, trajectory, 41, seed=2)
+    alone = check(constraints, trajectory, c)
+    with several_threads(3):
+        shared = check(constraints, trajectory, c)
+    assert torch.equal(alone.valid, shared.valid)
+    for name in alone.margins:
+        torch.testing.assert_close(alone.margins[name], shared.margins[name], rtol=0, atol=1e-14)
+        assert torch.equal(alone.elements[name], shared.elements[name])
+
+
+def test_families_of_one_arm_keep_their_own_home(planar: Arm) -> None:
+    constraints = Constraints(planar, [DESK])
+    for home in ((0.0, 0.0), (0.4, -0.8), (-0.2, 0.1)):
+        trajectory = Trajectory(2, 3, 4.0, home)
+        assert_sound(constraints, trajectory, moderate(planar, trajectory, 20, seed=3))
+
+
+def tightened(model, name: str, margin: np.ndarray):
+    """A kernel's model in which these margins, of each joint or the smallest distance, are next to none."""
+    less = margin - EPS
+    match name:
+        case "position":
+            return model._replace(lower=model.lower + less, upper=model.upper - less)
+        case "velocity":
+            return model._replace(speed=model.speed - less)
+        case "torque":
+            return model._replace(torque=model.torque - less)
+        case "acceleration" | "jerk":
+            higher = model.higher.copy()
+            higher[HIGHER[name] - 2] -= less
+            return model._replace(higher=higher)
+    less = less / (2 if name == "collision" else 1)  # of each of the two capsules
+    shapes, hulls = model.shapes, model.hulls
+    balls = shapes.balls + np.array([0.0, 0.0, 0.0, abs(less)])
+    shapes = shapes._replace(radius=shapes.radius + less, size=shapes.size + abs(less), balls=balls)
+    return model._replace(shapes=shapes, hulls=hulls._replace(radius=hulls.radius + less))
+
+
+def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Tensor, half: float) -> set[str]:
+    """In single cells no margin falls below what is guaranteed, limits being such that hardly any is settled.
+
+    The names of the constraints that were not come back.
+    """
+    from sidegan.validity.search import Search
+
+    count, seen = round(trajectory.period / (2 * half)), set()
+    for index, one in zip(range(1, count, max(1, count // len(c))), c[:, None]):
+        times = 2 * half * index + 2 * half * torch.linspace(0, 1, 21, dtype=torch.float64)
+        for name, margins in margins_within(constraints, trajectory, one, times).items():
+            distance = name in ("collision", "keep_out")
+            now = margins[10].min() if distance else margins[10]
+            search = Search(constraints, trajectory, one)
+            search.model = tightened(search.model, name, now.numpy())
+            search.visit(torch.tensor([[0, index]]), search.everything(1), count, last=True)
+            least = search.smallest.margin[0, NAMES.index(name)]
+            slack = 1e-7 * max(1.0, float(now.abs().max()))
+            assert float((margins - now).min()) + EPS >= min(least, 0.0) - slack, name
+            seen |= {name} if least < 0 else set()  # else it hardly moves
+    return seen
+
+
+def margins_within(constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor) -> dict:
+    """Margins (T, K) by constraint, of what is inside of all capsules."""
+    margins = {name: x[0] for name, x in margins_of(constraints, trajectory, c, times).items()}
+    if constraints.pieces.finer.any():
+        q = trajectory.derivative(c, times, 0)[0]
+        asked = torch.cartesian_prod(torch.arange(len(q)), torch.nonzero(constraints.pieces.finer)[:, 0])
+        inner, where = constraints.pieces.lower(q, asked), tuple(asked.T)
+        margins["collision"][where] = torch.maximum(margins["collision"][where], inner)
+    return margins
+
+
+@pytest.mark.parametrize("half", [0.05, 0.0005])
+@pytest.mark.parametrize("joints", [1, 2, 5, 9, 7])
+def test_no_margin_falls_further_in_a_cell_than_its_bound(arm: Arm, joints: int, half: float) -> None:
+    one = arm if joints == 7 else random_chain(joints, 0)[0]
+    one = replace(one, acceleration_limit=8.0 * one.velocity_limit, jerk_limit=60.0 * one.velocity_limit)
+    constraints = Constraints(one, [Plane((0.2, -0.1, 1.0), -0.6), *REGIONS["round"]])
+    trajectory = Trajectory(joints, 5, 3.0, ((one.position_lower + one.position_upper) / 2).tolist())
+    seen = assert_bounded(constraints, trajectory, moderate(one, trajectory, 8, joints), half)
+    assert seen == set(constraints.labels)
