@@ -22,20 +22,20 @@ def place_points(arm: Arm, q: Tensor, points: Tensor, links: Tensor) -> Tensor:
     placed, (turns, places) = q.new_empty(3, len(points), q.shape[1]), frames_of(arm, q)
     for link in torch.unique(links).tolist():
         mine = links == link
-        placed[:, mine] = torch.einsum("nij,kj->ikn", turns[link + 1], points[mine])
-        placed[:, mine] += places[link + 1].T[:, None]
+        placed[:, mine] = (
+            torch.einsum("ijn,kj->ikn", turns[link + 1], points[mine]) + places[link + 1][:, None]
+        )
     return placed
 
 
 def frames_of(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
-    """Rotations (J + 1, N, 3, 3) and origins [m], (J + 1, N, 3), of the base and the joints, at (J, N)."""
-    fixed, sine, cosine, origin, slide = map(torch.from_numpy, Chain.of(arm)[1:6])
-    turns, places = [torch.eye(3).to(q).expand(q.shape[1], 3, 3)], [q.new_zeros(q.shape[1], 3)]
+    """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of the base and the joints, at (J, N)."""
+    fixed, sine, cosine, origin, slide = (torch.from_numpy(x)[..., None] for x in Chain.of(arm)[1:6])
+    turns, places = [torch.eye(3).to(q)[..., None].expand(3, 3, q.shape[1])], [q.new_zeros(3, q.shape[1])]
     for i, x in enumerate(q):
-        own = fixed[i] + sine[i] * torch.sin(x)[:, None] + cosine[i] * torch.cos(x)[:, None]
-        shift = origin[i] + slide[i] * x[:, None]
-        places.append(places[-1] + (turns[-1] @ shift[:, :, None])[:, :, 0])
-        turns.append(turns[-1] @ own.unflatten(1, (3, 3)))
+        own = (fixed[i] + sine[i] * torch.sin(x) + cosine[i] * torch.cos(x)).unflatten(0, (3, 3))
+        places.append(places[-1] + (turns[-1] * (origin[i] + slide[i] * x)).sum(1))
+        turns.append((turns[-1][:, :, None] * own).sum(1))
     return torch.stack(turns), torch.stack(places)
 
 
@@ -45,7 +45,8 @@ def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:
     Good to 1e-7 of a length in the worst case, two segments that nearly coincide.
     """
     one, two = nearest_on_segments(a1, b1, a2, b2)
-    return (one - two).norm(dim=0)
+    gap = one - two
+    return (gap * gap).sum(0).sqrt()
 
 
 def nearest_on_segments(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> tuple[Tensor, Tensor]:

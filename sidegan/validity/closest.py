@@ -94,7 +94,8 @@ def _put_pieces(constraints: Constraints, q: Tensor, which: Tensor, points: Tens
     corners = pieces.corners.split(pieces.start.diff().tolist())
     for n, state in enumerate(states.tolist()):
         pair = constraints.pairs[which[state]]
-        bodies = [corners[c] @ turns[links[c] + 1, n].T + places[links[c] + 1, n] for c in pair.tolist()]
+        frames = [(corners[c], int(links[c]) + 1) for c in pair.tolist()]
+        bodies = [x @ turns[k, :, :, n].T + places[k, :, n] for x, k in frames]
         one, other = _nearest_in_hulls(*bodies)
         if (gap := other - one).norm() > _TOUCHING:
             towards = gap / gap.norm()
