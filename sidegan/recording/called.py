@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 _CALLED = {
@@ -15,7 +16,7 @@ _CALLED = {
 }
 _WORDS = {word: signal for signal, words in _CALLED.items() for word in words}
 _RATES = {"dot", "ddot"}  # of a position; of a torque they are no signal
-_OTHERS = {  # words of what was asked for, estimated of the outside or not measured at a joint
+_OTHERS = {  # words of set points, of estimated contact, and of what is not measured at a joint
     *("d", "des", "desired", "target", "targets", "cmd", "command", "commands", "commanded", "ref"),
     *("reference", "goal", "set", "setpoint", "action", "ipo", "ext", "external", "err", "error", "limit"),
     *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
@@ -37,6 +38,11 @@ class Series:
     named: bool
     columns: dict[int, str]  # by the number, or the place of the joint in the chain
 
+    @cached_property
+    def words(self) -> list[str]:
+        """Words of what the columns have in common."""
+        return [*_words(f"{self.before} {self.after}")]
+
     def of(self, places: Sequence[int], base: int) -> list[str]:
         """Columns of some joints, those that are there; numbers begin with the base."""
         wanted = [place + (0 if self.named else base) for place in places]
@@ -48,22 +54,21 @@ class Series:
 
     def signal(self, effort: str) -> str | None:
         """What they hold, by their words, of which the last one counts: a current position is a position."""
-        words = [*_words(f"{self.before} {self.after}")]
-        signals = [_WORDS[word] for word in words if word in _WORDS]
+        signals = [_WORDS[word] for word in self.words if word in _WORDS]
         loads = {"torque", "effort", "current"} & {*signals}
-        if not signals or self.foreign or (loads and _RATES & {*words}):
+        if not signals or self.foreign or (loads and _RATES & {*self.words}):
             return None
         return effort if signals[-1] == "effort" else signals[-1]
 
     @property
     def names(self) -> bool:
         """Whether they hold names of joints, as those of a joint state do."""
-        return not self.named and [*_words(f"{self.before} {self.after}")][-1:] in (["name"], ["names"])
+        return not self.named and self.words[-1:] in (["name"], ["names"])
 
     @property
     def foreign(self) -> bool:
         """Whether a word of theirs says that they are no measurements of joints."""
-        return bool(_OTHERS & {*_words(f"{self.before} {self.after}")})
+        return bool(_OTHERS & {*self.words})
 
 
 def series_of(available: Sequence[str], names: Sequence[str]) -> Iterator[Series]:

@@ -193,7 +193,8 @@ def read_and_check(
 
     They are of one arm and have one delay. Arguments and errors are those of ``check_recording``.
     """
-    sources = [Source(file, settings, arm.joint_names, settings.rows, chain_of(arm)) for file, _ in files]
+    chain = chain_of(arm)
+    sources = [Source(file, settings, arm.joint_names, settings.rows, chain) for file, _ in files]
 
     def check(k: int, known: Delay | None = None) -> CheckedRecording:
         options = gains, sign_width, settings.units.angle, files[k][1], known

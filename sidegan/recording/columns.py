@@ -16,16 +16,16 @@ _SHOWN = 3  # patterns that a message offers
 
 @dataclass(frozen=True)
 class Found:
-    """Where a file keeps what."""
+    """Columns of time and signals that a file has."""
 
-    # columns of time and of every signal, one per joint; a single one is an array (S, J), and two of time
-    # are seconds and nanoseconds
+    # by name: a column per joint, or a single one that is an array (S, J); two of time are seconds and
+    # nanoseconds
     where: dict[str, list[str]]
     remarks: list[str]  # what a person should know about that
 
 
 def columns_of(file: str, table: Table, columns: Columns, joints: Joints, only: str | None = None) -> Found:
-    """Where a file keeps time and signals; ``only`` is the signal that nothing else is read of it but.
+    """Columns of a file that hold time and signals; of a file of one signal, ``only`` is that signal.
 
     Raises:
         RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.

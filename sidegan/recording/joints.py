@@ -10,11 +10,10 @@ from sidegan.recording.settings import PLACEHOLDER, Columns
 
 @dataclass(frozen=True)
 class Joints:
-    """The arm's joints as a file names and numbers them."""
+    """Names and numbers of the arm's joints in a file."""
 
-    chain: tuple[
-        str, ...
-    ]  # names of the arm's joints and of locked ones between them, from the base outwards
+    # names in the file of the arm's joints and of locked ones between them, from the base outwards
+    chain: tuple[str, ...]
     places: tuple[int, ...]  # which of these are the arm's
     own: tuple[str, ...]  # names of the arm's joints in its description
 
@@ -27,7 +26,7 @@ class Joints:
 def joints_of(
     file: str, columns: Columns, joint_names: Sequence[str], chain: Sequence[str] | None = None
 ) -> Joints:
-    """The arm's joints in a file, of a chain of joints of which some may be locked; null: of themselves.
+    """The arm's joints in a file, as part of a chain in which others may be locked; None: there are none.
 
     Raises:
         RecordingError: when the names that are set are not as many as the joints.

@@ -37,9 +37,10 @@ def standing(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettin
         )
     places = [arm.joint_names.index(name) for name in settings.without]
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
+    chain = chain_of(arm)
     ends: list[torch.Tensor] = []  # least and largest positions of pieces, (2, K) each
     for one in recordings:
-        source = Source(one, only, arm.joint_names, settings.rows, chain_of(arm))
+        source = Source(one, only, arm.joint_names, settings.rows, chain)
         for part in source:
             position = part.position[:, places]
             ends += [torch.stack([position.amin(0), position.amax(0)])] if len(position) else []

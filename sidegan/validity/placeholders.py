@@ -1,4 +1,4 @@
-"""What stands in a description where nobody filled in how an arm is: limits that no arm has."""
+"""Placeholders in a description: limits that no arm has."""
 
 import math
 
@@ -12,10 +12,8 @@ from sidegan.robot.setup import override
 from sidegan.validity.pairs import sampled
 
 _FASTEST, _FASTEST_SLIDE = 60.0, 10.0  # [rad/s, m/s] that joints of arms stay below
-_TURN, _FARTHEST = (
-    2.02 * math.pi,
-    100.0,
-)  # [rad] that no two joints alike go beyond, and [rad, m] that none does
+_TURN = 2.02 * math.pi  # [rad] that no two joints alike go beyond
+_FARTHEST = 100.0  # [rad, m] that no joint goes beyond
 _STRONGEST = 1e5  # [N·m, N] that joints of arms stay below
 _SPARE = 20.0  # times what holding the arm takes at most, that its weakest joint has not
 _WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] that the weakest joint may have; and where nothing has a mass
