@@ -192,4 +192,5 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
 
 def _described(family: Trajectory, coefficients: Tensor) -> str:
     """Number and duration of a set's trajectories, in words."""
-    return f"{family.period:.4g} s" if len(coefficients) == 1 else f"{len(coefficients)} × {family.period:.4g} s"
+    duration = f"{family.period:.4g} s"
+    return duration if len(coefficients) == 1 else f"{len(coefficients)} × {duration}"
