@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.motion.compiled import evaluation as kernel
-from sidegan.motion.compiled.chain import array
-from sidegan.motion.compiled.operations import columns_of_links
+from sidegan.kernels import evaluation as kernel
+from sidegan.kernels.chain import array
+from sidegan.kernels.operations import columns_of_links
 from sidegan.validity.constraints import NAMES
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled.chain import array
-from sidegan.motion.compiled.limits import Limits, Near
+from sidegan.kernels.chain import array
+from sidegan.kernels.limits import Limits, Near
 from sidegan.robot import HIGHER
 from sidegan.validity import Constraints
 

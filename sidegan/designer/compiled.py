@@ -7,10 +7,10 @@ from sidegan.design.problem import HOPELESS
 from sidegan.designer.aim import Aim, Numbers
 from sidegan.designer.descent import Grid, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.motion.compiled import descent, goals, plans, terms
-from sidegan.motion.compiled.chain import array
-from sidegan.motion.compiled.limits import Limits
-from sidegan.motion.compiled.operations import columns_of_links
+from sidegan.kernels import descent, goals, plans, terms
+from sidegan.kernels.chain import array
+from sidegan.kernels.limits import Limits
+from sidegan.kernels.operations import columns_of_links
 
 Array = np.ndarray
 

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.motion.compiled.chain import array
+from sidegan.kernels.chain import array
 from sidegan.validity.bounds import COARSE, LEVELS, ORDERS, SPLIT
 from sidegan.validity.constraints import NAMES, Constraints
 
@@ -38,8 +38,8 @@ class Prover:
     """Proofs of single trajectories by the check's own kernel."""
 
     def __init__(self, numbers: ArmNumbers) -> None:
-        from sidegan.motion.compiled import cells, validity
-        from sidegan.motion.compiled.waves import waves
+        from sidegan.kernels import cells, validity
+        from sidegan.kernels.waves import waves
         from sidegan.validity.search import model_of
 
         self.numbers, self._cells, self._kernel, self._waves = numbers, cells, validity, waves

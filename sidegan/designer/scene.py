@@ -9,7 +9,7 @@ import torch
 
 from sidegan.designer.situation import Situation
 from sidegan.errors import InfeasibleError
-from sidegan.motion.compiled.chain import CONVEX, Shapes, array
+from sidegan.kernels.chain import CONVEX, Shapes, array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity import Constraints, Region
@@ -168,7 +168,7 @@ class ArmNumbers:
 
     def _leaving(self, regions: Sequence[Region]) -> Array:
         """Whether moving capsules are outside of regions in any configuration, (R, C)."""
-        from sidegan.motion.compiled.guards import leaving
+        from sidegan.kernels.guards import leaving
 
         return leaving(_with_regions(self._bare, regions), self.moving, self.ends)
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from sidegan.base.threads import one_thread
 from sidegan.errors import RobotError
-from sidegan.motion.compiled.chain import Chain
+from sidegan.kernels.chain import Chain
 from sidegan.robot import Arm
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -61,7 +61,7 @@ class BaseParameters:
 
 def _random_rows(arm: Arm) -> np.ndarray:
     """Rows of the full regressor over S random states, (S J, 10 J)."""
-    from sidegan.motion.compiled import operations
+    from sidegan.kernels import operations
 
     random = torch.Generator().manual_seed(0)
     states = min(_STATES_EACH * arm.joints, _MOST_STATES)

@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.kernels.chain import Chain
+from sidegan.kernels.limits import Limits, Near
 from sidegan.motion.base_parameters import LINK_PARAMETERS, BaseParameters
-from sidegan.motion.compiled.chain import Chain
-from sidegan.motion.compiled.limits import Limits, Near
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -146,6 +146,6 @@ def gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
 
 def _kernels() -> ModuleType:
     """Compiled dynamics, imported when they are used."""
-    from sidegan.motion.compiled import operations
+    from sidegan.kernels import operations
 
     return operations

@@ -145,7 +145,7 @@ class VariedPlant:
         """
         from mujoco import MjData, mj_resetData
 
-        from sidegan.motion.compiled import servos as kernels
+        from sidegan.kernels import servos as kernels
 
         data, step = MjData(self.model), _step()
         simulator = kernels.Simulator(

@@ -1,7 +1,7 @@
 """How much margins can change between a sample and the edge of its cell: what kernels need for upper bounds.
 
 From a sample's velocity and acceleration and a bound on the jerk follow bounds on the joints' motion in the
-cell; from those, by triangle inequalities alone (``sidegan.motion.compiled.formulas``), bounds on the motion
+cell; from those, by triangle inequalities alone (``sidegan.kernels.formulas``), bounds on the motion
 of capsules, given how far joints move them at most, and on how torques change. How far accelerations and
 jerks drift, where they are limited, follows from the next derivative at the sample and a bound on the one
 after.

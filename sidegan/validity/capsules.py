@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled.chain import Chain
+from sidegan.kernels.chain import Chain
 from sidegan.robot import Arm
 
 _PARALLEL = 1e-15  # squared sine of an angle that is rounding noise

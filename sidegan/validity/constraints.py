@@ -8,7 +8,7 @@ from torch import Tensor
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.motion.compiled.chain import Shapes
+from sidegan.kernels.chain import Shapes
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled.chain import Chain, array
+from sidegan.kernels.chain import Chain, array
 from sidegan.robot import Arm
 from sidegan.validity.bounds import piece_reach
 from sidegan.validity.pieces import PieceDistances
@@ -25,7 +25,7 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
     inside = PieceDistances(arm, pairs)
     if not len(pairs) or arm.capsules.pieces is None:
         return found
-    from sidegan.motion.compiled import boxes, hulls
+    from sidegan.kernels import boxes, hulls
 
     bodies = hulls.Bodies(Chain.of(arm), inside.shapes(), inside.hulls())
     link = arm.capsules.link[pairs]

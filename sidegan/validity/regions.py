@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError
-from sidegan.motion.compiled.chain import BALL, BOX, CONVEX, PLANE
+from sidegan.kernels.chain import BALL, BOX, CONVEX, PLANE
 from sidegan.validity.obstacles import Convex, Sphere
 
 _HALVINGS = 36  # of a capsule's axis: leaves 1e-11 of its length

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.motion.compiled import cells as kernel_cells
-from sidegan.motion.compiled import validity as kernel
-from sidegan.motion.compiled.chain import array
+from sidegan.kernels import cells as kernel_cells
+from sidegan.kernels import validity as kernel
+from sidegan.kernels.chain import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import (

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.errors import RobotError
-from sidegan.motion.compiled import hulls as kernel
+from sidegan.kernels import hulls as kernel
 from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.capsule_fit import fit, from_segment, hull_volume, volume

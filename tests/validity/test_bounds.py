@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from torch import Tensor
 from torch.autograd.functional import jvp
 
-from sidegan.motion.compiled.chain import Chain, array
-from sidegan.motion.compiled.formulas import drift
+from sidegan.kernels.chain import Chain, array
+from sidegan.kernels.formulas import drift
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
@@ -39,7 +39,7 @@ def chain(request: pytest.FixtureRequest, arm: Arm) -> Arm:
 @pytest.fixture(scope="module")
 def bounds(planar: Arm):
     """Bounds of torques' rates and second derivatives, (2, N, J), of an arm and its rates, (N, J) each."""
-    from sidegan.motion.compiled import cells
+    from sidegan.kernels import cells
     from sidegan.validity.search import model_of
 
     of_any = model_of(Constraints(planar))

@@ -1,0 +1,259 @@
+"""Motion of an arm in its workspace within a cell, compiled: states, frames, torques, and how they change."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.formulas import (
+    add,
+    carried,
+    carried_bounds,
+    carried_rate,
+    cell_bounds,
+    dot,
+    link_bounds,
+    moved,
+    moved_rate,
+    summed,
+    times,
+    to_parent,
+    wrench_bounds,
+    wrench_of,
+    wrench_rate,
+)
+from sidegan.kernels.hulls import Hulls
+from sidegan.kernels.jit import inline, inline_in_any_order, kernel
+from sidegan.kernels.links import (
+    Frames,
+    frames,
+    joint,
+    locate,
+    matrix,
+    placement,
+    row,
+    set_matrix,
+    set_row,
+    ten,
+)
+
+
+class Links(NamedTuple):
+    """Pairs of capsules, taken together where they are of the same two frames."""
+
+    frames: Array  # two of them, (L, 2) int
+    most: Array  # how far the motion of a joint moves any two capsules of both against each other, (L, J)
+    pairs: Array  # all pairs, those of the same frames one after another, (P,) int
+    start: Array  # where those of two frames begin, (L + 1,) int
+
+
+class Model(NamedTuple):
+    """An arm in its workspace as arrays, float64 where nothing else is said."""
+
+    chain: Chain  # joints
+    shapes: Shapes  # capsules, and what they are kept apart from
+    hulls: Hulls  # what is inside of the capsules
+    parameters: Array  # inertial parameters, (10 J,)
+    home: Array  # position that trajectories start from, (J,) [rad or m]
+    lower: Array  # position limits, (J,)
+    upper: Array  # position limits, (J,)
+    speed: Array  # velocity limits, (J,)
+    torque: Array  # torque limits, (J,); infinite where nothing is limited
+    higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
+    pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
+    piece_reach: Array  # how far it moves what is inside of them, (P, J)
+    links: Links  # the same pairs, two links at a time
+    region_reach: Array  # how far the motion of a joint moves a capsule, (K, J)
+    region_most: Array  # the largest of all, (1, J)
+    travel: Array  # upper bound of the distance between a joint's frame and its parent's, (J,) [m]
+    mass: Array  # absolute, (J,) [kg]
+    first: Array  # norm of the first moment of mass, (J,)
+    spin: Array  # spectral norm of the inertia matrix, (J,)
+
+
+class Motions(NamedTuple):
+    """Trajectories on a grid of cells."""
+
+    c: Array  # coefficients, (B, J, K)
+    jerk: Array  # bound of the absolute jerk, (B, J)
+    drifts: Array  # bounds of the absolute fourth and fifth derivative, (2, B, J)
+    basis: Array  # derivatives 0 to 4 of the basis at the centres of cells, (T, 5, K)
+    times: Array  # the same centres [s], (T,)
+    half: float  # half width of the cells [s]
+
+
+class Work(NamedTuple):
+    """What one step leaves for the next; each thread needs its own."""
+
+    state: Array  # position, velocity, acceleration, jerk, (4, J)
+    motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
+    most: Array  # the largest such bounds of a trajectory, (4, J)
+    turn: Array  # rotation of a joint's frame in its parent's, (J, 9)
+    shift: Array  # its origin there, (J, 3)
+    world: Frames  # frames in the world
+    force: Array  # on a link, (J, 3)
+    moment: Array  # on a link, (J, 3)
+    growth: Array  # rates of both, (2, J, 3)
+    torque: Array  # (J,)
+    rate: Array  # of the torques, (J,)
+    sums: Array  # bounds of a link's force and moment, of their rates and second derivatives, (6, J)
+    bent: Array  # bounds of the torques' rates and second derivatives in a cell, (2, J)
+    cap: Array  # the same for all cells of a trajectory, (2, J)
+    ends: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
+    twist: Array  # angular velocity of a frame, and the velocity at the origin, (2, J + 1, 3)
+    middles: Array  # of the balls around links, in the world, (F, 3)
+    search: Array  # for the distance of two hulls, (6, 4)
+    axes: Array  # between the hulls of pairs where last looked at, in the first one's frame; or zero, (P, 3)
+
+
+def work_space(model: Model) -> Work:
+    """Arrays that one thread needs for a model."""
+    j = len(model.home)
+    shapes = {"turn": (j, 9), "ends": (3, len(model.shapes.frame), 3), "sums": (6, j), "growth": (2, j, 3)}
+    shapes |= {
+        "middles": (j + 1, 3),
+        "twist": (2, j + 1, 3),
+        "search": (6, 4),
+        "axes": (len(model.shapes.pairs), 3),
+    }
+    shapes |= dict.fromkeys(("state", "motion", "most"), (4, j))
+    shapes |= dict.fromkeys(("shift", "force", "moment"), (j, 3))
+    shapes |= dict.fromkeys(("torque", "rate"), (j,)) | dict.fromkeys(("bent", "cap"), (2, j))
+    return Work(world=frames(j), **{name: np.zeros(shape) for name, shape in shapes.items()})
+
+
+@inline_in_any_order
+def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
+    """Position, velocity and acceleration of trajectory n at a row of the basis, in a state (4, J)."""
+    c, basis = motions.c, motions.basis
+    for j in range(c.shape[1]):
+        q, dq, ddq = home[j], 0.0, 0.0
+        for k in range(c.shape[2]):
+            q += basis[at, 0, k] * c[n, j, k]
+            dq += basis[at, 1, k] * c[n, j, k]
+            ddq += basis[at, 2, k] * c[n, j, k]
+        state[0, j], state[1, j], state[2, j] = q, dq, ddq
+
+
+@inline_in_any_order
+def roll_out_jerk(motions: Motions, n: int, at: int, state: Array) -> None:
+    """The jerk, in the same state."""
+    c, basis = motions.c, motions.basis
+    for j in range(c.shape[1]):
+        state[3, j] = 0.0
+        for k in range(c.shape[2]):
+            state[3, j] += basis[at, 3, k] * c[n, j, k]
+
+
+@inline
+def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
+    """Bounds of the motion in the cell around a state."""
+    for j in range(state.shape[1]):
+        bounds = cell_bounds(state[1, j], state[2, j], motions.jerk[n, j], motions.half)
+        motion[0, j], motion[1, j], motion[2, j], motion[3, j] = bounds
+
+
+@inline
+def place_joints(model: Model, work: Work) -> None:
+    """Frames of the joints, in their parents and in the world."""
+    for i in range(len(model.home)):
+        q = work.state[0, i]
+        r, shift = placement(joint(model.chain, i), math.sin(q), math.cos(q), q)
+        set_matrix(work.turn, i, r)
+        set_row(work.shift, i, shift)
+        locate(work.world, i, r, shift)
+
+
+@inline
+def place_balls(model: Model, work: Work) -> None:
+    """Middles of the balls around links."""
+    for f in range(len(model.shapes.balls)):
+        middle = to_parent(matrix(work.world.turn, f), row(model.shapes.balls, f))
+        set_row(work.middles, f, add(row(work.world.place, f), middle))
+
+
+@inline
+def torques(model: Model, work: Work) -> None:
+    """Inverse dynamics [N·m] by the recursive Newton-Euler algorithm."""
+    joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
+    motion = still, still, (-g[0], -g[1], -g[2])
+    for i in range(joints):
+        r, shift = matrix(work.turn, i), row(work.shift, i)
+        j, rates = joint(model.chain, i), (work.state[1, i], work.state[2, i])
+        motion = moved(j.axis, j.slides, r, shift, rates, motion)
+        force, moment = wrench_of(ten(model.parameters, 10 * i), motion)
+        set_row(work.force, i, force)
+        set_row(work.moment, i, moment)
+    f, n = still, still
+    for i in range(joints - 1, -1, -1):
+        f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
+        work.torque[i] = dot(row(model.chain.axis, i), f if model.chain.prismatic[i] else n)
+        f, n = carried(matrix(work.turn, i), row(work.shift, i), (f, n))
+
+
+@kernel
+def torque_rates(model: Model, work: Work) -> None:
+    """Exact rates of ``torques`` [N·m/s], which comes before: the rate of each of its steps."""
+    joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
+    at = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
+    for i in range(joints):
+        j, r = joint(model.chain, i), matrix(work.turn, i)
+        shifts = row(work.shift, i), times(work.state[1, i], j.slide)
+        at = moved_rate((j.axis, j.slides), r, shifts, _rates(work.state, i), at)
+        rate = wrench_rate(ten(model.parameters, 10 * i), at)
+        set_row(work.growth[0], i, rate[0])
+        set_row(work.growth[1], i, rate[1])
+    f = n = df = dn = still
+    for i in range(joints - 1, -1, -1):
+        j, r = joint(model.chain, i), matrix(work.turn, i)
+        f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
+        df, dn = add(df, row(work.growth[0], i)), add(dn, row(work.growth[1], i))
+        work.rate[i] = dot(j.axis, df if model.chain.prismatic[i] else dn)
+        shifts = row(work.shift, i), times(work.state[1, i], j.slide)
+        spin = times((1.0 - j.slides) * work.state[1, i], j.axis)
+        df, dn = carried_rate(spin, r, shifts, (f, n), (df, dn))
+        f, n = carried(r, shifts[0], (f, n))
+
+
+@inline
+def _rates(state: Array, i: int) -> tuple[float, float, float]:
+    return state[1, i], state[2, i], state[3, i]
+
+
+@kernel
+def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Array, bent: Array) -> None:
+    """Upper bounds of the absolute rate and second derivative of every torque in a cell, (2, J)."""
+    g, slides, travel = model.chain.gravity, model.chain.prismatic, model.travel
+    still, weight = (0.0, 0.0, 0.0), math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
+    link = still, still, (weight, 0.0, 0.0)
+    for i in range(len(travel)):
+        own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
+        link = link_bounds(slides[i], own, travel[i], link)
+        force, moment = wrench_bounds(model.mass[i], model.first[i], model.spin[i], link)
+        sums[0, i], sums[1, i], sums[2, i] = force
+        sums[3, i], sums[4, i], sums[5, i] = moment
+    f = m = still
+    for i in range(len(travel) - 1, -1, -1):
+        own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
+        f = summed(f, (sums[0, i], sums[1, i], sums[2, i]))
+        m = summed(m, (sums[3, i], sums[4, i], sums[5, i]))
+        bent[0, i], bent[1, i] = (f[1], f[2]) if slides[i] else (m[1], m[2])
+        f, m = carried_bounds(slides[i], own, travel[i], (f, m))
+
+
+@inline
+def cap_torques(model: Model, work: Work, motions: Motions, n: int, rows: Array) -> None:
+    """Bounds of the torques' derivatives that hold in all the given cells of a trajectory.
+
+    They grow with every speed and acceleration, so those for the largest of each will do.
+    """
+    most = work.most
+    for j in range(len(model.home)):
+        most[2, j] = most[3, j] = 0.0
+    for at in rows:
+        roll_out(model.home, motions, n, at, work.state)
+        bound_motion(work.state, motions, n, work.motion)
+        for j in range(len(model.home)):
+            most[2, j], most[3, j] = max(most[2, j], work.motion[2, j]), max(most[3, j], work.motion[3, j])
+    bend_torques(model, most, motions, n, work.sums, work.cap)

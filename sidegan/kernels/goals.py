@@ -1,0 +1,288 @@
+"""Compiled functions of a trajectory's information, and the directions that their slopes follow from.
+
+A function F of the Gram matrix G = YᵀWY / T has a slope S = dF/dG = Σ weight · v vᵀ, and its gradient is
+that of the energy Σ weight · |Y v|² / T: each function writes its vectors v and their weights.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels import eigen
+from sidegan.kernels.chain import Array
+from sidegan.kernels.jit import kernel
+from sidegan.kernels.lanes import clear
+from sidegan.kernels.matrices import add_to, all_eigenpairs, factorise, invert_factor, product
+
+CONDITION, DIAGONAL, DETERMINANT, VARIANCE, VOLUME = range(5)  # kinds of goals
+_TINY = 1e-300
+
+
+class Smooth(NamedTuple):
+    """A smooth ratio of the largest to the smallest of several values."""
+
+    lowest: int  # of the smallest, how many count
+    highest: int  # of the largest
+    sharpness: float
+    hopeless: float  # a larger ratio counts as that
+
+
+class Goal(NamedTuple):
+    """What is to be made small.
+
+    The condition number, or the ratio of the diagonal, of G; for M = prior + amount · G in an orthonormal
+    basis, minus log det M, or the logarithm of trace or determinant of A M⁻¹ Aᵀ for targets A.
+    """
+
+    kind: int
+    smooth: Smooth
+    prior: Array  # information that there is already, in the orthonormal basis, (p, p)
+    amount: float  # what one unit of G is worth
+    targets: Array  # A, what variances are of, (R, p) with R ≤ p
+
+
+class Room(NamedTuple):
+    """Room for a goal at work; not to be shared among threads."""
+
+    product: Array  # (p, p)
+    inner: Array  # G in the orthonormal basis, (p, p)
+    whole: Array  # (1, p, p)
+    values: Array  # that a smooth ratio is of, ascending, (1, K)
+    slopes: Array  # (K,)
+    vectors: Array  # (1, K, p)
+    sound: Array  # (1,)
+    rows: Array  # of ``eigen``
+    shifts: Array  # of ``eigen``
+    weights: Array  # of the directions, (p,)
+    base: Array  # the directions over the base columns, (p, p)
+
+
+def room(size: int, smooth: Smooth) -> Room:
+    """Room to work on p parameters."""
+    count = min(size, smooth.lowest + smooth.highest)
+    rows, shifts = eigen.room(size, count)
+    return Room(
+        product=np.zeros((size, size)),
+        inner=np.zeros((size, size)),
+        whole=np.zeros((1, size, size)),
+        values=np.zeros((1, count)),
+        slopes=np.zeros(count),
+        vectors=np.zeros((1, count, size)),
+        sound=np.zeros(1, bool),
+        rows=rows,
+        shifts=shifts,
+        weights=np.zeros(size),
+        base=np.zeros((size, size)),
+    )
+
+
+@kernel
+def _folded(subspace: Array, matrix: Array, out: Array) -> None:
+    """Write Cᵀ A for a lower triangular C, most of which is zero."""
+    size = len(subspace)
+    for i in range(size):
+        clear(out[i])
+    for k in range(size):
+        for i in range(k + 1):
+            if subspace[k, i] != 0:
+                add_to(out[i], subspace[k, i], matrix[k], size)
+
+
+@kernel
+def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -> float:
+    """Write Cᵀ G C for a lower triangular C, most of which is zero, and symmetric G; its largest element."""
+    size, largest = len(subspace), 0.0
+    _folded(subspace, gram, inner)
+    for i in range(size):
+        for j in range(size):
+            product[j, i] = inner[i, j]
+    _folded(subspace, product, inner)
+    for i in range(size):
+        largest = max(largest, inner[i, i])  # positive semi-definite: no element is larger
+        for j in range(i):
+            inner[i, j] = inner[j, i]
+    return largest
+
+
+@kernel
+def _smooth_ratio(smooth: Smooth, values: Array, slopes: Array) -> float:
+    """Smooth log ratio of the largest to the smallest of positive values, ascending; writes its slopes."""
+    count, sharp = len(values), smooth.sharpness
+    floor = max(values[count - 1] / smooth.hopeless, _TINY)
+    total = 0.0
+    for k in range(count):
+        values[k], slopes[k] = max(values[k], floor), 0.0
+    for side in range(2):
+        some = min(count, smooth.highest if side else smooth.lowest)
+        first, sign = (count - some, 1.0) if side else (0, -1.0)
+        most = sign * math.log(values[count - 1] if side else values[0])
+        sums = 0.0
+        for k in range(first, first + some):
+            sums += math.exp(sharp * (sign * math.log(values[k]) - most))
+        for k in range(first, first + some):
+            share = math.exp(sharp * (sign * math.log(values[k]) - most)) / sums
+            slopes[k] += sign * share / values[k]
+        total += most + math.log(sums) / sharp
+    return total
+
+
+@kernel
+def _end_of(matrix: Array, count: int, low: int, k: int) -> int:
+    """Where on the diagonal the k-th of ``count`` at both ends is, ascending: ``low`` at the low end."""
+    size = len(matrix)
+    rank = k if k < low else size - count + k
+    for i in range(size):
+        smaller = 0
+        for m in range(size):
+            smaller += matrix[m, m] < matrix[i, i] or (matrix[m, m] == matrix[i, i] and m < i)
+        if smaller == rank:
+            return i
+    return 0  # no number is in order: the goal is infinite then
+
+
+@kernel
+def _all_ends(smooth: Smooth, work: Room) -> None:
+    """The eigenpairs at both ends from all of them."""
+    inner, vectors, count = work.whole[0], work.product, len(work.values[0])
+    all_eigenpairs(inner, vectors)
+    low = min(smooth.lowest, count)
+    for k in range(count):
+        i = _end_of(inner, count, low, k)
+        work.values[0][k] = inner[i, i]
+        for m in range(len(inner)):
+            work.vectors[0, k, m] = vectors[i, m]
+
+
+@kernel
+def _ends(smooth: Smooth, scale: float, work: Room) -> None:
+    """Eigenpairs at both ends of the spectrum of the inner matrix over its scale."""
+    size = len(work.inner)
+    for i in range(size):
+        for j in range(size):
+            work.whole[0][i, j] = work.inner[i, j] / scale
+    if size > len(work.values[0]):
+        low = min(smooth.lowest, len(work.values[0]))
+        eigen.extremes(work.whole, low, work.values, work.vectors, work.sound, work.rows, work.shifts)
+        if work.sound[0]:
+            return
+        for i in range(size):
+            for j in range(size):
+                work.whole[0][i, j] = work.inner[i, j] / scale
+    _all_ends(smooth, work)
+
+
+@kernel
+def _condition(goal: Goal, subspace: Array, scale: float, work: Room) -> float:
+    """Smooth log condition number; writes its directions."""
+    _ends(goal.smooth, scale, work)
+    value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
+    size = len(subspace)
+    for k in range(len(work.values[0])):
+        work.weights[k] = work.slopes[k] / scale
+        for i in range(size):
+            work.base[k, i] = product(subspace[i], work.vectors[0, k], i + 1)
+    return value
+
+
+@kernel
+def _diagonal(goal: Goal, gram: Array, work: Room) -> float:
+    """Smooth log ratio of the diagonal; writes its directions, which are base columns."""
+    count = len(work.values[0])
+    low = min(goal.smooth.lowest, count)
+    for k in range(count):
+        clear(work.base[k])
+        i = _end_of(gram, count, low, k)
+        work.values[0][k], work.base[k, i] = gram[i, i], 1.0
+    value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
+    for k in range(count):
+        work.weights[k] = work.slopes[k]
+    return value
+
+
+@kernel
+def _determinant(goal: Goal, subspace: Array, work: Room) -> float:
+    """Minus log det of the whole information; writes its directions."""
+    size, value = len(subspace), 0.0
+    for k in range(size):
+        value -= 2 * math.log(work.whole[0][k, k])
+        work.weights[k] = -goal.amount
+        for i in range(size):
+            work.base[k, i] = product(subspace[i], work.product[k], min(i, k) + 1)
+    return value
+
+
+@kernel
+def _direction(subspace: Array, inverse: Array, half: Array, whole: Array, base: Array) -> None:
+    """Write the direction over the base columns that L⁻ᵀ makes of a half one, for the inverse L⁻¹."""
+    size = len(subspace)
+    clear(whole)
+    for i in range(size):
+        add_to(whole, half[i], inverse[i], i + 1)
+    for i in range(size):
+        base[i] = product(subspace[i], whole, i + 1)
+
+
+@kernel
+def _variance(goal: Goal, subspace: Array, work: Room) -> float:
+    """Log of the sum of the targets' variances; writes its directions."""
+    size, inverse, total = len(subspace), work.product, 0.0
+    half = work.rows[0]  # of M⁻¹ a for a target a
+    for m in range(len(goal.targets)):
+        for i in range(size):
+            half[i] = product(inverse[i], goal.targets[m], i + 1)
+        total += product(half, half, size)
+        _direction(subspace, inverse, half, work.rows[1], work.base[m])
+    for m in range(len(goal.targets)):
+        work.weights[m] = -goal.amount / total
+    return math.log(total)
+
+
+@kernel
+def _volume(goal: Goal, subspace: Array, work: Room) -> float:
+    """Log det of the targets' covariance; writes its directions."""
+    size, count, inverse, halves = len(subspace), len(goal.targets), work.product, work.inner
+    for m in range(count):
+        for i in range(size):
+            halves[m, i] = product(inverse[i], goal.targets[m], i + 1)
+    covariance, value = work.whole[0, :count, :count], 0.0
+    for m in range(count):
+        for k in range(m + 1):
+            covariance[m, k] = product(halves[m], halves[k], size)
+    if not factorise(covariance):
+        return np.inf
+    for m in range(count):  # rows of L⁻¹ for L Lᵀ = A M⁻¹ Aᵀ, times those halves
+        for k in range(m):
+            add_to(halves[m], -covariance[m, k], halves[k], size)
+        for i in range(size):
+            halves[m, i] /= covariance[m, m]
+        value += 2 * math.log(covariance[m, m])
+        work.weights[m] = -goal.amount
+        _direction(subspace, inverse, halves[m], work.rows[1], work.base[m])
+    return value
+
+
+@kernel
+def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float, int]:
+    """The goal at a Gram matrix of the base columns (p, p), and how many directions it wrote.
+
+    It is infinite, and without directions, where the matrix is not finite or not positive definite.
+    """
+    scale = to_orthonormal(subspace, gram, work.product, work.inner)
+    if not (math.isfinite(scale) and scale > 0):
+        return np.inf, 0
+    if goal.kind == CONDITION:
+        return _condition(goal, subspace, scale, work), len(work.values[0])
+    if goal.kind == DIAGONAL:
+        return _diagonal(goal, gram, work), len(work.values[0])
+    for i in range(len(gram)):
+        for j in range(len(gram)):
+            work.whole[0][i, j] = goal.prior[i, j] + goal.amount * work.inner[i, j]
+    if not factorise(work.whole[0]):
+        return np.inf, 0
+    invert_factor(work.whole[0], work.product)
+    if goal.kind == DETERMINANT:
+        return _determinant(goal, subspace, work), len(gram)
+    if goal.kind == VOLUME:
+        return _volume(goal, subspace, work), len(goal.targets)
+    return _variance(goal, subspace, work), len(goal.targets)

@@ -1,0 +1,231 @@
+"""Compiled inverse dynamics, several states at a time.
+
+Every loop over lanes is a loop over states whose arrays lie state by state in memory, so the compiler
+turns it into vector instructions. What a block of states needs stays in the processor's cache. Such loops
+end at min(width, LANES): knowing that, the compiler drops the test for negative indices.
+
+The states of B trajectories are (5, B, J, T): sine and cosine of the position, position, velocity,
+acceleration.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels.chain import Array, Chain
+from sidegan.kernels.formulas import (
+    Matrix,
+    Motion,
+    Ten,
+    Vector,
+    Wrench,
+    add,
+    carried,
+    dot,
+    moved,
+    wrench_of,
+)
+from sidegan.kernels.jit import inline, kernel
+from sidegan.kernels.links import Joint, joint, placement, ten
+
+LANES = 64  # most states at a time: shorter loops do not pay for their start
+_VECTOR = 8  # numbers in a vector of the widest processors
+
+# Rows of a link's block: rotation, origin, angular velocity and acceleration, acceleration of the origin.
+TURN, SHIFT, W, ALPHA, A, _LINK = 0, 9, 12, 15, 18, 21
+# Rows of a joint's state: sine and cosine of the position, position, velocity, acceleration.
+SIN, COS, Q, DQ, DDQ, _STATE = 0, 1, 2, 3, 4, 5
+# Rows of a link's adjoints: of w, alpha and a; then of the state: q, dq, ddq.
+SW, SALPHA, SA, SQ, SDQ, SDDQ, _ADJOINT = 0, 3, 6, 9, 10, 11, 12
+
+Lanes = Array  # rows of LANES numbers, one after the other, (rows · LANES,)
+Block = tuple[int, int, int]  # states of a trajectory: its number, the first state, how many
+
+
+class Room(NamedTuple):
+    """Room for one kernel at work: rows of lanes for each joint or link."""
+
+    state: Array
+    links: Array
+    screws: Array
+    ten: Array
+    wrenches: Array
+    torque: Array
+    twist: Array
+    adjoints: Array
+
+
+def room(joints: int) -> Room:
+    """Room to work on an arm of so many joints; not to be shared among threads."""
+    links = joints + 1
+    rows = [(joints, _STATE), (links, _LINK), (joints, 6), (10,), (joints, 6), (joints, 1), (6,)]
+    return Room(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
+
+
+def aligned(*shape: int) -> Array:
+    """Zeros that begin with a line of the cache: a vector across two lines takes twice as long."""
+    size = math.prod(shape)
+    room = np.zeros(size + _VECTOR)
+    skipped = -room.ctypes.data % (8 * _VECTOR) // 8
+    return room[skipped : skipped + size].reshape(shape)
+
+
+@inline
+def load(x: Lanes, row: int, n: int) -> Vector:
+    """Lane n of three rows."""
+    return x[row * LANES + n], x[(row + 1) * LANES + n], x[(row + 2) * LANES + n]
+
+
+@inline
+def store(x: Lanes, row: int, n: int, v: Vector) -> None:
+    """Write lane n of three rows."""
+    x[row * LANES + n] = v[0]
+    x[(row + 1) * LANES + n] = v[1]
+    x[(row + 2) * LANES + n] = v[2]
+
+
+@inline
+def increase(x: Lanes, row: int, n: int, v: Vector) -> None:
+    """Add to lane n of three rows."""
+    store(x, row, n, add(load(x, row, n), v))
+
+
+@inline
+def load_turn(link: Lanes, n: int) -> Matrix:
+    """Rotation of a link in lane n."""
+    return load(link, TURN, n), load(link, TURN + 3, n), load(link, TURN + 6, n)
+
+
+@inline
+def load_motion(link: Lanes, n: int) -> Motion:
+    """Motion of a link in lane n."""
+    return load(link, W, n), load(link, ALPHA, n), load(link, A, n)
+
+
+@inline
+def load_wrench(x: Lanes, n: int) -> Wrench:
+    """Six rows as force and moment, in lane n."""
+    return load(x, 0, n), load(x, 3, n)
+
+
+@inline
+def store_wrench(x: Lanes, n: int, wrench: Wrench) -> None:
+    """Write force and moment to lane n."""
+    store(x, 0, n, wrench[0])
+    store(x, 3, n, wrench[1])
+
+
+@inline
+def step_of(count: int) -> int:
+    """States at a time when there are ``count``: blocks of about one size, in whole vectors."""
+    count = max(1, count)
+    blocks = (count + LANES - 1) // LANES
+    return ((count + blocks - 1) // blocks + _VECTOR - 1) // _VECTOR * _VECTOR
+
+
+@kernel
+def fill(states: Array, block: Block, width: int, state: Array) -> None:
+    """Copy a block of states into lanes; the last one fills up what is left."""
+    b, first, count = block
+    for j in range(states.shape[2]):
+        for r in range(_STATE):
+            for n in range(count):
+                state[j, r * LANES + n] = states[r, b, j, first + n]
+            for n in range(count, width):
+                state[j, r * LANES + n] = states[r, b, j, first + count - 1]
+
+
+@kernel
+def rest(gravity: Array, base: Lanes) -> None:
+    """The base: at rest, and accelerated against gravity."""
+    for n in range(LANES):
+        store(base, W, n, (0.0, 0.0, 0.0))
+        store(base, ALPHA, n, (0.0, 0.0, 0.0))
+        store(base, A, n, (-gravity[0], -gravity[1], -gravity[2]))
+
+
+@kernel
+def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None:
+    """Motion of a link's frame from that of its parent's."""
+    for n in range(min(width, LANES)):
+        s, c, q = state[SIN * LANES + n], state[COS * LANES + n], state[Q * LANES + n]
+        r, shift = placement(j, s, c, q)
+        rates = state[DQ * LANES + n], state[DDQ * LANES + n]
+        w, alpha, a = moved(j.axis, j.slides, r, shift, rates, load_motion(parent, n))
+        store(link, TURN, n, r[0])
+        store(link, TURN + 3, n, r[1])
+        store(link, TURN + 6, n, r[2])
+        store(link, SHIFT, n, shift)
+        store(link, W, n, w)
+        store(link, ALPHA, n, alpha)
+        store(link, A, n, a)
+
+
+@kernel
+def _wrench(link: Lanes, v: Ten, wrench: Lanes, width: int) -> None:
+    """Force and moment about the link's origin."""
+    for n in range(min(width, LANES)):
+        store_wrench(wrench, n, wrench_of(v, load_motion(link, n)))
+
+
+@kernel
+def _pass_down(child: Lanes, child_wrench: Lanes, wrench: Lanes, width: int) -> None:
+    """Add what the child carries to its parent's wrench."""
+    for n in range(min(width, LANES)):
+        f, m = carried(load_turn(child, n), load(child, SHIFT, n), load_wrench(child_wrench, n))
+        increase(wrench, 0, n, f)
+        increase(wrench, 3, n, m)
+
+
+@kernel
+def _along(axis: Vector, slides: bool, wrench: Lanes, torque: Lanes, width: int) -> None:
+    """What of a wrench the joint feels."""
+    for n in range(min(width, LANES)):
+        torque[n] = dot(axis, load(wrench, 0, n) if slides else load(wrench, 3, n))
+
+
+@kernel
+def clear(x: Lanes) -> None:
+    """Zeros."""
+    for n in range(len(x)):  # several times as fast as x[:] = 0
+        x[n] = 0.0
+
+
+@kernel
+def enter(chain: Chain, states: Array, block: Block, width: int, work: Room) -> None:
+    """Motion of all links in a block of states, and adjoints of zero."""
+    fill(states, block, width, work.state)
+    for i in range(len(chain.prismatic)):
+        move(joint(chain, i), work.state[i], work.links[i], work.links[i + 1], width)
+    for link in range(len(work.adjoints)):
+        clear(work.adjoints[link])
+
+
+@kernel
+def forces(chain: Chain, v: Array, work: Room, width: int) -> None:
+    """Carried wrenches and torques of one parameter set, (10 J,)."""
+    joints, links, wrenches = len(chain.prismatic), work.links, work.wrenches
+    for i in range(joints):
+        _wrench(links[i + 1], ten(v, 10 * i), wrenches[i], width)
+    for i in range(joints - 1, -1, -1):
+        if i + 1 < joints:
+            _pass_down(links[i + 2], wrenches[i + 1], wrenches[i], width)
+        _along(joint(chain, i).axis, chain.prismatic[i], wrenches[i], work.torque[i], width)
+
+
+@kernel
+def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Room) -> None:
+    """Write the torques (B, K, J, T) of states (5, B, J, T) with parameter sets (B, K, 10 J)."""
+    joints, count = states.shape[2], states.shape[3]
+    rest(chain.gravity, work.links[0])
+    step = step_of(count)
+    for b in range(states.shape[1]):
+        for start in range(0, count, step):
+            lanes = min(step, count - start)
+            enter(chain, states, (b, start, lanes), step, work)
+            for k in range(sets.shape[1]):
+                forces(chain, sets[b, k], work, step)
+                for j in range(joints):
+                    for n in range(min(lanes, LANES)):
+                        torque[b, k, j, start + n] = work.torque[j, n]

@@ -1,0 +1,141 @@
+"""The chain of links, compiled: placements, Newton–Euler steps, capsules in the world; all on tuples."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels import formulas
+from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.formulas import Matrix, Ten, Vector, add, dot, less, product, times, to_parent
+from sidegan.kernels.jit import inline, share
+
+TOUCHING = 1e-12  # [m] below it a distance has no direction
+_PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
+_TINY = 2.2250738585072014e-308  # keeps a division finite
+
+share(formulas)
+
+
+class Joint(NamedTuple):
+    """One joint of a ``Chain``."""
+
+    fixed: Matrix
+    sine: Matrix
+    cosine: Matrix
+    origin: Vector
+    slide: Vector
+    axis: Vector
+    slides: float  # 1 or 0
+
+
+class Frames(NamedTuple):
+    """Frames of the base and the J joints in the world: rotations (J + 1, 9) and origins (J + 1, 3)."""
+
+    turn: Array
+    place: Array
+
+
+def frames(joints: int) -> Frames:
+    """Room for the frames of an arm, with the base in its place."""
+    turn = np.zeros((joints + 1, 9))
+    turn[0] = np.eye(3).flatten()
+    return Frames(turn, np.zeros((joints + 1, 3)))
+
+
+@inline
+def row(x: Array, i: int) -> Vector:
+    """Row i of an array (N, 3)."""
+    return x[i, 0], x[i, 1], x[i, 2]
+
+
+@inline
+def set_row(x: Array, i: int, v: Vector) -> None:
+    """Write row i of an array (N, 3)."""
+    x[i, 0], x[i, 1], x[i, 2] = v
+
+
+@inline
+def matrix(x: Array, i: int) -> Matrix:
+    """Row i of an array (N, 9) as a matrix."""
+    r = x[i]
+    return (r[0], r[1], r[2]), (r[3], r[4], r[5]), (r[6], r[7], r[8])
+
+
+@inline
+def set_matrix(x: Array, i: int, m: Matrix) -> None:
+    """Write row i of an array (N, 9)."""
+    x[i, 0], x[i, 1], x[i, 2] = m[0]
+    x[i, 3], x[i, 4], x[i, 5] = m[1]
+    x[i, 6], x[i, 7], x[i, 8] = m[2]
+
+
+@inline
+def ten(x: Array, i: int) -> Ten:
+    """Ten numbers from index i on."""
+    return (
+        x[i], x[i + 1], x[i + 2], x[i + 3], x[i + 4], x[i + 5], x[i + 6], x[i + 7], x[i + 8], x[i + 9],
+    )  # fmt: skip
+
+
+@inline
+def _mix(a: Vector, b: Vector, s: float, c: float, d: Vector) -> Vector:
+    """The sum a + s b + c d."""
+    return add(add(a, times(s, b)), times(c, d))
+
+
+@inline
+def joint(chain: Chain, i: int) -> Joint:
+    """Joint i of a chain."""
+    turns = matrix(chain.fixed, i), matrix(chain.sine, i), matrix(chain.cosine, i)
+    moves = row(chain.origin, i), row(chain.slide, i), row(chain.axis, i)
+    slides = 1.0 if chain.prismatic[i] else 0.0
+    return Joint(turns[0], turns[1], turns[2], moves[0], moves[1], moves[2], slides)
+
+
+@inline
+def placement(j: Joint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
+    """Rotation and origin of a joint's frame in its parent's, at sine and cosine of the position q."""
+    r0 = _mix(j.fixed[0], j.sine[0], s, c, j.cosine[0])
+    r1 = _mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
+    r2 = _mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])
+    return (r0, r1, r2), add(j.origin, times(q, j.slide))
+
+
+@inline
+def locate(world: Frames, i: int, r: Matrix, shift: Vector) -> None:
+    """Write the frame of joint i in the world, from its placement in its parent's."""
+    base = matrix(world.turn, i)
+    set_matrix(world.turn, i + 1, product(base, r))
+    set_row(world.place, i + 1, add(row(world.place, i), to_parent(base, shift)))
+
+
+@inline
+def place_capsules(shapes: Shapes, world: Frames, ends: Array) -> None:
+    """Write the end points of the capsules' axes in the world, and the middles between them, (3, C, 3)."""
+    for k in range(len(shapes.frame)):
+        i = shapes.frame[k]
+        turn, place = matrix(world.turn, i), row(world.place, i)
+        a = add(place, to_parent(turn, row(shapes.ends[0], k)))
+        b = add(place, to_parent(turn, row(shapes.ends[1], k)))
+        set_row(ends[0], k, a)
+        set_row(ends[1], k, b)
+        set_row(ends[2], k, times(0.5, add(a, b)))
+
+
+@inline
+def _share(x: float) -> float:
+    return min(max(x, 0.0), 1.0)
+
+
+@inline
+def nearest(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> tuple[Vector, Vector]:
+    """Nearest points of two segments. Source: Ericson 2005, section 5.1.9."""
+    u, v, r = less(b1, a1), less(b2, a2), less(a1, a2)
+    uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
+    determinant = uu * vv - uv * uv
+    s = 0.0
+    if determinant > _PARALLEL * uu * vv:
+        s = _share((uv * vr - ur * vv) / max(determinant, _TINY))
+    t = _share((uv * s + vr) / max(vv, _TINY))
+    s = _share((uv * t - ur) / max(uu, _TINY))
+    return add(a1, times(s, u)), add(a2, times(t, v))

@@ -1,0 +1,186 @@
+"""Compiled dynamics as functions of tensors on the processor, in float64; torques with first derivatives."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from sidegan.kernels import apart, eigen, lanes, regressor, slopes
+from sidegan.kernels.chain import Chain, array
+from sidegan.kernels.limits import Limits, Near
+from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
+
+States = Sequence[Tensor]
+
+_STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
+_ALONE = 2**14  # numbers: below 2**15 torch works in the thread that it is called in
+
+
+def states_at_once() -> int:
+    """How many states to hold at a time."""
+    return _STATES_IN_CACHE * torch.get_num_threads()
+
+
+def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
+    """Ascending columns (p,) of the regressor, (S, J, p), of states (S, J); not differentiable.
+
+    A view of an array with the states last, in which products over samples are fast.
+    """
+    count, joints = states[0].shape
+    of_links, threads = columns_of_links(columns, joints), threads_for(count, count)
+    cuts = [torch.tensor_split(x.detach(), threads) for x in states]
+    parts = [torch.empty(0)] * threads
+
+    def work(k: int) -> None:
+        motion, room = _states(*(x[k][None] for x in cuts)), lanes.room(joints)
+        samples = motion.shape[3]
+        y = np.zeros((len(columns), joints * (samples + lanes.LANES)))
+        lanes.rest(chain.gravity, room.links[0])
+        span = regressor.rows_of(chain, motion, (0, 0, samples), of_links, room, y)
+        parts[k] = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))[:, :, :samples]
+
+    each(work, threads)
+    return (parts[0] if threads == 1 else torch.cat(parts, 2)).permute(2, 1, 0)
+
+
+def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
+    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
+
+    Not differentiable.
+    """
+    batch, count, joints = states[0].shape
+    size, of_links = len(columns), columns_of_links(columns, joints)
+    grams = np.zeros((batch, size, size))
+
+    def work(k: slice) -> None:
+        y = lanes.aligned(size, joints * regressor.SPAN)
+        motion = _states(*(x[k] for x in states))
+        regressor.grams(chain, motion, of_links, grams[k], lanes.room(joints), y)
+
+    share(work, batch, count)
+    return torch.from_numpy(grams)
+
+
+def torques(chain: Chain, states: States, sets: Tensor) -> Tensor:
+    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J), which get no gradient."""
+    return _Torques.apply(*states, sets.detach(), chain)
+
+
+def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tensor:
+    """Each joint's sums of products of columns (p,) and torque, (J, p + 1, p + 1), over S samples (S, J)."""
+    joints = torque.shape[1]
+    of_links = columns_of_links(columns, joints)
+    size, threads = len(columns) + 1, threads_for(len(torque), len(torque))
+    products = np.zeros((threads, joints, size, size))
+    parts = [torch.tensor_split(x.detach(), threads) for x in (*states, torque)]
+
+    def work(k: int) -> None:
+        motion = _states(*(x[k][None] for x in parts[:3]))
+        y = lanes.aligned(size, joints * regressor.SPAN)
+        pulled = array(parts[3][k].T)[None]
+        regressor.sums(chain, motion, pulled, of_links, products[k], lanes.room(joints), y)
+
+    each(work, threads)
+    return torch.from_numpy(products.sum(0))
+
+
+def penalised_slopes(
+    chain: Chain, states: States, sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
+) -> tuple[Tensor, list[Tensor]]:
+    """Penalty, (B,), and gradients in the states, (B, T, J) each, of it and of Σ weight · |Y v|²."""
+    return _slopes(chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, near)
+
+
+@torch.no_grad()
+def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
+    """The smallest and largest eigenvalues, ascending, (B, low + high), and eigenvectors (B, p, low + high).
+
+    Not differentiable. All eigenpairs where there are no more than that.
+    """
+    batch, size, count = *x.shape[:2], low + high
+    if size <= count:
+        return eigh(x)
+    scale = torch.maximum(x.amax((1, 2)), -x.amin((1, 2))).clamp_min(torch.finfo(x.dtype).tiny)
+    a, sound = (x / scale[:, None, None]).contiguous().numpy(), np.zeros(batch, bool)
+    values, vectors = np.zeros((batch, count)), np.zeros((batch, count, size))
+
+    def work(k: slice) -> None:
+        eigen.extremes(a[k], low, values[k], vectors[k], sound[k], *eigen.room(size, count))
+
+    share(work, batch, AS_STATES)
+    pairs = torch.from_numpy(values) * scale[:, None], torch.from_numpy(vectors).transpose(1, 2)
+    if not sound.all():
+        rest, ends = torch.from_numpy(~sound), [*range(low), *range(size - high, size)]
+        for x_of_all, x_of_rest in zip(pairs, eigh(x[rest])):
+            x_of_all[rest] = x_of_rest[..., ends]
+    return pairs
+
+
+class _Torques(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, chain: Chain) -> Tensor:
+        ctx.save_for_backward(q, dq, ddq, sets)
+        ctx.chain, parameters = chain, array(sets)
+        batch, count, joints = q.shape
+        torque = np.empty((batch, sets.shape[1], joints, count))
+
+        def work(k: slice) -> None:
+            motion = _states(q[k], dq[k], ddq[k])
+            lanes.torques(chain, motion, parameters[k], torque[k], lanes.room(joints))
+
+        share(work, batch, count)
+        return torch.from_numpy(torque).transpose(2, 3)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
+        *states, sets = ctx.saved_tensors
+        fields = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
+        slope = _slopes(ctx.chain, states, fields, Limits.none(states[0].shape[2]), None)[1]
+        return (*slope, None, None)
+
+
+def _slopes(
+    chain: Chain, states: States, sets: Sequence[Tensor], limits: Limits, near: Near | None
+) -> tuple[Tensor, list[Tensor]]:
+    """Penalty, (B,), and gradients of it and of the function of ``slopes.Sets``, given by its fields."""
+    batch, count, joints = states[0].shape
+    slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
+    arrays = [array(x) for x in sets]
+
+    def work(k: slice) -> None:
+        motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))
+        slopes.slopes(chain, limits, motion, mine, value[k], slope[:, k], lanes.room(joints))
+        if near is not None:
+            room, push = apart.room(len(near.shapes.frame), joints), np.zeros((2, 1, joints, count))
+            for b in range(k.start, k.stop):
+                push[...] = 0.0
+                one = np.ascontiguousarray(motion[:, b - k.start, None])
+                value[b] += apart.keep_apart(chain, near.shapes, one, near.weight, near.reach, push, room)
+                slope[0, b] += push[0, 0]
+
+    share(work, batch, count)
+    return torch.from_numpy(value), [x.transpose(1, 2) for x in torch.from_numpy(slope)]
+
+
+def columns_of_links(columns: Tensor, joints: int) -> regressor.Columns:
+    """Ascending columns of the full regressor as kernels take them."""
+    first = torch.searchsorted(columns // 10, torch.arange(joints + 1))
+    return regressor.Columns((columns % 10).numpy(), first.numpy())
+
+
+def _states(q: Tensor, dq: Tensor, ddq: Tensor) -> np.ndarray:
+    """What kernels take of states (B, T, J), (5, B, J, T)."""
+    batch, count, joints = q.shape
+    states = np.empty((5, batch, joints, count))
+    for row, x in zip(states[2:], (q, dq, ddq)):
+        row[...] = x.detach().numpy().transpose(0, 2, 1)
+    # In pieces that torch does not share among its threads: those would wait beside ours, and busily.
+    sine, cosine, position = (x.split(_ALONE) for x in torch.from_numpy(states[:3]).flatten(1))
+    for s, c, x in zip(sine, cosine, position):
+        torch.sin(x, out=s)
+        torch.cos(x, out=c)
+    return states

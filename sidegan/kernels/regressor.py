@@ -1,0 +1,191 @@
+"""Compiled products of the base regressor with itself, which is never kept whole."""
+
+from typing import NamedTuple
+
+from sidegan.kernels.chain import Array, Chain
+from sidegan.kernels.formulas import add, columns_of, cross, times, to_child
+from sidegan.kernels.jit import inline_in_any_order, kernel, kernel_in_any_order
+from sidegan.kernels.lanes import (
+    LANES,
+    SHIFT,
+    Block,
+    Lanes,
+    Room,
+    fill,
+    load,
+    load_motion,
+    load_turn,
+    move,
+    rest,
+    step_of,
+    store,
+)
+from sidegan.kernels.links import Joint, joint
+
+SPAN = 2 * LANES  # most states whose regressor is kept at a time: it stays near the processor
+
+Four = tuple[float, float, float, float]
+
+
+class Columns(NamedTuple):
+    """The p base columns, links in order."""
+
+    kinds: Array  # which of its link's ten parameters each is, (p,)
+    first: Array  # first column of each link, and p at the end, (J + 1,)
+
+
+@kernel
+def _carry_screw(link: Lanes, screw: Lanes, width: int) -> None:
+    """A joint's turn and the speed of the origin, from the parent's frame into the link's."""
+    for n in range(min(width, LANES)):
+        r, turn = load_turn(link, n), load(screw, 0, n)
+        linear = add(load(screw, 3, n), cross(turn, load(link, SHIFT, n)))
+        store(screw, 0, n, to_child(r, turn))
+        store(screw, 3, n, to_child(r, linear))
+
+
+@kernel
+def _new_screw(j: Joint, screw: Lanes, width: int) -> None:
+    for n in range(min(width, LANES)):
+        store(screw, 0, n, times(1.0 - j.slides, j.axis))
+        store(screw, 3, n, times(j.slides, j.axis))
+
+
+@kernel
+def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
+    """The link's ten columns seen by one joint."""
+    for n in range(min(width, LANES)):
+        x = columns_of(load_motion(link, n), load(screw, 0, n), load(screw, 3, n))
+        ten[n] = x[0]
+        store(ten, 1, n, (x[1], x[2], x[3]))
+        store(ten, 4, n, (x[4], x[5], x[6]))
+        store(ten, 7, n, (x[7], x[8], x[9]))
+
+
+@kernel
+def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: Room, y: Array) -> int:
+    """Write the base regressor of a block of states; how many lanes each joint takes.
+
+    A column's row of y holds joint 0's lanes, then joint 1's, … up to the joint of its own link: the
+    others do not feel it. Lanes without a state are zero.
+    """
+    b, start, count = block
+    state, links, screws, ten = work.state, work.links, work.screws, work.ten
+    step = step_of(count)
+    span = (count + step - 1) // step * step
+    for at in range(0, count, step):
+        lanes = min(step, count - at)
+        fill(states, (b, start + at, lanes), step, state)
+        for i in range(states.shape[2]):
+            link = links[i + 1]
+            move(joint(chain, i), state[i], links[i], link, step)
+            _new_screw(joint(chain, i), screws[i], step)
+            for j in range(i + 1):
+                screw = screws[j]
+                if j < i:
+                    _carry_screw(link, screw, step)
+                _columns(link, screw, ten, step)
+                for k in range(columns.first[i], columns.first[i + 1]):
+                    row, to, kind = y[k], j * span + at, columns.kinds[k] * LANES
+                    for n in range(min(lanes, LANES)):
+                        row[to + n] = ten[kind + n]
+                    for n in range(lanes, step):
+                        row[to + n] = 0.0
+    return span
+
+
+@inline_in_any_order
+def _four(s: Four, x: float, y: Four) -> Four:
+    return s[0] + x * y[0], s[1] + x * y[1], s[2] + x * y[2], s[3] + x * y[3]
+
+
+@kernel_in_any_order
+def tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int, out: Array) -> None:
+    """Add the products of up to four rows (first, end) with four others, from ``low`` to ``high``."""
+    (i, ps), (j, qs) = p, q
+    a0, a1, a2, a3 = y[i], y[min(i + 1, ps - 1)], y[min(i + 2, ps - 1)], y[min(i + 3, ps - 1)]
+    b0, b1, b2, b3 = y[j], y[min(j + 1, qs - 1)], y[min(j + 2, qs - 1)], y[min(j + 3, qs - 1)]
+    s0 = s1 = s2 = s3 = (0.0, 0.0, 0.0, 0.0)
+    for n in range(low, high):
+        b = b0[n], b1[n], b2[n], b3[n]
+        s0, s1 = _four(s0, a0[n], b), _four(s1, a1[n], b)
+        s2, s3 = _four(s2, a2[n], b), _four(s3, a3[n], b)
+    products = s0, s1, s2, s3
+    for k in range(min(4, ps - i)):
+        for m in range(min(4, qs - j)):
+            out[i + k, j + m] += products[k][m]
+
+
+@kernel
+def mirror(x: Array, factor: float) -> None:
+    """Multiply what is above the diagonal, and write it below too."""
+    for p in range(len(x)):
+        for q in range(p, len(x)):
+            x[p, q] *= factor
+            x[q, p] = x[p, q]
+
+
+@kernel
+def grams(chain: Chain, states: Array, columns: Columns, gram: Array, work: Room, y: Array) -> None:
+    """Write the Gram matrices YᵀY / T of the base regressor of B trajectories, (B, p, p); zeros before.
+
+    There is room in y for the regressor, (p, J · SPAN).
+    """
+    count, size, first = states.shape[3], len(columns.kinds), columns.first
+    rest(chain.gravity, work.links[0])
+    for b in range(states.shape[1]):
+        for start in range(0, count, SPAN):
+            span = rows_of(chain, states, (b, start, min(SPAN, count - start)), columns, work, y)
+            for i in range(states.shape[2]):
+                for p in range(first[i], first[i + 1], 4):
+                    for q in range(p, size, 4):
+                        tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram[b])
+        mirror(gram[b], 1 / count)
+
+
+@kernel_in_any_order
+def _square(x: Array, high: int) -> float:
+    total = 0.0
+    for n in range(high):
+        total += x[n] * x[n]
+    return total
+
+
+@kernel
+def diagonal(chain: Chain, states: Array, columns: Columns, squares: Array, work: Room, y: Array) -> None:
+    """Write the diagonal of YᵀY / T, (p,), of the one trajectory of states (5, 1, J, T); zeros before.
+
+    There is room in y for the regressor, (p, J · SPAN).
+    """
+    count, first = states.shape[3], columns.first
+    rest(chain.gravity, work.links[0])
+    for start in range(0, count, SPAN):
+        span = rows_of(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
+        for i in range(states.shape[2]):
+            for p in range(first[i], first[i + 1]):
+                squares[p] += _square(y[p], (i + 1) * span) / count
+
+
+@kernel
+def sums(
+    chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Room, y: Array
+) -> None:
+    """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1); zeros before.
+
+    The torque, (B, J, T), comes last. There is room in y for the regressor and the torque, (p + 1, J · SPAN).
+    """
+    joints, count, size = states.shape[2], states.shape[3], len(columns.kinds)
+    rest(chain.gravity, work.links[0])
+    for b in range(states.shape[1]):
+        for start in range(0, count, SPAN):
+            lanes = min(SPAN, count - start)
+            span = rows_of(chain, states, (b, start, lanes), columns, work, y)
+            for j in range(joints):
+                for n in range(span):
+                    y[size, j * span + n] = torque[b, j, start + n] if n < lanes else 0.0
+            for j in range(joints):
+                for p in range(columns.first[j], size + 1, 4):
+                    for q in range(p, size + 1, 4):
+                        tile(y, (p, size + 1), (q, size + 1), j * span, (j + 1) * span, products[j])
+    for j in range(joints):
+        mirror(products[j], 1.0)

@@ -1,0 +1,80 @@
+"""Compiled eigenpairs at both ends of a spectrum against LAPACK."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sidegan.kernels.operations import extremes
+from tests.motion.conftest import normal
+from tests.threads import several_threads
+
+
+def symmetric(spectrum, seed):
+    size = len(spectrum)
+    turn = torch.linalg.qr(normal(size, size, seed=seed))[0]
+    x = (turn * torch.tensor(spectrum, dtype=torch.float64)) @ turn.T
+    return (x + x.T)[None] / 2
+
+
+def check(x, low=3, high=2):
+    """Values are LAPACK's; the vectors are eigenvectors, of length one and at right angles."""
+    values, vectors = extremes(x, low, high)
+    expected, size = torch.linalg.eigvalsh(x), x.shape[1]
+    if size > low + high:
+        expected = expected[:, [*range(low), *range(size - high, size)]]
+    scale = max(float(x.abs().max()), 1e-300)
+    torch.testing.assert_close(values / scale, expected / scale, rtol=0, atol=1e-14 * size)
+    residue = (x / scale) @ vectors - vectors * (values / scale)[:, None]
+    assert residue.abs().max() < 1e-13 * size
+    eye = torch.eye(vectors.shape[2], dtype=x.dtype).expand(len(x), -1, -1)
+    torch.testing.assert_close(vectors.mT @ vectors, eye, rtol=0, atol=1e-8)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=6, max_size=45), st.integers(0, 100))
+def test_ends_of_a_spectrum_are_lapacks(spectrum, seed):
+    check(symmetric(spectrum, seed))
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(1, 45), st.integers(1, 12), st.integers(0, 100))
+def test_spectra_over_many_orders_of_magnitude(size, orders, seed):
+    check(symmetric([10.0 ** (-orders * k / size) for k in range(size)], seed))
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        *(symmetric(spectrum, 0) for spectrum in ([0.0] * 9, [1.0] * 9, [0.0, 0, 0, 1, 1, 2, 2])),
+        torch.diag(torch.arange(9.0, dtype=torch.float64))[None],
+        torch.zeros(2, 8, 8, dtype=torch.float64),
+        1e150 * symmetric(range(1, 10), 1),
+        1e-150 * symmetric(range(1, 10), 1),
+    ],
+)
+def test_equal_eigenvalues_and_special_matrices(x):
+    check(x)
+    assert extremes(x[:0], 3, 2)[1].shape == (0, x.shape[1], 5)
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        torch.cat([symmetric(range(30), seed) for seed in range(20)]),
+        torch.stack([torch.arange(9.0).double().roll(k).diag() for k in range(9)]),  # each in each place
+    ],
+)
+def test_nothing_is_done_again_where_eigenvalues_are_well_apart(x, monkeypatch):
+    """That is what makes it fast: what is not accurate enough is left to LAPACK."""
+    monkeypatch.setattr("sidegan.kernels.operations.eigh", None)
+    check(x)
+
+
+def test_threads_change_nothing():
+    x = torch.cat([symmetric(range(20), seed) for seed in range(120)])
+    one = extremes(x, 3, 2)
+    with several_threads():
+        two = extremes(x, 3, 2)
+    for a, b in zip(one, two):
+        torch.testing.assert_close(a, b, rtol=1e-12, atol=1e-12)

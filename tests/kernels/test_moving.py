@@ -1,0 +1,42 @@
+"""How far bodies get in a cell, by closed forms."""
+
+import numpy as np
+import pytest
+import torch
+
+from sidegan.kernels.chain import Shapes
+from sidegan.kernels.moving import bend, least_height
+from sidegan.validity.regions import tables
+from tests.motion.conftest import REGIONS
+
+LENGTHS, SPEEDS, HALF = np.array([0.4, 0.3, 0.2]), np.array([1.5, 0.7, 2.0]), 0.01
+
+
+@pytest.mark.parametrize("inner", [0, 1])
+def test_a_stretched_arms_tip_leaves_its_even_motion_by_as_much_as_its_bound(inner):
+    """Joints with parallel axes at constant speeds: each link pulls the tip inwards by length · turning²."""
+    reach = np.stack([0 * LENGTHS, LENGTHS[::-1].cumsum()[::-1]])
+    motion = np.stack([0 * SPEEDS, 0 * SPEEDS, SPEEDS, 0 * SPEEDS])
+    pull = LENGTHS[inner:] @ SPEEDS[inner:].cumsum() ** 2
+    assert bend(reach, 1, (inner, 3), motion, HALF) == pytest.approx(HALF**2 / 2 * pull)
+    motion[3] = 5.0, 3.0, 2.0  # all of these accelerations at once, in the worst direction
+    pull += reach[1, inner:] @ motion[3, inner:]
+    assert bend(reach, 1, (inner, 3), motion, HALF) == pytest.approx(HALF**2 / 2 * pull)
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_a_capsule_that_moves_evenly_comes_no_nearer_to_a_region_than_its_bound(planar, name):
+    """To a plane just as near: there one of the ends is the nearest point, at one of the cell's ends."""
+    region, none = REGIONS[name], torch.zeros(0, 2, dtype=torch.int64)
+    shapes = Shapes.of(planar.capsules, none, none, tables([region]))
+    random, half, radius = np.random.default_rng(0), 0.2, shapes.radius[0]
+    for _ in range(60):
+        ends, twist = random.normal(size=(3, len(shapes.radius), 3)), random.normal(size=(2, 3, 3))
+        turning, moving = twist[:, shapes.frame[0]]
+        speeds = moving + np.cross(turning, ends[:2, 0])
+        at = [torch.from_numpy(ends[:2, 0] + t * speeds) for t in (0.0, *np.linspace(-half, half, 9))]
+        now, *cell = (float(region.margin(a[:, None], b[:, None])) - radius for a, b in at)
+        if now > 0:
+            found = least_height((shapes, ends), twist, (0, 0), now, half)
+            assert found <= min(cell) + 1e-7
+            assert name != "plane" or found == pytest.approx(min(cell))
