@@ -19,8 +19,9 @@ from sidegan.design.problem import Problem
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
-from sidegan.gan.training import Run, train_variant
+from sidegan.gan.side_gan import Data
+from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import recursive
 from sidegan.identification.gather import gather
@@ -135,12 +136,11 @@ def test_training(rate: Rate, tmp_path: Path) -> None:
     predictor = SuccessPredictor(arm, FAMILY, len(CONSTRAINTS.labels), sizes.width, sizes.margin_steps)
     converter = Converter(arm, FAMILY, spectrum.shape[1], sizes.width, sizes.feature_steps)
     converter.fit_standard(spectrum)
-    surrogates = Surrogates(*(one.eval().requires_grad_(False) for one in (predictor, converter)))
-
-    def train(place: Path) -> None:
-        train_variant(variant, CONSTRAINTS, FAMILY, seeds, Run("eigen", 0, place), surrogates)
-
-    rate(train, _EPOCHS, "epochs", 2, setup=_places(tmp_path))
+    for network in (predictor, converter):
+        network.freeze()
+    data = Data(CONSTRAINTS, FAMILY, seeds, predictor, converter)
+    places = _places(tmp_path)
+    rate(lambda place: train(variant, data, Run("eigen", 0, place)), _EPOCHS, "epochs", 2, setup=places)
 
 
 @pytest.mark.parametrize("by", [OURS, "Pinocchio + NumPy"])

@@ -1,6 +1,16 @@
-"""SIDE-GAN: networks, surrogates, variants and the one training loop; the only door to Lightning."""
+"""SIDE-GAN, after figure 1 of the paper; the only door to Lightning.
+
+    generator                    networks.Generator; with its scale and limits generator.TrajectoryGenerator
+    discriminators, both         networks.Discriminator; with its examples losses.Adversary
+    success predictor            surrogates.SuccessPredictor
+    converter to the spectrum    surrogates.Converter
+    losses                       functions in losses; which a variant adds is in variants
+    the adversarial loop         side_gan.SideGAN.training_step; training.train runs it
+
+The recipe as the authors published it is in the files ``published*``.
+"""
 
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.variants import Variant
+from sidegan.gan.settings import Variant
 
 __all__ = ["TrajectoryGenerator", "Variant"]

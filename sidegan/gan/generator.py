@@ -1,18 +1,17 @@
-"""The trained generator on its own: what it takes to make trajectories, in one file."""
+"""The generator of trajectories: its network, scale and limits, in one file once it is trained."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError, ShapeError, SideganError
 from sidegan.gan.limits import LimitLayer
 from sidegan.gan.networks import Generator
-from sidegan.gan.published import ConvolutionalGenerator
+from sidegan.gan.published_networks import ConvolutionalGenerator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
@@ -21,27 +20,49 @@ from sidegan.seeds.published import Layout
 _FORMAT = 4
 
 
-@dataclass(frozen=True)
-class TrajectoryGenerator:
-    """A generator with its scale, the trajectories' family and the robot that it was trained for."""
+class TrajectoryGenerator(nn.Module):
+    """A generator with its scale, the trajectories' family and the robot that it was trained for.
 
-    network: Generator | ConvolutionalGenerator  # noise → images
-    scaling: Scaling | Layout  # images → coefficients
-    trajectory: Trajectory  # the family of trajectories
-    robot: str  # name of the arm
-    digest: str  # of the arm's numbers
-    variant: str  # name of the variant
-    # last layer that keeps the limits on motion; None where there is none
-    limits: LimitLayer | None = None
+    Args:
+        network: noise → images.
+        scaling: images → coefficients.
+        trajectory: the family of trajectories.
+        robot: name of the arm.
+        digest: of the arm's numbers.
+        variant: name of the variant.
+        limits: last layer that keeps the limits on motion; None where there is none.
+    """
+
+    def __init__(
+        self,
+        network: Generator | ConvolutionalGenerator,
+        scaling: Scaling | Layout,
+        trajectory: Trajectory,
+        robot: str,
+        digest: str,
+        variant: str,
+        limits: LimitLayer | None = None,
+    ) -> None:
+        super().__init__()
+        self.network, self.scaling, self.limits = network, scaling, limits
+        self.trajectory, self.robot, self.digest, self.variant = trajectory, robot, digest, variant
+        self.float()
+
+    def coefficients(self, images: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), of images, within the limits where there is a layer of them."""
+        c = self.scaling.coefficients(images)
+        return c if self.limits is None else self.limits(c)
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
-        """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed."""
+        """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed.
+
+        A stream of random numbers in place of a seed goes on.
+        """
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
-        images = self.network.sample(count, _random(seed))
-        c = self.scaling.to(images).coefficients(images)
-        return (c if self.limits is None else self.limits(c)).double().cpu()
+        stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
+        return self.coefficients(self.network.sample(count, stream)).double().cpu()
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
@@ -82,7 +103,7 @@ class TrajectoryGenerator:
             network, scaling = _stored_network(meta, content, family)
             limits = _stored_limits(content, family) if meta["limited"] else None
             names = (meta["robot"], meta["digest"], meta["variant"])
-            generator = cls(network.eval(), scaling, family, *names, limits)
+            generator = cls(network, scaling, family, *names, limits).eval()
         except ArtifactError:
             raise
         except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
@@ -93,11 +114,6 @@ class TrajectoryGenerator:
                 f"not for {arm.name} (digest {arm.digest[:12]})"
             )
         return generator
-
-
-def _random(seed: int | torch.Generator) -> torch.Generator:
-    """Random numbers of a seed; a stream that is given goes on."""
-    return seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
 
 
 def _stored_limits(content: dict[str, Any], family: Trajectory) -> LimitLayer:

@@ -15,6 +15,7 @@ from sidegan.validity import Constraints, check
 _DISTANCE = 0.1  # [m] clearance that counts like a whole joint range
 _CLIP = 1.0  # scaled margins beyond this carry no information about validity
 _BATCH = 250
+_HELD_OUT = 0.15
 _SMALLEST, _LARGEST = 0.8, 1.2  # of what surrogates learn from, in its own size
 
 
@@ -28,8 +29,13 @@ class Labelled:
     spectrum: Tensor  # spectrum of YᵀY, (N, p)
     diagonal: Tensor  # diagonal of YᵀY, (N, p)
 
-    def part(self, rows: Tensor) -> "Labelled":
-        """The samples at ``rows``."""
+    def split(self, random: torch.Generator) -> "tuple[Labelled, Labelled]":
+        """Samples to learn from, and those that are held out."""
+        order = torch.randperm(len(self.c), generator=random)
+        cut = int(len(order) * (1 - _HELD_OUT))
+        return self._part(order[:cut]), self._part(order[cut:])
+
+    def _part(self, rows: Tensor) -> "Labelled":
         return Labelled(**{name: x[rows] for name, x in vars(self).items()})
 
     @staticmethod

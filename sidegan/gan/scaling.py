@@ -1,21 +1,28 @@
 """The affine map between coefficients and the unit-spread images that the networks see."""
 
-from dataclasses import dataclass
-
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from sidegan.errors import ShapeError
 
 _SHRINKAGE = 1e-3  # share of the mean variance added to each covariance: few seeds may span less than 2 H
 
 
-@dataclass(frozen=True)
-class Scaling:
-    """Image = (coefficients − mean) whitened, per joint."""
+class Scaling(nn.Module):
+    """Image = (coefficients − mean) whitened, per joint.
 
-    mean: Tensor  # mean coefficients [rad/s], (J, 2 H)
-    spread: Tensor  # from image to coefficients, per joint, (J, 2 H, 2 H)
+    Args:
+        mean: mean coefficients [rad/s], (J, 2 H).
+        spread: from image to coefficients, per joint, (J, 2 H, 2 H).
+    """
+
+    mean: Tensor
+    spread: Tensor
+
+    def __init__(self, mean: Tensor, spread: Tensor) -> None:
+        super().__init__()
+        self.register_buffer("mean", mean)
+        self.register_buffer("spread", spread)
 
     @staticmethod
     def fit(c: Tensor) -> "Scaling":
@@ -30,10 +37,6 @@ class Scaling:
         eye = torch.eye(x.shape[2], dtype=torch.float64)
         values, vectors = torch.linalg.eigh(covariance + floor[:, None, None] * eye)
         return Scaling(mean, vectors @ torch.diag_embed(values.sqrt()) @ vectors.transpose(1, 2))
-
-    def to(self, like: Tensor) -> "Scaling":
-        """The same scaling on the device and dtype of ``like``."""
-        return Scaling(self.mean.to(like), self.spread.to(like))
 
     def coefficients(self, image: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, J, H)."""

@@ -1,53 +1,47 @@
 """Networks that stand for the physics in the generator's loss: success predictor and converter.
 
 Both see the trajectory rolled out in time and work on each time point alike (a convolution of kernel
-one), then pool over time: the worst moment decides validity, the mean makes up YᵀY.
+one), then pool over time: the worst moment decides validity, the mean makes up YᵀY. They are trained before
+any variant that learns from them.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
-from sidegan.base.typed import Count
-from sidegan.errors import ConfigError
 from sidegan.gan.rollout import RollOut
-from sidegan.gan.variants import Variant
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 _TINY = 1e-12  # features below it count as it
 _LEAST_SPREAD = 1e-3  # of log features
 _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
+_NEAR = 0.05  # margin from which on an error counts less
+_CLASSIFICATION = 0.3  # weight of the valid/faulty loss beside the margins' loss
+_RATE, _PEAK_RATE = 2e-3, 3e-3
+_MEASURED = 500  # trajectories at once
 
 
-@dataclass(frozen=True)
-class PublishedSurrogates:
-    """How the published surrogates are trained."""
+class Surrogate(pl.LightningModule):
+    """A network of coefficients (B, J, H, 2), trained by Adam with one cycle of its rate."""
 
-    shipped: bool  # the authors' weights from seeds.folder in place of a training
-    steps: Count  # of batches of 100
+    def configure_optimizers(self) -> Any:
+        """Adam, whose rate rises and falls once in the training."""
+        optimiser = torch.optim.Adam(self.parameters(), _RATE)
+        steps = int(self.trainer.estimated_stepping_batches)
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _PEAK_RATE, total_steps=steps)
+        return {"optimizer": optimiser, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
-
-@dataclass(frozen=True)
-class SurrogateSettings:
-    """How success predictor and converters are trained, before any variant that learns from them."""
-
-    samples: Count
-    epochs: Count
-    width: Count
-    margin_steps: Count  # time points per trajectory at which margins are predicted
-    feature_steps: Count  # time points per trajectory that the converter sees
-    negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
-    published: PublishedSurrogates | None  # as their authors published them; null: ours
-
-    def __post_init__(self) -> None:
-        if len(self.negatives) != 1:
-            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
+    @torch.no_grad()
+    def outputs(self, c: Tensor) -> Tensor:
+        """Outputs for many trajectories, without gradient."""
+        return torch.cat([self(part) for part in c.float().split(_MEASURED)])
 
 
-class SuccessPredictor(nn.Module):
+class SuccessPredictor(Surrogate):
     """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
 
     The limits on motion, the first constraints, are linear in the coefficients, so their margins are computed
@@ -81,8 +75,23 @@ class SuccessPredictor(nn.Module):
         worst = margins.amin(2)
         return nn.functional.logsigmoid(self.log_gain.exp() * (worst - self.offset)).sum(1)
 
+    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+        """Loss of margins by moment (B, G, T) and of labels (B,) for coefficients, 0-dimensional."""
+        c, margins, valid = batch
+        predicted = self.margins(c)
+        # Near zero, where validity is decided, an error counts most.
+        weight = 1 / (_NEAR + margins.abs())
+        log_valid = self.log_probability(predicted)
+        log_faulty = torch.log(-torch.expm1(log_valid.clamp_max(-1e-6)))
+        cross_entropy = -torch.where(valid, log_valid, log_faulty).clamp_min(-10).mean()
+        return (weight * (predicted - margins).abs()).mean() + _CLASSIFICATION * cross_entropy
 
-class Converter(nn.Module):
+    def accuracy(self, c: Tensor, valid: Tensor) -> float:
+        """Share of trajectories whose label it predicts."""
+        return float(((self.outputs(c).exp() > 0.5) == valid).double().mean())
+
+
+class Converter(Surrogate):
     """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
 
     mean: Tensor
@@ -105,6 +114,16 @@ class Converter(nn.Module):
         log_energy = torch.log(1e-4 + (moments * moments).mean(2))
         return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
 
+    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+        """Loss of standardised log features (B, p) for coefficients, 0-dimensional."""
+        c, target = batch
+        return nn.functional.smooth_l1_loss(self(c), target)
+
+    def explained(self, c: Tensor, features: Tensor) -> Tensor:
+        """Coefficient of determination R² of each standardised feature, (p,)."""
+        error, target = self.outputs(c) - self.standardise(features), self.standardise(features)
+        return 1 - (error**2).mean(0) / target.var(0, unbiased=False).clamp_min(1e-12)
+
     def standardise(self, features: Tensor) -> Tensor:
         """Standardised logs of true features (B, p)."""
         return (_logs(features) - self.mean) / self.spread
@@ -123,14 +142,6 @@ class Converter(nn.Module):
 
 def _logs(features: Tensor) -> Tensor:
     return features.clamp_min(_TINY).log().float()
-
-
-@dataclass(frozen=True)
-class Surrogates:
-    """The frozen surrogates of one variant, as far as it needs them."""
-
-    predictor: nn.Module | None = None
-    converter: nn.Module | None = None
 
 
 class _ByMoment(nn.Sequential):

@@ -1,50 +1,30 @@
-"""Training of a SIDE-GAN variant: its networks and loss terms, and the true physics after every epoch."""
+"""Training of a variant, with the true physics of what it generates after every epoch."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any
 
 import pytorch_lightning as pl
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
+from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.design.coordinates import Coordinates
-from sidegan.design.excitation import excitation_of
 from sidegan.design.problem import Problem
-from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.gan.diversity import distance, distance_target, rank, rank_target
-from sidegan.gan.exact import objective, violation
+from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.limits import LimitLayer
-from sidegan.gan.loop import EpochEnd, Training, fit
 from sidegan.gan.metrics import kept_epoch, measure
-from sidegan.gan.networks import Discriminator, Generator
-from sidegan.gan.published import (
-    IMAGE,
-    ConvolutionalGenerator,
-    PublishedSampler,
-    ShallowNetwork,
-    published_terms,
-)
-from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
-from sidegan.gan.terms import Adversary, Batch, LossTerm, PredictedSuccess, Sampler, predicted_ratio
-from sidegan.gan.variants import Variant
-from sidegan.motion.dynamics import gram
+from sidegan.gan.settings import Variant
+from sidegan.gan.side_gan import Data, SideGAN
+from sidegan.gan.trainer import fit
+from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds.published import Layout
 from sidegan.validity import Constraints, check, summarise_faults
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
-_EPOCH = "epoch-{}.pt"  # the weights that the training would keep after it
-_SAMPLES = "samples-{}.pt"  # the images that were drawn after it
 _RANDOM = 2000  # random trajectories that a variant without seeds starts from
-_NO_SURROGATES = Surrogates()
-_P = TypeVar("_P", bound=nn.Module)
-_C = TypeVar("_C", bound=nn.Module)
 
 
 @dataclass(frozen=True)
@@ -67,142 +47,83 @@ class Run:
     evaluation: int = 200  # trajectories whose true physics is measured after every epoch; 0: none
     samples: int = 0  # trajectories drawn after every epoch, for surrogates to learn from
     device: str = "cpu"  # where the networks run
-    epoch_end: EpochEnd | None = None  # called with (epoch, metrics) after every epoch
+    progress: Report = lambda done, total: None  # of epochs
+
+    def after(self, epoch: int) -> Path:
+        """File of the generator's weights after an epoch, and of what was drawn then."""
+        return self.work / f"epoch-{epoch}.pt"
 
 
-def train_variant(
-    variant: Variant,
-    constraints: Constraints,
-    trajectory: Trajectory,
-    seeds: Tensor | None,
-    run: Run,
-    surrogates: Surrogates = _NO_SURROGATES,
-) -> Trained:
-    """A generator trained on a seed set (N, J, H, 2) [rad/s]; None for a variant that learns from none.
+def train(settings: Variant, data: Data, run: Run) -> Trained:
+    """A generator trained on a seed set, or on the arm alone where the variant learns from none.
 
     Raises:
         ConfigError: when the variant needs a surrogate that is not given.
         ShapeError: when the seeds do not fit.
-        SideganError: when the training diverges.
+        SideganError: when the training diverges; the last whole epoch is kept.
+        KeyboardInterrupt: when it is interrupted.
     """
     pl.seed_everything(run.seed, verbose=False)
-    if not variant.seeded:
-        seeds = random_trajectories(constraints, trajectory, run.seed)
-    if seeds is None:
-        raise ShapeError(f"{run.name} learns from a seed set, got none")
-    trajectory.check(seeds)
-    if len(seeds) < 2:
-        raise ShapeError(f"training needs at least two seeds, got {len(seeds)}")
-    training = assemble(variant, constraints, trajectory, seeds, run, surrogates)
-    schedule, sampler = training.schedule, training.sampler
-    examples = TensorDataset(torch.arange(len(seeds)))
-    order = RandomSampler(examples, num_samples=schedule.steps * schedule.batch)  # whole passes first
-
-    def evaluate(epoch: int) -> dict[str, float]:
-        noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
-        c = training.sampled(max(2, run.evaluation), noise).cpu()
-        if not torch.isfinite(c).all():
-            training.stop("not a number")
-        write_torch(run.work / _EPOCH.format(epoch), sampler.network.state_dict())
-        if run.samples:
-            with torch.no_grad():
-                drawn = sampler.network.sample(run.samples, noise).cpu()
-            write_torch(run.work / _SAMPLES.format(epoch), drawn)
-        return measure(constraints, trajectory, c) if run.evaluation else {}
-
-    loader = DataLoader(examples, schedule.batch, sampler=order)
-    fit(training, loader, run.work, evaluate, run.epoch_end, run.device)
-    kept = kept_epoch(training.history, variant.least_valid)
-    network, names = sampler.network, (constraints.arm.name, constraints.arm.digest, run.name)
-    network.load_state_dict(read_torch(run.work / _EPOCH.format(kept)))
-    generator = TrajectoryGenerator(network.eval(), sampler.scaling, trajectory, *names, sampler.limits)
+    data = replace(data, seeds=_seeds(settings, data, run))
+    model = VARIANTS[settings.variant](settings, data, run.name)
+    rows = TensorDataset(torch.arange(len(model.seeds)))
+    order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
+    measured = Measured(run)
+    batches = DataLoader(rows, settings.batch, sampler=order)
+    fit(model, batches, settings.epochs, [measured], run.work, run.device)
+    kept = kept_epoch(measured.history, settings.least_valid)
+    model.generator.network.load_state_dict(read_torch(run.after(kept))["weights"])
     samples = None
     if run.samples:
-        samples = torch.cat([read_torch(run.work / _SAMPLES.format(i)) for i in range(variant.epochs)])
-    return Trained(generator, training.history, kept, samples)
+        samples = torch.cat([read_torch(run.after(i))["samples"] for i in range(settings.epochs)])
+    return Trained(model.generator.eval(), measured.history, kept, samples)
 
 
-def assemble(
-    variant: Variant,
-    constraints: Constraints,
-    trajectory: Trajectory,
-    seeds: Tensor,
-    run: Run,
-    surrogates: Surrogates = _NO_SURROGATES,
-) -> Training:
-    """Networks and loss terms of a variant, untrained; as ``train_variant``, which trains them."""
-    if variant.published is not None:
-        return _assemble_published(variant, trajectory, seeds, run, surrogates)
-    limits = LimitLayer.of(constraints.arm, trajectory) if variant.limited else None
-    predictor, converter = _needed(variant, run, surrogates, SuccessPredictor, Converter)
-    sampler = Sampler(*_network(variant, seeds), limits, converter)
-    terms: list[LossTerm] = []
-    if variant.exact is not None:
-        problem = Problem(constraints, trajectory, variant.exact.samples)
-        terms.append(violation(variant.weights.success, variant.exact, problem))
-        terms.append(objective(variant.weights.fitness, variant.exact, problem))
-    else:
-        images = sampler.scaling.image(seeds.float())
-        terms.append(_adversary(variant, variant.weights.adversarial, images, lambda batch: batch.images))
-        if predictor is not None:
-            terms.append(PredictedSuccess(variant.weights.success, predictor))
-        if converter is not None:
-            excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, seeds))
-            features = converter.standardise(getattr(excitation, variant.features))
-            terms.append(
-                _adversary(variant, variant.weights.features, features, lambda batch: batch.features)
-            )
-            terms.append(predicted_ratio(variant.weights.fitness, converter, variant.fitness_start))
-    terms.append(distance(variant.weights.distance, distance_target(seeds)))
-    terms.append(rank(variant.weights.rank, rank_target(seeds, variant.batch)))
-    return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
+class Measured(pl.Callback):
+    """True physics of what a generator makes after every epoch; its weights then are left in a file."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.history: list[dict[str, float]] = []
+
+    @torch.no_grad()
+    def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
+        """Measure, before Lightning saves its checkpoint."""
+        run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
+        noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
+        c = generator.sample(max(2, run.evaluation), noise)
+        if not torch.isfinite(c).all():
+            pl_module.stop("not a number")
+        left: dict[str, Any] = {"weights": generator.network.state_dict()}
+        if run.samples:
+            left["samples"] = generator.network.sample(run.samples, noise).cpu()
+        write_torch(run.after(epoch), left)
+        data = pl_module.data
+        metrics = measure(data.constraints, data.trajectory, c) if run.evaluation else {}
+        pl_module.log_dict(metrics)  # for loggers and other callbacks
+        self.history.append(metrics)
+        run.progress(epoch + 1, trainer.max_epochs or 0)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Metrics so far, for Lightning's checkpoint."""
+        return {"history": self.history}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Go on with the metrics of a checkpoint."""
+        self.history = state_dict["history"]
 
 
-def _needed(
-    variant: Variant, run: Run, surrogates: Surrogates, predictor: type[_P], converter: type[_C]
-) -> tuple[_P | None, _C | None]:
-    """The surrogates that a variant learns from, of its recipe's kinds; None where it needs none."""
-    success = surrogates.predictor if variant.seeded and variant.weights.success > 0 else None
-    features = surrogates.converter if variant.features != "none" else None
-    if variant.seeded and variant.weights.success > 0 and not isinstance(success, predictor):
-        raise ConfigError(f"{run.name} needs a predictor of success")
-    if variant.features != "none" and not isinstance(features, converter):
-        raise ConfigError(f"{run.name} needs a converter to {variant.features}")
-    return cast("_P | None", success), cast("_C | None", features)
-
-
-def _assemble_published(
-    variant: Variant, trajectory: Trajectory, seeds: Tensor, run: Run, surrogates: Surrogates
-) -> Training:
-    """The same for a variant of the published recipe."""
-    layout = Layout(trajectory.joints, trajectory.harmonics)
-    if layout.shape != IMAGE:
-        raise ConfigError(
-            f"{run.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 harmonics; "
-            f"these trajectories have {trajectory.joints} joints and {trajectory.harmonics} harmonics"
-        )
-    network = ConvolutionalGenerator(variant.noise, variant.width, variant.batch)
-    predictor, converter = _needed(variant, run, surrogates, ShallowNetwork, ShallowNetwork)
-    sampler = PublishedSampler(network, layout, converter)
-    terms = published_terms(variant, sampler, seeds, predictor)
-    return Training(run.name, sampler, terms, variant.schedule(len(seeds)))
-
-
-def _network(variant: Variant, seeds: Tensor) -> tuple[Generator, Scaling]:
-    """The generator's network and what its images mean."""
-    _, joints, harmonics, _ = seeds.shape
-    network = Generator(joints, harmonics, variant.noise, variant.width, variant.gaussian_start)
-    scaling = Scaling.fit(seeds)
-    if variant.gaussian_start:
-        network.start_from(scaling.image(seeds.double()))
-    return network, scaling
-
-
-def _adversary(
-    variant: Variant, weight: float, examples: Tensor, view: Callable[[Batch], Tensor]
-) -> Adversary:
-    """A discriminator of what it sees of trajectories, and of as much of the seeds (N, …)."""
-    return Adversary(weight, Discriminator(examples[0].numel(), variant.width), examples, view)
+def _seeds(settings: Variant, data: Data, run: Run) -> Tensor:
+    """Seeds to learn from, after a look at them."""
+    seeds = data.seeds
+    if not settings.seeded:
+        seeds = random_trajectories(data.constraints, data.trajectory, run.seed)
+    if seeds is None:
+        raise ShapeError(f"{run.name} learns from a seed set, got none")
+    data.trajectory.check(seeds)
+    if len(seeds) < 2:
+        raise ShapeError(f"training needs at least two seeds, got {len(seeds)}")
+    return seeds
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:

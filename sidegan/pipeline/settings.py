@@ -19,7 +19,7 @@ from sidegan.design.sequence import Search
 from sidegan.designer.settings import DesignerSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
-from sidegan.gan.surrogates import SurrogateSettings
+from sidegan.gan.settings import SurrogateSettings
 from sidegan.identification import (
     EstimationSettings,
     GoalSettings,

@@ -51,10 +51,6 @@ class Layout:
         rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
         return rows.permute(0, 2, 3, 1) / SCALE
 
-    def to(self, like: Tensor) -> "Layout":
-        """Itself: it has no numbers of its own, on whatever device."""
-        return self
-
 
 @dataclass(frozen=True)
 class PublishedSeeds:

@@ -9,18 +9,20 @@ from sidegan.design.problem import Problem
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.labels import blend, label
 from sidegan.gan.networks import Generator
-from sidegan.gan.pretrain import split, train_converter, train_predictor
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates
-from sidegan.gan.training import Run, assemble, train_variant
-from sidegan.gan.variants import Weights
+from sidegan.gan.settings import Weights
+from sidegan.gan.side_gan import Data
+from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.gan.trainer import Shuffled, fit
+from sidegan.gan.training import Run, train
+from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
 
 STEPS = 32  # time points that the surrogates see
+SMALL = {"epochs": 3, "steps": 2, "batch": 32, "noise": 20, "width": 32}
 NONE = Weights(adversarial=0, features=0, success=0, fitness=0, distance=0, rank=0)
-ADVERSARIAL = replace(NONE, adversarial=1)
 FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, distance=1, rank=1)
 
 
@@ -38,7 +40,7 @@ def untrained(arm, family, start, limits=None):
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network.eval(), scaling, family, arm.name, arm.digest, "eigen", limits)
+    return TrajectoryGenerator(network, scaling, family, arm.name, arm.digest, "eigen", limits).eval()
 
 
 @pytest.fixture(scope="session")
@@ -68,37 +70,39 @@ def wild(constraints, family):
 def labelled(constraints, family, seeds, wild):
     """Training and held-out samples."""
     c = blend(1.15 * seeds, wild, 1800, random(2))
-    return split(label(constraints, family, c, STEPS), random(3))
+    return label(constraints, family, c, STEPS).split(random(3))
 
 
 @pytest.fixture(scope="session")
 def predictor(planar, family, constraints, labelled):
     torch.manual_seed(0)
-    made = SuccessPredictor(planar, family, len(constraints.labels), 64, STEPS)
-    train_predictor(made, labelled[0], 12, random(4))
+    made, data = SuccessPredictor(planar, family, len(constraints.labels), 64, STEPS), labelled[0]
+    fit(made, Shuffled((data.c, data.margins, data.valid), 100, random(4)), 12)
+    made.freeze()
     return made
 
 
 @pytest.fixture(scope="session")
 def converter(planar, family, labelled):
     torch.manual_seed(0)
-    diagonal = labelled[0].diagonal
+    c, diagonal = labelled[0].c, labelled[0].diagonal
     made = Converter(planar, family, diagonal.shape[1], 64, STEPS)
-    train_converter(made, labelled[0].c, diagonal, 40, random(5))
+    made.fit_standard(diagonal)
+    fit(made, Shuffled((c, made.standardise(diagonal)), 100, random(5)), 40)
+    made.freeze()
     return made
 
 
 @pytest.fixture(scope="session")
 def vanilla():
     """A small vanilla GAN of few epochs."""
-    sizes = {"epochs": 3, "steps": 2, "batch": 32, "noise": 20, "width": 32}
-    return replace(tiny().gan["vanilla"], weights=ADVERSARIAL, **sizes)
+    return replace(tiny().gan["vanilla"], **SMALL)
 
 
 @pytest.fixture(scope="session")
-def full(vanilla):
+def full():
     """A small variant with every loss."""
-    return replace(vanilla, features="diagonal", weights=FULL, fitness_start=1)
+    return replace(tiny().gan["diagonal"], weights=FULL, **SMALL)
 
 
 @pytest.fixture(scope="session")
@@ -109,28 +113,31 @@ def exact():
     terms = {"single": made.exact.terms["single"]}
     physics = replace(made.exact, terms=terms, samples=24, reserve=0.03)
     weights = replace(made.weights, success=1000, rank=20)
-    return replace(made, weights=weights, learning_rate=2e-3, exact=physics, **sizes)
+    return replace(made, weights=weights, exact=physics, **sizes)
 
 
 @pytest.fixture(scope="session")
-def train(constraints, family, seeds):
+def data(constraints, family, seeds):
+    return Data(constraints, family, seeds[:64])
+
+
+@pytest.fixture(scope="session")
+def trained(data):
     """Training of a variant in a folder."""
 
-    def run(variant, work, seed=1, surrogates=None, **options):
-        given = seeds[:64] if variant.seeded else None
-        once = Run("small", seed, work, **{"evaluation": 20, **options})
-        return train_variant(variant, constraints, family, given, once, surrogates or Surrogates())
+    def run(variant, work, seed=1, data=data, **options):
+        return train(variant, data, Run("small", seed, work, **{"evaluation": 20, **options}))
 
     return run
 
 
 @pytest.fixture(scope="session")
-def assembled(constraints, family, seeds, tmp_path_factory):
+def made(data, seeds, predictor, converter):
     """An untrained variant, the same at every call."""
-    run = Run("small", 0, tmp_path_factory.mktemp("assembled"))
 
-    def make(variant, *surrogates):
+    def make(variant):
         torch.manual_seed(0)
-        return assemble(variant, constraints, family, seeds, run, Surrogates(*surrogates))
+        given = replace(data, seeds=seeds, success_predictor=predictor, converter=converter)
+        return VARIANTS[variant.variant](variant, given, "small")
 
     return make

@@ -9,18 +9,13 @@ import torch
 from sidegan.base.storage import read_torch
 from sidegan.errors import ConfigError
 from sidegan.gan import TrajectoryGenerator
-from sidegan.gan.published import (
-    IMAGE,
-    ConvolutionalDiscriminator,
-    ConvolutionalGenerator,
-    GrowingSuccess,
-    converter_network,
-    fitness_loss,
-    predictor_network,
-)
-from sidegan.gan.published_training import PublishedPretraining, load_published
-from sidegan.gan.surrogates import PublishedSurrogates
-from sidegan.gan.training import Run, train_variant
+from sidegan.gan.pretraining import load_surrogates
+from sidegan.gan.published import fitness, growing
+from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
+from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor, PublishedPretraining
+from sidegan.gan.settings import PublishedSurrogates
+from sidegan.gan.side_gan import Data
+from sidegan.gan.training import Run, train
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds.published import WEIGHTS, Layout
 from sidegan.validity import Constraints, check
@@ -48,15 +43,16 @@ def papers(arm):
     return Constraints(arm, torque=False), c
 
 
-def train(papers, variant, work, folder=None, **options):
+def trained(papers, variant, work, folder=None, **options):
     constraints, c = papers
+    known = load_surrogates(folder, variant, constraints.arm, FAMILY) if folder else ()
     run = Run("small", 0, work, **{"evaluation": 10, **options})
-    return train_variant(variant, constraints, FAMILY, c, run, load_published(folder, variant))
+    return train(variant, Data(constraints, FAMILY, c, *known), run)
 
 
 @pytest.fixture(scope="module")
 def vanilla(papers, variants, tmp_path_factory):
-    return train(papers, variants["vanilla"], tmp_path_factory.mktemp("vanilla"), samples=25)
+    return trained(papers, variants["vanilla"], tmp_path_factory.mktemp("vanilla"), samples=25)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +65,7 @@ def pretraining(papers, vanilla):
 
 @pytest.fixture(scope="module")
 def surrogates(pretraining, tmp_path_factory):
-    """Folder of surrogates that learnt from the vanilla GAN's samples, and what is told of them."""
+    """Folder of surrogates that learnt from the vanilla GAN's samples, and their report."""
     made = tmp_path_factory.mktemp("surrogates")
     told = pretraining.train_success(made, 0, None, lambda *_: None)
     for name in pretraining.features:
@@ -78,7 +74,7 @@ def surrogates(pretraining, tmp_path_factory):
 
 
 def test_given_weights_are_kept_as_they_are_and_measured(pretraining, tmp_path):
-    weights = {name: x for name, x in predictor_network().state_dict().items() if name != "scale"}
+    weights = {name: x for name, x in PublishedPredictor().state_dict().items() if name != "scale"}
     told = pretraining.train_success(tmp_path, 0, weights, lambda *_: None)
     kept = read_torch(tmp_path / "success.pt")["weights"]
     assert kept.pop("scale") == 1 and all(torch.equal(kept[name], x) for name, x in weights.items())
@@ -96,26 +92,21 @@ def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
 ):
     made, told = surrogates
     assert 0 <= told["accuracy_broad"] <= 1 and told[f"error_{variants[name].features}"] < 1
-    trained = train(papers, variants[name], tmp_path / "work", made)
-    trained.generator.save(tmp_path / "generator.pt")
-    again, c = TrajectoryGenerator.load(tmp_path / "generator.pt", arm), trained.generator.sample(23, 5)
+    generator = trained(papers, variants[name], tmp_path / "work", made).generator
+    generator.save(tmp_path / "generator.pt")
+    again, c = TrajectoryGenerator.load(tmp_path / "generator.pt", arm), generator.sample(23, 5)
     assert torch.equal(again.sample(23, 5), c) and c.shape == (23, *FAMILY.shape)
     assert float(c.abs().max()) < 1 / 4.9
 
 
 def test_surrogates_are_needed_and_other_images_are_refused(papers, variants, planar, tmp_path):
-    with pytest.raises(ConfigError, match="needs a predictor of success"):
-        train(papers, variants["eigen"], tmp_path)
+    with pytest.raises(ConfigError, match="needs a success predictor and a converter to spectrum"):
+        trained(papers, variants["eigen"], tmp_path)
     family = Trajectory(2, 3, 8.0)
+    data = Data(Constraints(planar), family, torch.rand(9, *family.shape))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
-        train_variant(
-            variants["vanilla"],
-            Constraints(planar),
-            family,
-            torch.rand(9, *family.shape),
-            Run("x", 0, tmp_path),
-        )
-    with pytest.raises(ConfigError, match="none of limited; choose"):
+        train(variants["vanilla"], data, Run("x", 0, tmp_path))
+    with pytest.raises(ConfigError, match="is not limited: set both false"):
         replace(variants["eigen"], limited=True)
 
 
@@ -135,17 +126,16 @@ def test_discriminators_see_images_and_lists_of_any_length():
 
 def test_losses_have_their_closed_forms():
     even, one = torch.ones(3, 8), torch.eye(8)[:2]
-    assert float(fitness_loss(5 * even, "entropy")) == pytest.approx(math.log(8), rel=1e-6)
-    assert float(fitness_loss(even, "minus_entropy")) == pytest.approx(-math.log(8), rel=1e-6)
-    assert float(fitness_loss(one, "entropy")) == pytest.approx(0, abs=1e-6)
-    assert float(fitness_loss(torch.tensor([[1.0, 4.0], [2.0, 6.0]]), "ratio")) == pytest.approx(3.5)
-    growing = GrowingSuccess(1.0, predictor_network(), 10)
-    assert [growing.weight_at(epoch, 0.0) for epoch in (0, 10, 20)] == pytest.approx([1, 1, 1.6])
+    assert float(fitness(5 * even, "entropy")) == pytest.approx(math.log(8), rel=1e-6)
+    assert float(fitness(even, "minus_entropy")) == pytest.approx(-math.log(8), rel=1e-6)
+    assert float(fitness(one, "entropy")) == pytest.approx(0, abs=1e-6)
+    assert float(fitness(torch.tensor([[1.0, 4.0], [2.0, 6.0]]), "ratio")) == pytest.approx(3.5)
+    assert [growing(10)(epoch, 0.0) for epoch in (0, 10, 20)] == pytest.approx([1, 1, 1.6])
 
 
 @pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' weights are not at hand")
 @pytest.mark.parametrize(
-    ("name", "network"), [("predictor", predictor_network()), ("converter", converter_network(35))]
+    ("name", "network"), [("predictor", PublishedPredictor()), ("converter", PublishedConverter(35))]
 )
 def test_the_authors_weights_fit_the_networks(name, network):
     weights = torch.load(AUTHORS / WEIGHTS[name], weights_only=True)

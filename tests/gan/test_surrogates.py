@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from sidegan.gan.labels import scaled_margins
-from sidegan.gan.pretrain import accuracy, explained
 from sidegan.gan.rollout import RollOut
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.motion.trajectory import Trajectory
@@ -83,13 +82,13 @@ def test_standardised_features_come_back_as_logs(planar, family):
 def test_the_predictor_learns_validity(predictor, labelled):
     held = labelled[1]
     assert 0.15 < float(held.valid.double().mean()) < 0.85  # or there would be nothing to learn
-    assert accuracy(predictor, held.c, held.valid) > 0.9
+    assert predictor.accuracy(held.c, held.valid) > 0.9
 
 
 def test_the_converter_learns_the_features(converter, labelled, planar, family):
     held = labelled[1]
-    r2 = explained(converter, held.c, held.diagonal)
+    r2 = converter.explained(held.c, held.diagonal)
     assert r2.shape == (held.diagonal.shape[1],) and r2.mean() > 0.8
     untrained = Converter(planar, family, held.diagonal.shape[1], 8, 8)
     untrained.fit_standard(held.diagonal)
-    assert explained(untrained, held.c, held.diagonal).mean() < 0.5
+    assert untrained.explained(held.c, held.diagonal).mean() < 0.5

@@ -12,7 +12,7 @@ def on_subset(task: Task, size: int) -> Task:
     """The same task, trained on so many of the seeds; on all of them it is the task itself."""
     if size >= task.cfg.seeds.count:
         return task
-    variants = {name: one for name, one in task.cfg.gan.items() if one.features != "none"} or task.cfg.gan
+    variants = {name: one for name, one in task.cfg.gan.items() if one.features} or task.cfg.gan
     return task.with_settings(subset=size, gan=variants, trainings=task.cfg.scale.side_trainings)
 
 

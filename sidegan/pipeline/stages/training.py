@@ -1,7 +1,7 @@
 """What is trained: surrogates from seeds and a vanilla generator, generators from seeds and surrogates."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -40,7 +40,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
     variant = variant or task.cfg.gan[name]
     samples = _samples(task, variant)
     inputs = {"seeds": seed_set(task)} if variant.seeded else {}
-    inputs |= {"surrogates": surrogates(task)} if variant.predicted else {}
+    inputs |= {"surrogates": surrogates(task)} if variant.features else {}
     return task.artifact(
         "gan",
         name,
@@ -57,7 +57,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
 
 def _samples(task: Task, variant: Variant) -> int:
     """How many samples of each epoch a training leaves: published surrogates learn from a vanilla GAN's."""
-    faulty = variant.published is not None and not variant.predicted
+    faulty = variant.published is not None and not variant.features
     return -(-task.cfg.surrogates.samples // variant.epochs) if faulty else 0
 
 
@@ -74,7 +74,7 @@ def surrogates(task: Task) -> Artifact:
 
 def needed_surrogates(task: Task, variants: Iterable[Variant]) -> list[Artifact]:
     """The surrogates that some variants learn from, and what these learn from."""
-    return [negatives(task), surrogates(task)] if any(one.predicted for one in variants) else []
+    return [negatives(task), surrogates(task)] if any(one.features for one in variants) else []
 
 
 def negatives(task: Task) -> Artifact:
@@ -89,26 +89,19 @@ def taught(task: Task) -> dict[str, Any]:
 
 
 def _train(task: Task, build: Build, name: str, training: int, variant: Variant) -> None:
-    from sidegan.gan.jobs import load_surrogates
-    from sidegan.gan.published_training import load_published
-    from sidegan.gan.training import Run, train_variant
+    from sidegan.gan.pretraining import load_surrogates
+    from sidegan.gan.side_gan import Data
+    from sidegan.gan.training import Run, train
 
-    folder = task.store.require(surrogates(task)) if variant.predicted else None
-    if variant.published is not None:
-        learnt = load_published(folder, variant)
-    else:
-        learnt = load_surrogates(folder, variant, task.arm, task.trajectory)
-    run = Run(
-        name,
-        task.number(f"gan {name}", training),
-        build.work,
-        task.cfg.scale.evaluation,
-        _samples(task, variant),
-        task.cfg.device,
-        lambda epoch, _: build.report(epoch + 1, variant.epochs),
-    )
     seeds = training_seeds(task).coefficients if variant.seeded else None
-    trained = train_variant(variant, task.constraints, task.trajectory, seeds, run, learnt)
+    data = Data(task.constraints, task.trajectory, seeds)
+    if variant.features:
+        folder = task.store.require(surrogates(task))
+        predictor, converter = load_surrogates(folder, variant, task.arm, task.trajectory)
+        data = replace(data, success_predictor=predictor, converter=converter)
+    seed, evaluation = task.number(f"gan {name}", training), task.cfg.scale.evaluation
+    samples, device = _samples(task, variant), task.cfg.device
+    trained = train(variant, data, Run(name, seed, build.work, evaluation, samples, device, build.report))
     trained.generator.save(build.folder / GENERATOR)
     if trained.samples is not None:
         write_torch(build.folder / SAMPLES, trained.samples)
@@ -127,7 +120,7 @@ def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
 
 
 def _pretrain_published(task: Task, build: Build) -> None:
-    from sidegan.gan.published_training import PublishedPretraining, shipped_weights
+    from sidegan.gan.published_surrogates import PublishedPretraining, shipped_weights, write_converter
 
     settings, seeds = task.cfg.surrogates.published, training_seeds(task)
     if settings is None:
@@ -142,7 +135,7 @@ def _pretrain_published(task: Task, build: Build) -> None:
     if settings.shipped:  # of the predictor and of the converter to the eigenvalues
         shipped = task.cfg.seeds.published.weights
         weights, learnt = shipped("predictor"), ["diagonal"]
-        write_torch(build.folder / "spectrum.pt", {"weights": shipped_weights(shipped("converter"))})
+        write_converter(build.folder / "spectrum.pt", shipped_weights(shipped("converter")))
     jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"), weights)]
     jobs += [partial(pretraining.train_features, name, build.folder, task.number(name)) for name in learnt]
     parts = run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs))
@@ -151,7 +144,7 @@ def _pretrain_published(task: Task, build: Build) -> None:
 
 def _pretrain(task: Task, build: Build) -> None:
     from sidegan.gan import TrajectoryGenerator
-    from sidegan.gan.jobs import SHARES, Pretraining, negatives_count
+    from sidegan.gan.pretraining import SHARES, Pretraining, negatives_count
 
     settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
     vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)

@@ -1,9 +1,11 @@
-"""The surrogates' work in resumable pieces: shares of labelled samples, then one training each."""
+"""Training of the surrogates in resumable pieces: shares of labelled samples, then one training each."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
@@ -11,17 +13,17 @@ from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_task
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import Labelled, blend, label
-from sidegan.gan.pretrain import accuracy, explained, split, train_converter, train_predictor
-from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogates, SurrogateSettings
-from sidegan.gan.variants import Variant
+from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor
+from sidegan.gan.settings import SurrogateSettings, Variant
+from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogate
+from sidegan.gan.trainer import Progress, Shuffled, fit
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
 
-Network = TypeVar("Network", bound=torch.nn.Module)
-
 SHARES = 8  # of the labelled samples, one job each
 _SUCCESS = "success"
+_BATCH = 100
 _NEAR = 0.05  # share of a limit within which a margin is near zero
 _HELD_OUT_SEEDS = 0.15
 _HELD_OUT_NEGATIVES = 500
@@ -56,19 +58,20 @@ class Pretraining:
         ``accuracy_broad`` is over all held-out samples, ``accuracy_near`` over those whose smallest margin
         is within 5 % of its limit's range of zero.
         """
-        data, held, generator = self._begin(seed)
-        content = {"sizes": _sizes(self.settings), "names": len(self.constraints.labels)}
-        predictor = _predictor(self.constraints.arm, self.trajectory, content)
-        train_predictor(predictor, data, self.settings.epochs, generator, progress)
-        write_task(folder / f"{_SUCCESS}.pt", content | {"weights": predictor.state_dict()})
+        data, held, random = self._begin(seed)
+        sizes = {"width": self.settings.width, "steps": self.settings.margin_steps}
+        arguments = {"constraints": len(self.constraints.labels), **sizes}
+        predictor = SuccessPredictor(self.constraints.arm, self.trajectory, **arguments)
+        self._fit(predictor, (data.c, data.margins, data.valid), random, progress)
+        write_task(folder / f"{_SUCCESS}.pt", {"arguments": arguments, "weights": predictor.state_dict()})
         held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
         c = torch.cat([held_seeds, faulty])
         near = held.margins.amin((1, 2)).abs() < _NEAR
-        on_near = accuracy(predictor, held.c[near], held.valid[near]) if near.any() else float("nan")
+        on_near = predictor.accuracy(held.c[near], held.valid[near]) if near.any() else float("nan")
         return {
-            "accuracy_paper": accuracy(predictor, c, torch.arange(len(c)) < len(held_seeds)),
-            "accuracy_broad": accuracy(predictor, held.c, held.valid),
+            "accuracy_paper": predictor.accuracy(c, torch.arange(len(c)) < len(held_seeds)),
+            "accuracy_broad": predictor.accuracy(held.c, held.valid),
             "accuracy_near": on_near,
             "near_samples": float(near.sum()),
         }
@@ -77,13 +80,15 @@ class Pretraining:
         self, features: str, folder: Path, seed: int, progress: Report
     ) -> dict[str, float | list[float]]:
         """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
-        data, held, generator = self._begin(seed)
+        data, held, random = self._begin(seed)
         target = getattr(data, features)
-        content = {"sizes": _sizes(self.settings), "features": target.shape[1]}
-        converter = _converter(self.constraints.arm, self.trajectory, content)
-        train_converter(converter, data.c, target, self.settings.epochs, generator, progress)
-        write_task(folder / f"{features}.pt", content | {"weights": converter.state_dict()})
-        r2 = explained(converter, held.c, getattr(held, features))
+        sizes = {"width": self.settings.width, "steps": self.settings.feature_steps}
+        arguments = {"features": target.shape[1], **sizes}
+        converter = Converter(self.constraints.arm, self.trajectory, **arguments)
+        converter.fit_standard(target)
+        self._fit(converter, (data.c, converter.standardise(target)), random, progress)
+        write_task(folder / f"{features}.pt", {"arguments": arguments, "weights": converter.state_dict()})
+        r2 = converter.explained(held.c, getattr(held, features))
         return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
 
     def _share(self, number: int) -> Path:
@@ -92,9 +97,15 @@ class Pretraining:
     def _begin(self, seed: int) -> tuple[Labelled, Labelled, torch.Generator]:
         """Training data, held-out data and the random numbers of one training."""
         torch.manual_seed(seed)
-        generator = torch.Generator().manual_seed(seed)
+        random = torch.Generator().manual_seed(seed)
         labelled = Labelled.cat([read_torch(self._share(number)) for number in range(SHARES)])
-        return *split(labelled, generator), generator
+        return *labelled.split(random), random
+
+    def _fit(
+        self, network: Surrogate, tensors: Sequence[Tensor], random: torch.Generator, progress: Report
+    ) -> None:
+        fit(network, Shuffled(tensors, _BATCH, random), self.settings.epochs, [Progress(progress)])
+        network.freeze()
 
 
 def training_seeds(seeds: Tensor) -> tuple[Tensor, Tensor]:
@@ -108,40 +119,27 @@ def negatives_count(samples: int) -> int:
     return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
 
 
-def load_surrogates(folder: Path | None, variant: Variant, arm: Arm, trajectory: Trajectory) -> Surrogates:
-    """Frozen surrogates that a variant learns from, as far as it does, from their folder.
+def load_surrogates(
+    folder: Path, variant: Variant, arm: Arm, trajectory: Trajectory
+) -> tuple[pl.LightningModule, pl.LightningModule]:
+    """Frozen success predictor and converter of a variant with features, from their folder.
 
     Raises:
         ArtifactError: when one is missing, damaged, or of another arm.
     """
-    predictor = converter = None
-    if folder is not None and variant.weights.success > 0:
-        content = read_torch(folder / f"{_SUCCESS}.pt")
-        predictor = _frozen(_predictor(arm, trajectory, content), content["weights"], folder)
-    if folder is not None and variant.features != "none":
-        content = read_torch(folder / f"{variant.features}.pt")
-        converter = _frozen(_converter(arm, trajectory, content), content["weights"], folder)
-    return Surrogates(predictor, converter)
+    success, features = folder / f"{_SUCCESS}.pt", folder / f"{variant.features}.pt"
+    if variant.published is not None:
+        return _load(success, PublishedPredictor), _load(features, PublishedConverter)
+    predictor = _load(success, partial(SuccessPredictor, arm, trajectory))
+    return predictor, _load(features, partial(Converter, arm, trajectory))
 
 
-def _predictor(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> SuccessPredictor:
-    sizes = content["sizes"]
-    return SuccessPredictor(arm, trajectory, content["names"], sizes["width"], sizes["margin_steps"])
-
-
-def _converter(arm: Arm, trajectory: Trajectory, content: dict[str, Any]) -> Converter:
-    sizes = content["sizes"]
-    return Converter(arm, trajectory, content["features"], sizes["width"], sizes["feature_steps"])
-
-
-def _sizes(settings: SurrogateSettings) -> dict[str, int]:
-    """Sizes of the networks, as their files keep them."""
-    return {key: getattr(settings, key) for key in ("width", "margin_steps", "feature_steps")}
-
-
-def _frozen(network: Network, weights: dict[str, Tensor], folder: Path) -> Network:
+def _load(path: Path, kind: Callable[..., pl.LightningModule]) -> pl.LightningModule:
+    content = read_torch(path)
     try:
-        network.load_state_dict(weights)
-    except RuntimeError as error:
-        raise ArtifactError(f"a surrogate in {folder} does not fit this arm: {error}") from error
-    return network.eval().requires_grad_(False)
+        network = kind(**content["arguments"])
+        network.load_state_dict(content["weights"])
+    except (LookupError, TypeError, RuntimeError) as error:
+        raise ArtifactError(f"{path} does not fit this arm: {error}") from error
+    network.freeze()
+    return network

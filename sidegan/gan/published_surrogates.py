@@ -1,0 +1,164 @@
+"""The published surrogates: a predictor of faulty and valid samples, converters of seeds.
+
+Source: as ``gan.published``.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytorch_lightning as pl
+import torch
+from torch import Tensor, nn
+
+from sidegan.base.parallel import Report
+from sidegan.base.storage import write_task
+from sidegan.gan.published_networks import IMAGE
+from sidegan.gan.settings import PublishedSurrogates
+from sidegan.gan.trainer import Progress, fit
+from sidegan.seeds.published import Layout
+from sidegan.validity import Validity
+
+_FIRST = 200  # channels of the first layer
+_BATCH, _RATE = 100, 1e-4
+_HELD_OUT = 0.2  # of the samples and of the seeds
+_CHECKED = 500  # trajectories whose validity is found at once
+_TOLD = 100  # steps after which progress is told
+
+
+class ShallowNetwork(pl.LightningModule):
+    """Outputs (B, n) of images (B, 2, 7, 7): two convolutions and a full layer, as both surrogates are.
+
+    ``scale`` is the unit of each output: one in the authors' weights, the features' medians in ours, which
+    then need a tenth of their steps.
+    """
+
+    scale: Tensor
+
+    def __init__(self, channels: int, outputs: int) -> None:
+        super().__init__()
+        self.register_buffer("scale", torch.ones(outputs))
+        self.conv1 = nn.Conv2d(2, _FIRST, 3, 1, 1)
+        self.conv2 = nn.Conv2d(_FIRST, channels, 3, 2, 1)
+        self.fc2 = nn.Linear(channels * math.ceil(IMAGE[1] / 2) ** 2, outputs)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Outputs (B, n)."""
+        return self.scale * self.fc2(self.conv2(self.conv1(image).relu()).relu().flatten(1))
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Adam."""
+        return torch.optim.Adam(self.parameters(), _RATE, fused=True)
+
+
+class PublishedPredictor(ShallowNetwork):
+    """The authors' success predictor: the logit of being valid, (B, 1)."""
+
+    def __init__(self) -> None:
+        super().__init__(2, 1)
+
+    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+        """Cross entropy of labels (B,), 0-dimensional."""
+        images, valid = batch
+        return nn.functional.binary_cross_entropy_with_logits(self(images)[:, 0], valid.float())
+
+
+class PublishedConverter(ShallowNetwork):
+    """The authors' converter: the features themselves, (B, p)."""
+
+    def __init__(self, features: int) -> None:
+        super().__init__(10, features)
+
+    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+        """Mean relative error of features (B, p), 0-dimensional."""
+        images, target = batch
+        return ((self(images) - target).abs() / target).mean()
+
+
+@dataclass(frozen=True)
+class PublishedPretraining:
+    """What the published surrogates learn from, and how."""
+
+    check: Callable[[Tensor], Validity]  # of coefficients (B, J, H, 2)
+    layout: Layout
+    settings: PublishedSurrogates
+    seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
+    features: dict[str, Tensor]  # of the seeds, (N, p): spectrum and diagonal
+    samples: Tensor  # images (M, 2, 7, 7) of a vanilla GAN, of all of its epochs
+
+    def train_success(
+        self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
+    ) -> dict[str, float]:
+        """Held-out accuracies of the success predictor in ``folder``, trained or of given weights.
+
+        ``accuracy_broad`` is over samples that it has not seen, ``accuracy_paper`` over the seeds and the
+        faulty ones among these; ``valid_samples`` is the share of valid ones in all.
+        """
+        torch.manual_seed(seed)
+        parts = self.layout.coefficients(self.samples.double()).split(_CHECKED)
+        valid = torch.cat([self.check(part).valid for part in parts])
+        held, learnt = _split(len(valid))
+        network = PublishedPredictor()
+        if weights is None:
+            self._fit(network, (self.samples[learnt], valid[learnt]), progress)
+        else:
+            network.load_state_dict(shipped_weights(weights))
+        write_task(folder / "success.pt", {"arguments": {}, "weights": network.state_dict()})
+        with torch.no_grad():
+            right = (network(self.samples[held])[:, 0] > 0) == valid[held]
+            of_seeds = network(self.layout.image(self.seeds).float())[:, 0] > 0
+        on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
+        return {
+            "accuracy_broad": float(right.double().mean()),
+            "accuracy_paper": float(on_paper),
+            "valid_samples": float(valid.double().mean()),
+        }
+
+    def train_features(self, name: str, folder: Path, seed: int, progress: Report) -> dict[str, float]:
+        """Mean relative error on held-out seeds of the converter to ``name``, which is left in ``folder``."""
+        torch.manual_seed(seed)
+        images, target = self.layout.image(self.seeds).float(), self.features[name].float()
+        held, learnt = _split(len(target))
+        network = PublishedConverter(target.shape[1])
+        network.scale.copy_(target.median(0).values)
+        self._fit(network, (images[learnt], target[learnt]), progress)
+        write_converter(folder / f"{name}.pt", network.state_dict())
+        with torch.no_grad():
+            return {f"error_{name}": float(network.training_step([images[held], target[held]], 0))}
+
+    def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
+        fit(network, _Drawn(tensors, self.settings.steps), 1, [Progress(progress, _TOLD)])
+
+
+class _Drawn:
+    """So many batches, each of rows drawn anew."""
+
+    def __init__(self, tensors: tuple[Tensor, Tensor], steps: int) -> None:
+        self.tensors, self.steps = tensors, steps
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __iter__(self) -> Iterator[list[Tensor]]:
+        for _ in range(self.steps):
+            rows = torch.randperm(len(self.tensors[0]))[:_BATCH]
+            yield [x[rows] for x in self.tensors]
+
+
+def write_converter(path: Path, weights: dict[str, Tensor]) -> None:
+    """Write a published converter of given weights, as ``pretraining.load_surrogates`` reads it."""
+    arguments = {"features": len(weights["fc2.bias"])}
+    write_task(path, {"arguments": arguments, "weights": weights})
+
+
+def shipped_weights(weights: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The authors' weights as those of a network here, whose outputs have a unit."""
+    return {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
+
+
+def _split(count: int) -> tuple[Tensor, Tensor]:
+    """Rows that are held out, and those that are learnt from, at random."""
+    order = torch.randperm(count)
+    held = int(_HELD_OUT * count)
+    return order[:held], order[held:]

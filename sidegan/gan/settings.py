@@ -1,0 +1,151 @@
+"""Settings of the variants and of the surrogates that they learn from."""
+
+from dataclasses import asdict, dataclass
+from typing import Annotated, Literal
+
+from sidegan.base.typed import Bound, Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from sidegan.design.objectives import Term
+from sidegan.errors import ConfigError
+
+_FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal"}  # of YᵀY, that a variant's converter predicts
+_FLOORS = ("distance", "rank")
+_SIDE = ("adversarial", "features", "success", "fitness")
+_WEIGHTS = {  # that a variant has; its others are zero
+    "Vanilla": ("adversarial", *_FLOORS),
+    "Eigen": (*_SIDE, *_FLOORS),
+    "Diagonal": (*_SIDE, *_FLOORS),
+    "Exact": ("success", "fitness", *_FLOORS),
+    "PublishedVanilla": ("adversarial",),
+    "PublishedEigen": _SIDE,
+    "PublishedDiagonal": _SIDE,
+}
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the generator's losses; a zero switches one off.
+
+    ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others
+    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions.
+    """
+
+    adversarial: NonNegative
+    features: NonNegative
+    success: NonNegative
+    fitness: NonNegative
+    distance: NonNegative
+    rank: NonNegative
+
+
+@dataclass(frozen=True)
+class ExactPhysics:
+    """Exact physics in place of the surrogates."""
+
+    terms: dict[str, Term]  # what weights.fitness weighs
+    samples: Size  # time points per period
+    # For what happens between the time points; position and velocity limits hold anyway.
+    reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
+    ease: Part  # of weights.success, from which it grows
+
+    def __post_init__(self) -> None:
+        if not self.terms:
+            raise ConfigError("terms is empty, expected one objective or more")
+
+
+@dataclass(frozen=True)
+class Published:
+    """What may be varied of the published recipe."""
+
+    # What the fitness loss makes small of the predicted features: their entropy as shares of their sum, by
+    # the code; minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
+    fitness: Literal["entropy", "minus_entropy", "ratio"]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A SIDE-GAN variant by its class, the weights of its losses, and how it is trained."""
+
+    variant: Literal[
+        "Vanilla",
+        "Eigen",
+        "Diagonal",
+        "Exact",
+        "PublishedVanilla",
+        "PublishedEigen",
+        "PublishedDiagonal",
+    ]
+    weights: Weights
+    width: Width  # of generator and discriminators
+    noise: Width  # dimension of the generator's noise
+    epochs: Count
+    steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
+    batch: Annotated[int, Bound("≥", 2), Bound("≤", 1e5)]
+    generator_steps: Count  # per discriminator step
+    fitness_start: Natural  # first epoch in which the fitness loss counts
+    learning_rate: Positive
+    betas: tuple[Share, Share]  # of Adam
+    gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
+    # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
+    # of the best epoch's; null: the last one.
+    least_valid: Share | None
+    limited: bool  # position and velocity limits hold by construction
+    exact: ExactPhysics | None = None  # of Exact
+    published: Published | None = None  # of the published ones
+
+    def __post_init__(self) -> None:
+        if max(self.betas) >= 1:
+            raise ConfigError(f"betas {self.betas} must be less than 1")
+        foreign = [k for k, x in asdict(self.weights).items() if x and k not in _WEIGHTS[self.variant]]
+        if foreign:
+            names = ", ".join(f"weights.{name}" for name in foreign)
+            raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
+        if self.features and self.weights.fitness and self.fitness_start >= self.epochs:
+            raise ConfigError(
+                f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
+            )
+        for group, named in (("exact", not self.seeded), ("published", "Published" in self.variant)):
+            if (getattr(self, group) is not None) != named:
+                raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
+        if self.published is not None and (self.gaussian_start or self.limited):
+            raise ConfigError("the published recipe has no gaussian_start and is not limited: set both false")
+        sizes = [term.together for term in self.exact.terms.values()] if self.exact is not None else []
+        if max(sizes, default=0) > self.batch:
+            raise ConfigError(f"an objective is of {max(sizes)} trajectories together, batch is {self.batch}")
+
+    @property
+    def seeded(self) -> bool:
+        """Whether the variant learns from a seed set, or from the arm and its workspace alone."""
+        return self.variant != "Exact"
+
+    @property
+    def features(self) -> str | None:
+        """Features that a converter predicts for the variant: ``spectrum``, ``diagonal``, or None.
+
+        A variant with features learns from a success predictor too.
+        """
+        return _FEATURES.get(self.variant.removeprefix("Published"))
+
+
+@dataclass(frozen=True)
+class PublishedSurrogates:
+    """How the published surrogates are trained."""
+
+    shipped: bool  # the authors' weights from seeds.folder in place of a training
+    steps: Count  # of batches of 100
+
+
+@dataclass(frozen=True)
+class SurrogateSettings:
+    """How success predictor and converters are trained, before any variant that learns from them."""
+
+    samples: Count
+    epochs: Count
+    width: Count
+    margin_steps: Count  # time points per trajectory at which margins are predicted
+    feature_steps: Count  # time points per trajectory that the converter sees
+    negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
+    published: PublishedSurrogates | None  # as their authors published them; null: ours
+
+    def __post_init__(self) -> None:
+        if len(self.negatives) != 1:
+            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")

@@ -1,0 +1,174 @@
+"""SIDE-GAN: the adversarial loop, once for all variants."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pytorch_lightning as pl
+import torch
+from torch import Tensor
+
+from sidegan.errors import ConfigError, SideganError
+from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.limits import LimitLayer
+from sidegan.gan.losses import Adversary, Batch, Loss, missing_distance, missing_rank
+from sidegan.gan.networks import Generator
+from sidegan.gan.scaling import Scaling
+from sidegan.gan.settings import Variant
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Constraints
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a variant learns from."""
+
+    constraints: Constraints  # the arm in its workspace
+    trajectory: Trajectory  # the family of trajectories
+    seeds: Tensor | None = None  # coefficients [rad/s], (N, J, H, 2); None where the arm alone is enough
+    success_predictor: Any = None  # a frozen network, where the variant has features; None elsewhere
+    converter: Any = None  # likewise
+
+
+class SideGAN(pl.LightningModule):
+    """A generator that learns from a sum of losses, some of which are discriminators that learn too.
+
+    A variant is a subclass: its ``__init__`` makes the networks that its losses need, and ``losses`` says
+    which losses it adds. To add one of your own, write a function of a ``Batch`` and a subclass,
+
+        class Slow(Eigen):
+            def losses(self) -> list[Loss]:
+                return [*super().losses(), Loss(3.0, lambda batch: batch.coefficients.square().mean())]
+
+    then name the class in ``variants.VARIANTS`` and in the list of ``settings.Variant``, and say
+    ``variant: Slow`` in a file of ``conf/gan``.
+
+    Args:
+        settings: of the variant.
+        data: what it learns from, seeds included.
+        name: of what is trained, for messages.
+    """
+
+    def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
+        super().__init__()
+        self.automatic_optimization = False
+        self.settings, self.data, self.name = settings, data, name
+        self.generator = self.make_generator()
+        if settings.features and (data.success_predictor is None or data.converter is None):
+            raise ConfigError(f"{name} needs a success predictor and a converter to {settings.features}")
+        self.success_predictor, self.converter = data.success_predictor, data.converter
+
+    def make_generator(self) -> TrajectoryGenerator:
+        """The generator before its training, with the scale of the seeds."""
+        settings, arm, seeds = self.settings, self.data.constraints.arm, self.seeds
+        joints, harmonics, _ = self.data.trajectory.shape
+        network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
+        scaling = Scaling.fit(seeds)
+        if settings.gaussian_start:
+            network.start_from(scaling.image(seeds.double()))
+        limits = LimitLayer.of(arm, self.data.trajectory) if settings.limited else None
+        names = arm.name, arm.digest, self.name
+        return TrajectoryGenerator(network, scaling, self.data.trajectory, *names, limits)
+
+    @abstractmethod
+    def losses(self) -> list[Loss]:
+        """Losses that the variant adds to those of every variant."""
+
+    def diversity(self) -> list[Loss]:
+        """Losses of every variant: a batch is as diverse as seeds, on the average and in directions."""
+        weights, floors = self.settings.weights, []
+        if weights.distance:
+            floors.append(Loss(weights.distance, missing_distance(self.seeds)))
+        if weights.rank:
+            floors.append(Loss(weights.rank, missing_rank(self.seeds, self.settings.batch)))
+        return floors
+
+    @cached_property
+    def all_losses(self) -> list[Loss]:
+        """Losses of the generator, in the order in which they are summed."""
+        return [*self.losses(), *self.diversity()]
+
+    @property
+    def seeds(self) -> Tensor:
+        """Seeds [rad/s], (N, J, H, 2)."""
+        if self.data.seeds is None:
+            raise ConfigError(f"{self.name} learns from a seed set, got none")
+        return self.data.seeds
+
+    @property
+    def adversaries(self) -> list[Adversary]:
+        """Discriminators."""
+        return [module for module in self.children() if isinstance(module, Adversary)]
+
+    @property
+    def steps(self) -> int:
+        """Steps per epoch, of the discriminators where there are any."""
+        return self.settings.steps or -(-len(self.seeds) // self.settings.batch)
+
+    def forward(self, count: int) -> Batch:
+        """So many new trajectories, as losses see them."""
+        images = self.generator.network.sample(count)
+        c = self.generator.coefficients(images)
+        if self.generator.limits is not None:
+            images = self.generator.scaling.image(c)
+        return Batch(c, images, lambda: self.converter(self.seen(c, images)))
+
+    def seen(self, c: Tensor, images: Tensor) -> Tensor:
+        """What surrogates see of trajectories: their coefficients."""
+        return c
+
+    def training_step(self, batch: list[Tensor], index: int) -> None:
+        """The adversarial loop: a step of the discriminators on some examples, then the generator's."""
+        rows = batch[0]
+        optimisers = self.optimizers()
+        generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
+        for optimiser in critics:
+            self._step(optimiser, self.adversary_loss(rows))
+        share = (self.current_epoch + index / self.steps) / self.settings.epochs
+        for _ in range(self.settings.generator_steps):
+            self._step(generator, self.generator_loss(len(rows), share))
+
+    def adversary_loss(self, rows: Tensor) -> Tensor:
+        """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""
+        with torch.no_grad():
+            fake = self(len(rows))
+        return torch.stack([adversary.own_loss(rows, fake) for adversary in self.adversaries]).sum()
+
+    def generator_loss(self, count: int, share: float = 1.0) -> Tensor:
+        """Weighted sum of the losses on a new batch after a share of the training, 0-dimensional."""
+        batch = self(count)
+        weighted = [(one.weight * one.factor(self.current_epoch, share), one) for one in self.all_losses]
+        return torch.stack([weight * one.value(batch) for weight, one in weighted if weight]).sum()
+
+    def _step(self, adam: Any, loss: Tensor) -> None:
+        """One step of an optimiser; a loss that is not a number ends the training before it does harm."""
+        if not torch.isfinite(loss):
+            self.stop(f"the loss is {float(loss.detach())}; the last whole epoch is kept")
+        adam.zero_grad()
+        self.manual_backward(loss)
+        adam.step()
+
+    def stop(self, reason: str) -> None:
+        """End a training that diverged.
+
+        Raises:
+            SideganError: always, with the reason.
+        """
+        raise SideganError(f"{self.name} diverged in epoch {self.current_epoch}: {reason}")
+
+    def configure_optimizers(self) -> list[torch.optim.Optimizer]:
+        """Adam for the generator, and for the discriminators where there are any."""
+        critics = [parameter for one in self.adversaries for parameter in one.parameters()]
+        learning = [list(self.generator.network.parameters()), critics]
+        rate, betas = self.settings.learning_rate, self.settings.betas
+        fused = self.device.type != "mps"  # one pass over all weights: five times as fast
+        return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in learning if weights]
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep the random state with the weights."""
+        checkpoint["random"] = torch.get_rng_state()
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Go on with it, so that an interrupted training becomes what it would have been."""
+        torch.set_rng_state(checkpoint["random"])

@@ -1,0 +1,110 @@
+"""Lightning's Trainer as every training here uses it: silent, on one device, going on where it was killed."""
+
+import logging
+import signal
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as pl
+import torch
+from pytorch_lightning.callbacks import ModelCheckpoint
+from torch import Tensor
+
+from sidegan.base.parallel import Report
+from sidegan.base.storage import read_torch
+from sidegan.errors import ArtifactError
+
+log = logging.getLogger(__name__)
+
+_LAST = "last"  # checkpoint
+# Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
+_NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
+
+
+def fit(
+    module: pl.LightningModule,
+    batches: Iterable[Any],
+    epochs: int,
+    callbacks: Sequence[pl.Callback] = (),
+    work: Path | None = None,
+    device: str = "cpu",
+) -> None:
+    """Train a module, which ends on the CPU.
+
+    With a folder of work a checkpoint is left there after every epoch, and the training goes on from it;
+    it begins anew where there is none or it is damaged.
+
+    Raises:
+        KeyboardInterrupt: when it is interrupted.
+    """
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    kind, _, index = device.partition(":")
+    saving = [] if work is None else [_checkpoint(work)]
+    handler = signal.getsignal(signal.SIGINT)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=_NOISE)
+        trainer = pl.Trainer(
+            max_epochs=epochs,
+            accelerator={"cuda": "gpu"}.get(kind, kind),
+            devices=[int(index)] if index else 1,
+            callbacks=[*callbacks, *saving],
+            enable_checkpointing=work is not None,
+            logger=False,
+            enable_progress_bar=False,
+            enable_model_summary=False,
+            default_root_dir=work,
+        )
+        last = None if work is None else _whole(work / f"{_LAST}.ckpt")
+        try:
+            trainer.fit(module, batches, ckpt_path=last, weights_only=True)
+        except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
+            signal.signal(signal.SIGINT, handler)
+            raise KeyboardInterrupt from error
+    module.cpu()
+
+
+def _checkpoint(work: Path) -> ModelCheckpoint:
+    """The checkpoint of the last epoch, whatever its metrics are."""
+    return ModelCheckpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)
+
+
+def _whole(path: Path) -> Path | None:
+    """The checkpoint to go on from; None when there is none, or it is damaged."""
+    if not path.exists():
+        return None
+    try:
+        read_torch(path)
+    except ArtifactError as error:
+        log.warning("%s: the training begins anew", error)
+        return None
+    return path
+
+
+class Shuffled:
+    """Batches of the same rows of several tensors, in a new order every epoch."""
+
+    def __init__(self, tensors: Sequence[Tensor], size: int, random: torch.Generator) -> None:
+        self.tensors, self.size, self.random = tensors, size, random
+
+    def __len__(self) -> int:
+        return -(-len(self.tensors[0]) // self.size)
+
+    def __iter__(self) -> Iterator[list[Tensor]]:
+        order = torch.randperm(len(self.tensors[0]), generator=self.random)
+        for rows in order.split(self.size):  # drawn by the first batch: Lightning begins some epochs twice
+            yield [x[rows] for x in self.tensors]
+
+
+class Progress(pl.Callback):
+    """Tells after every step how many of all are done."""
+
+    def __init__(self, report: Report, every: int = 1) -> None:
+        self.report, self.every = report, every
+
+    def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
+        """Tell, where it is time to."""
+        done, total = trainer.global_step, int(trainer.estimated_stepping_batches)
+        if done % self.every == 0 or done == total:
+            self.report(done, total)

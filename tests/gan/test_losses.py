@@ -1,0 +1,134 @@
+"""Losses by closed forms, and by what one step of the generator on each of them changes."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sidegan.gan.losses import Batch, eased, from_epoch, missing_distance, missing_rank
+from sidegan.gan.side_gan import SideGAN
+from sidegan.gan.training import random_trajectories
+from tests.gan.conftest import NONE, random
+
+
+def stepped(model, measure, size=0.01):
+    """What ``measure`` makes of the same noise before and after one gradient step of the generator."""
+    network = model.generator.network
+
+    def now():
+        return float(measure(model.generator.sample(200, random(1)).float()).detach())
+
+    before = now()
+    model.generator_loss(500).backward()
+    norm = torch.stack([p.grad.norm() for p in network.parameters()]).norm()
+    with torch.no_grad():
+        for p in network.parameters():
+            p -= size * p.grad / norm
+        return before, now()
+
+
+def log_ratios(converter, c):
+    logs = converter.log_features(converter(c))
+    return logs.amax(1) - logs.amin(1)
+
+
+MEASURES = {
+    "success": lambda model, c: model.success_predictor(c).mean(),
+    "fitness": lambda model, c: -log_ratios(model.converter, c).mean(),
+    "adversarial": lambda model, c: model.discriminator.network(model.generator.scaling.image(c)).mean(),
+    "features": lambda model, c: model.second_discriminator.network(model.converter(c)).mean(),
+    "distance": lambda model, c: torch.pdist(c.flatten(1)).mean(),
+}
+
+
+@pytest.mark.parametrize("name", MEASURES)
+def test_a_step_on_each_loss_improves_what_it_is_about(made, full, name):
+    model = made(replace(full, weights=replace(NONE, **{name: 1}), fitness_start=0))
+    with torch.no_grad():
+        model.generator.network.shortcut.weight *= 0.3 if name == "distance" else 1
+    before, after = stepped(model, lambda c: MEASURES[name](model, c))
+    assert after > before
+
+
+def test_losses_are_their_closed_forms(made, full, predictor, converter):
+    model = made(full)
+    batch = model(32)
+    c, first, second = batch.coefficients, model.discriminator.network, model.second_discriminator.network
+    expected = [
+        -torch.log(first(batch.images).sigmoid()).mean(),  # D1
+        -predictor(c).mean(),
+        -torch.log(second(converter(c)).sigmoid()).mean(),  # D2
+        log_ratios(converter, c).mean(),
+    ]
+    for loss, value in zip(model.losses(), expected, strict=True):
+        torch.testing.assert_close(loss.value(batch), value)
+
+
+def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatch):
+    found = []
+    for epoch in (0, 1, 2):
+        monkeypatch.setattr(SideGAN, "current_epoch", epoch)
+        model = made(replace(full, fitness_start=1))
+        torch.manual_seed(2)
+        found.append(float(model.generator_loss(32).detach()))
+        torch.manual_seed(2)
+        batch = model(32)
+        parts = [one.weight * float(one.value(batch).detach()) for one in model.all_losses]
+        assert len(parts) == 6
+        assert found[-1] == pytest.approx(sum(parts) - (parts[3] if epoch == 0 else 0), rel=1e-5)
+    assert found[1] > found[0] + 0.1
+
+
+def test_the_discriminator_learns_to_tell_seeds_from_a_collapsed_generator(made, vanilla, seeds):
+    model = made(vanilla)
+    with torch.no_grad():
+        for p in model.generator.network.parameters():
+            p.zero_()
+    critic = model.discriminator.network
+    optimiser = torch.optim.Adam(critic.parameters(), 1e-3)
+    for _ in range(50):
+        optimiser.zero_grad()
+        model.adversary_loss(torch.arange(32)).backward()
+        optimiser.step()
+    real = model.generator.scaling.image(seeds.float())
+    assert critic(real[32:64]).mean() > critic(model(32).images).mean() + 0.5
+
+
+def test_weights_change_in_time():
+    assert [from_epoch(1)(epoch, 0.5) for epoch in (0, 1, 2)] == [0, 1, 1]
+    assert [eased(0.01)(0, share) for share in (0.0, 0.335, 0.67, 1.0)] == pytest.approx([0.01, 0.1, 1, 1])
+
+
+def loss_of(value):
+    """The loss of coefficients."""
+    return lambda c: value(Batch(c, c, lambda: c))
+
+
+def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
+    loss = loss_of(missing_distance(seeds))
+    assert loss(seeds.float()) < 1e-6 and loss(2 * seeds.float()) == 0
+    c = (seeds.mean(0) + 0.3 * (seeds - seeds.mean(0))).float().requires_grad_(True)
+    value = loss(c)
+    (slope,) = torch.autograd.grad(value, c)
+    better = c.detach() - 0.1 * slope / slope.norm()
+    assert value > 0.1 and loss(better) < value
+
+
+def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
+    c = random_trajectories(constraints, family, 0).float()
+    loss = loss_of(missing_rank(c, 100))
+    assert loss(c[:100]) < 0.1
+    vectors = torch.randn(2, c[0].numel(), generator=random())
+    flat = (torch.randn(100, 2, generator=random()) @ vectors).view(100, *c.shape[1:]).requires_grad_(True)
+    value = loss(flat)
+    (slope,) = torch.autograd.grad(value, flat)
+    assert value > 1 and torch.isfinite(slope).all()
+    assert loss(flat.detach() - 0.5 * slope / slope.norm()) < value
+
+
+def test_a_collapsed_batch_gives_a_finite_slope(seeds):
+    noise = torch.randn(20, *seeds.shape[1:], generator=random())
+    c = (seeds[:1].float() + 1e-6 * noise).requires_grad_(True)
+    value = sum(loss_of(one)(c) for one in (missing_distance(seeds), missing_rank(seeds, 20)))
+    (slope,) = torch.autograd.grad(value, c)
+    assert torch.isfinite(value) and torch.isfinite(slope).all() and slope.abs().max() > 0
