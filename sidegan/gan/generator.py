@@ -14,10 +14,14 @@ from sidegan.gan.networks import Generator
 from sidegan.gan.published_networks import ConvolutionalGenerator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, Arm
+from sidegan.robot import Arm
 from sidegan.seeds.published import Layout
 
-_FORMAT = 4
+_FORMAT = 5
+_NETWORKS: dict[bool, type[Generator | ConvolutionalGenerator]] = {
+    False: Generator,
+    True: ConvolutionalGenerator,
+}
 
 
 class TrajectoryGenerator(nn.Module):
@@ -66,24 +70,17 @@ class TrajectoryGenerator(nn.Module):
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
-        network = self.network
         meta = {
             "format": _FORMAT,
             "robot": self.robot,
             "digest": self.digest,
             "variant": self.variant,
             "trajectory": self.trajectory.describe(),
-            "network": network.settings,
-            "limited": self.limits is not None,
+            "network": self.network.settings,
+            "limits": None if self.limits is None else self.limits.higher,
             "published": isinstance(self.scaling, Layout),
         }
-        tensors = {}
-        if isinstance(self.scaling, Scaling):
-            tensors = {"mean": self.scaling.mean, "spread": self.scaling.spread}
-        if self.limits is not None:
-            tensors |= {"room": self.limits.room, "speed": self.limits.speed}
-            tensors |= {f"inverse_{name}": x for name, x in self.limits.inverse.items()}
-        write_torch(path, {"meta": json.dumps(meta), "weights": network.state_dict(), **tensors})
+        write_torch(path, {"meta": json.dumps(meta), "weights": self.state_dict()})
 
     @classmethod
     def load(cls, path: Path, arm: Arm | None = None) -> "TrajectoryGenerator":
@@ -99,11 +96,7 @@ class TrajectoryGenerator(nn.Module):
             meta = json.loads(content["meta"])
             if meta["format"] != _FORMAT:
                 raise ArtifactError(f"{path} has format {meta['format']!r}, expected {_FORMAT}")
-            family = Trajectory(**meta["trajectory"])
-            network, scaling = _stored_network(meta, content, family)
-            limits = _stored_limits(content, family) if meta["limited"] else None
-            names = (meta["robot"], meta["digest"], meta["variant"])
-            generator = cls(network, scaling, family, *names, limits).eval()
+            generator = cls._of(meta, content["weights"]).eval()
         except ArtifactError:
             raise
         except (LookupError, AttributeError, TypeError, ValueError, RuntimeError, SideganError) as error:
@@ -115,44 +108,33 @@ class TrajectoryGenerator(nn.Module):
             )
         return generator
 
+    @classmethod
+    def _of(cls, meta: dict[str, Any], weights: dict[str, Tensor]) -> "TrajectoryGenerator":
+        """The generator of a file's values, after a look at its numbers.
 
-def _stored_limits(content: dict[str, Any], family: Trajectory) -> LimitLayer:
-    """The last layer of a generator's file."""
-    inverse = {name: content[f"inverse_{name}"] for name in HIGHER if f"inverse_{name}" in content}
-    return LimitLayer(family, content["room"], content["speed"], inverse)
-
-
-def _stored_network(
-    meta: dict[str, Any], content: dict[str, Any], family: Trajectory
-) -> tuple[Generator, Scaling] | tuple[ConvolutionalGenerator, Layout]:
-    """Network and scale of a generator's file, after a look at their numbers.
-
-    Raises:
-        ShapeError: when they do not fit each other or the family, hold a number that is not finite, or make
-            one and the same of everything.
-    """
-    weights: dict[str, Tensor] = content["weights"]
-    for name, x in {**weights, **{k: v for k, v in content.items() if isinstance(v, Tensor)}}.items():
-        if not x.isfinite().all():
-            raise ShapeError(f"{name} holds a number that is not finite")
-    stated = [x for x in meta["network"].values() if isinstance(x, int)]
-    if max(stated, default=0) > sum(x.numel() for x in weights.values()):  # before so much is asked for
-        raise ShapeError(f"its weights are fewer than the sizes {meta['network']} need")
-    if meta["published"]:
-        published, layout = ConvolutionalGenerator(**meta["network"]), Layout(family.joints, family.harmonics)
-        published.load_state_dict(weights)
-        return published, layout
-    network = Generator(**meta["network"])
-    if network.shape != (2, family.joints, family.harmonics):
-        raise ShapeError(f"its network makes images {network.shape} for {family.joints} joints")
-    network.load_state_dict(weights)
-    scaling = Scaling(content["mean"], content["spread"])
-    size = 2 * family.harmonics
-    if scaling.mean.shape != (family.joints, size) or scaling.spread.shape != (family.joints, size, size):
-        shapes = f"mean {tuple(scaling.mean.shape)} and spread {tuple(scaling.spread.shape)}"
-        raise ShapeError(
-            f"{shapes}, expected ({family.joints}, {size}) and ({family.joints}, {size}, {size})"
-        )
-    if not scaling.spread.abs().sum(2).all():
-        raise ShapeError("spread is zero in a coefficient, so that every trajectory would have the same")
-    return network, scaling
+        Raises:
+            ShapeError: when they do not fit each other, hold a number that is not finite, or make one and
+                the same of everything.
+            RuntimeError: when the weights are of other shapes.
+        """
+        for name, x in weights.items():
+            if not x.isfinite().all():
+                raise ShapeError(f"{name} holds a number that is not finite")
+        stated = [x for x in meta["network"].values() if isinstance(x, int)]
+        if max(stated, default=0) > sum(x.numel() for x in weights.values()):  # before so much is asked for
+            raise ShapeError(f"its weights are fewer than the sizes {meta['network']} need")
+        family, network = Trajectory(**meta["trajectory"]), _NETWORKS[meta["published"]](**meta["network"])
+        joints, size = family.joints, 2 * family.harmonics
+        scaling: Scaling | Layout = Layout(joints, family.harmonics)
+        if not meta["published"]:
+            scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
+        limits = None
+        if meta["limits"] is not None:
+            inverse = {name: torch.ones(joints) for name in meta["limits"]}
+            limits = LimitLayer(family, torch.ones(2, joints), torch.ones(joints), inverse)
+        names = meta["robot"], meta["digest"], meta["variant"]
+        generator = cls(network, scaling, family, *names, limits)
+        generator.load_state_dict(weights)
+        if isinstance(scaling, Scaling) and not scaling.spread.abs().sum(2).all():
+            raise ShapeError("spread is zero in a coefficient, so that every trajectory would have the same")
+        return generator

@@ -53,12 +53,13 @@ class LimitLayer(nn.Module):
         times = torch.linspace(0.0, trajectory.period, count + 1, dtype=torch.float64)
         self.gap = trajectory.period / count
         bases = torch.stack([trajectory.basis(times, order).flatten(1) for order in range(4)])
-        constants = {"bases": bases, "snap": trajectory.snap_bound().flatten(), "room": room, "speed": speed}
-        constants["crackle"] = trajectory.derivative_bound(5).flatten()
-        constants |= {f"inverse_{name}": x for name, x in inverse.items()}
-        self.higher = tuple(inverse)
-        for name, value in constants.items():
+        snap, crackle = trajectory.snap_bound().flatten(), trajectory.derivative_bound(5).flatten()
+        for name, value in {"bases": bases, "snap": snap, "crackle": crackle}.items():
             self.register_buffer(name, value.float(), persistent=False)
+        self.higher = tuple(inverse)
+        limits = {"room": room, "speed": speed} | {f"inverse_{name}": x for name, x in inverse.items()}
+        for name, value in limits.items():
+            self.register_buffer(name, value.float())
 
     @classmethod
     def of(cls, arm: Arm, trajectory: Trajectory) -> "LimitLayer":

@@ -104,7 +104,8 @@ class Pretraining:
     def _fit(
         self, network: Surrogate, tensors: Sequence[Tensor], random: torch.Generator, progress: Report
     ) -> None:
-        fit(network, Shuffled(tensors, _BATCH, random), self.settings.epochs, [Progress(progress)])
+        batches, epochs = Shuffled(tensors, _BATCH, random), self.settings.epochs
+        fit(network, batches, epochs, [Progress(progress, epochs * len(batches))])
         network.freeze()
 
 

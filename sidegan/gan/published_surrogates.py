@@ -128,7 +128,9 @@ class PublishedPretraining:
             return {f"error_{name}": float(network.training_step([images[held], target[held]], 0))}
 
     def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
-        fit(network, _Drawn(tensors, self.settings.steps), 1, [Progress(progress, _TOLD)])
+        fit(
+            network, _Drawn(tensors, self.settings.steps), 1, [Progress(progress, self.settings.steps, _TOLD)]
+        )
 
 
 class _Drawn:

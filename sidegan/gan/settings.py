@@ -7,6 +7,9 @@ from sidegan.base.typed import Bound, Count, Natural, NonNegative, Part, Positiv
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 
+Name = Literal[
+    "Vanilla", "Eigen", "Diagonal", "Exact", "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"
+]
 _FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal"}  # of YᵀY, that a variant's converter predicts
 _FLOORS = ("distance", "rank")
 _SIDE = ("adversarial", "features", "success", "fitness")
@@ -65,15 +68,7 @@ class Published:
 class Variant:
     """A SIDE-GAN variant by its class, the weights of its losses, and how it is trained."""
 
-    variant: Literal[
-        "Vanilla",
-        "Eigen",
-        "Diagonal",
-        "Exact",
-        "PublishedVanilla",
-        "PublishedEigen",
-        "PublishedDiagonal",
-    ]
+    variant: Name
     weights: Weights
     width: Width  # of generator and discriminators
     noise: Width  # dimension of the generator's noise

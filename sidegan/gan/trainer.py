@@ -98,13 +98,13 @@ class Shuffled:
 
 
 class Progress(pl.Callback):
-    """Tells after every step how many of all are done."""
+    """Tells every few steps, and at the end, how many of all are done."""
 
-    def __init__(self, report: Report, every: int = 1) -> None:
-        self.report, self.every = report, every
+    def __init__(self, report: Report, total: int, every: int = 1) -> None:
+        self.report, self.total, self.every = report, total, every
 
     def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
         """Tell, where it is time to."""
-        done, total = trainer.global_step, int(trainer.estimated_stepping_batches)
-        if done % self.every == 0 or done == total:
-            self.report(done, total)
+        done = trainer.global_step
+        if done % self.every == 0 or done == self.total:
+            self.report(done, self.total)

@@ -38,6 +38,11 @@ def resized(content, **sizes):
     return broken(content, network={**json.loads(content["meta"])["network"], **sizes})
 
 
+def changed(content, name, change):
+    weights = {key: change(x) if key == f"scaling.{name}" else x for key, x in content["weights"].items()}
+    return {**content, "weights": {key: x for key, x in weights.items() if x is not None}}
+
+
 FOREIGN = "does not hold a trajectory generator"
 
 
@@ -51,17 +56,16 @@ FOREIGN = "does not hold a trajectory generator"
         (lambda c: {**c, "meta": "[]"}, FOREIGN),
         (lambda c: {**c, "weights": {}}, FOREIGN),
         (lambda c: {**c, "weights": 3}, FOREIGN),
-        (lambda c: {k: v for k, v in c.items() if k != "mean"}, FOREIGN),
+        (lambda c: changed(c, "mean", lambda x: None), "scaling.mean"),
         (lambda c: resized(c, activation="tanh"), "'activation'"),
         (lambda c: broken(c, trajectory={"joints": 0}), "joints and harmonics must be positive"),
-        (lambda c: broken(c, format=99), "has format 99, expected 4"),
-        (lambda c: broken(c, trajectory={"joints": 2, "harmonics": 4}), "makes images"),
+        (lambda c: broken(c, format=99), "has format 99, expected 5"),
+        (lambda c: broken(c, trajectory={"joints": 2, "harmonics": 4}), "size mismatch"),
         (lambda c: resized(c, width=10**7), "fewer than the sizes"),
-        (lambda c: {**c, "weights": {k: x * torch.nan for k, x in c["weights"].items()}}, "not finite"),
-        (lambda c: {**c, "mean": c["mean"] * torch.inf}, "mean holds a number that is not finite"),
-        (lambda c: {**c, "mean": c["mean"][:1]}, "mean .* expected"),
-        (lambda c: {**c, "spread": c["spread"][:, :2]}, "spread .* expected"),
-        (lambda c: {**c, "spread": 0 * c["spread"]}, "spread is zero"),
+        (lambda c: changed(c, "mean", lambda x: x * torch.nan), "mean holds a number that is not finite"),
+        (lambda c: changed(c, "mean", lambda x: x[:1]), "size mismatch for scaling.mean"),
+        (lambda c: changed(c, "spread", lambda x: x[:, :2]), "size mismatch for scaling.spread"),
+        (lambda c: changed(c, "spread", lambda x: 0 * x), "spread is zero"),
     ],
 )
 def test_a_foreign_file_is_refused(generator, change, words, tmp_path):

@@ -71,10 +71,10 @@ def test_the_scale_reaches_the_other_groups_whatever_their_choice():
 
 def test_the_variants_share_what_is_not_their_own():
     vanilla, eigen, diagonal, exact = configured("gan=all").gan.values()
-    assert [v.features for v in (vanilla, eigen, diagonal)] == ["none", "spectrum", "diagonal"]
-    own = ("features", "weights", "limited")
+    assert [v.features for v in (vanilla, eigen, diagonal)] == [None, "spectrum", "diagonal"]
+    own = ("variant", "weights", "limited")
     shared = dataclasses.replace(vanilla, **{name: getattr(eigen, name) for name in own})
-    assert shared == eigen == dataclasses.replace(diagonal, features="spectrum")
+    assert shared == eigen == dataclasses.replace(diagonal, variant="Eigen")
     assert configured("gan=eigen").gan["eigen"] == eigen and not exact.seeded
     everywhere = configured("scale.gan_epochs=30").gan
     assert {everywhere[name].epochs for name in ("vanilla", "eigen", "diagonal")} == {30}

@@ -314,7 +314,7 @@ def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkey
     assert ended == {"odd eigen seed=0": "FINISHED", "odd eigen seed=1": "FAILED"}
     for child in children:
         assert child.data.metrics["fitness"] == 2.0
-        assert child.data.params["gan.eigen.features"] == "spectrum"
+        assert child.data.params["gan.eigen.variant"] == "Eigen"
 
 
 def left(sweep, number, seed, width, nmse):
