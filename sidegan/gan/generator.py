@@ -18,10 +18,6 @@ from sidegan.robot import Arm
 from sidegan.seeds.published import Layout
 
 _FORMAT = 5
-_NETWORKS: dict[bool, type[Generator | ConvolutionalGenerator]] = {
-    False: Generator,
-    True: ConvolutionalGenerator,
-}
 
 
 class TrajectoryGenerator(nn.Module):
@@ -123,10 +119,14 @@ class TrajectoryGenerator(nn.Module):
         stated = [x for x in meta["network"].values() if isinstance(x, int)]
         if max(stated, default=0) > sum(x.numel() for x in weights.values()):  # before so much is asked for
             raise ShapeError(f"its weights are fewer than the sizes {meta['network']} need")
-        family, network = Trajectory(**meta["trajectory"]), _NETWORKS[meta["published"]](**meta["network"])
+        family = Trajectory(**meta["trajectory"])
         joints, size = family.joints, 2 * family.harmonics
-        scaling: Scaling | Layout = Layout(joints, family.harmonics)
-        if not meta["published"]:
+        network: Generator | ConvolutionalGenerator
+        scaling: Scaling | Layout
+        if meta["published"]:
+            network, scaling = ConvolutionalGenerator(**meta["network"]), Layout(joints, family.harmonics)
+        else:
+            network = Generator(**meta["network"])
             scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
         limits = None
         if meta["limits"] is not None:

@@ -4,7 +4,7 @@ Source: as ``gan.published``.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,7 +103,7 @@ class PublishedPretraining:
         if weights is None:
             self._fit(network, (self.samples[learnt], valid[learnt]), progress)
         else:
-            network.load_state_dict(shipped_weights(weights))
+            network.load_state_dict({"scale": network.scale, **weights})
         write_task(folder / "success.pt", {"arguments": {}, "weights": network.state_dict()})
         with torch.no_grad():
             right = (network(self.samples[held])[:, 0] > 0) == valid[held]
@@ -128,35 +128,17 @@ class PublishedPretraining:
             return {f"error_{name}": float(network.training_step([images[held], target[held]], 0))}
 
     def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
-        fit(
-            network, _Drawn(tensors, self.settings.steps), 1, [Progress(progress, self.settings.steps, _TOLD)]
-        )
-
-
-class _Drawn:
-    """So many batches, each of rows drawn anew."""
-
-    def __init__(self, tensors: tuple[Tensor, Tensor], steps: int) -> None:
-        self.tensors, self.steps = tensors, steps
-
-    def __len__(self) -> int:
-        return self.steps
-
-    def __iter__(self) -> Iterator[list[Tensor]]:
-        for _ in range(self.steps):
-            rows = torch.randperm(len(self.tensors[0]))[:_BATCH]
-            yield [x[rows] for x in self.tensors]
+        """So many steps, each on a batch of rows drawn anew."""
+        steps, count = self.settings.steps, len(tensors[0])
+        rows = (torch.randperm(count)[:_BATCH] for _ in range(steps))
+        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, steps, _TOLD)])
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:
-    """Write a published converter of given weights, as ``pretraining.load_surrogates`` reads it."""
-    arguments = {"features": len(weights["fc2.bias"])}
-    write_task(path, {"arguments": arguments, "weights": weights})
-
-
-def shipped_weights(weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The authors' weights as those of a network here, whose outputs have a unit."""
-    return {"scale": torch.ones(len(weights["fc2.bias"])), **weights}
+    """Write a published converter, as ``pretraining.load_surrogates`` reads it; the authors' has no scale."""
+    outputs = len(weights["fc2.bias"])
+    scaled = {"scale": torch.ones(outputs), **weights}
+    write_task(path, {"arguments": {"features": outputs}, "weights": scaled})
 
 
 def _split(count: int) -> tuple[Tensor, Tensor]:

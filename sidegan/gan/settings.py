@@ -1,6 +1,6 @@
 """Settings of the variants and of the surrogates that they learn from."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from sidegan.base.typed import Bound, Count, Natural, NonNegative, Part, Positive, Share, Size, Width
@@ -11,33 +11,30 @@ Name = Literal[
     "Vanilla", "Eigen", "Diagonal", "Exact", "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"
 ]
 _FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal"}  # of YᵀY, that a variant's converter predicts
-_FLOORS = ("distance", "rank")
-_SIDE = ("adversarial", "features", "success", "fitness")
-_WEIGHTS = {  # that a variant has; its others are zero
-    "Vanilla": ("adversarial", *_FLOORS),
-    "Eigen": (*_SIDE, *_FLOORS),
-    "Diagonal": (*_SIDE, *_FLOORS),
-    "Exact": ("success", "fitness", *_FLOORS),
-    "PublishedVanilla": ("adversarial",),
-    "PublishedEigen": _SIDE,
-    "PublishedDiagonal": _SIDE,
+_SIDE, _FLOORS = ("features", "success", "fitness"), ("distance", "rank")
+_LACKING = {  # losses that a variant does not have
+    "Vanilla": _SIDE,
+    "Exact": ("adversarial", "features"),
+    "PublishedVanilla": (*_SIDE, *_FLOORS),
+    "PublishedEigen": _FLOORS,
+    "PublishedDiagonal": _FLOORS,
 }
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the generator's losses; a zero switches one off.
+    """Weights of the generator's losses, which are off unless a variant's file says otherwise.
 
     ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others
     keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions.
     """
 
-    adversarial: NonNegative
-    features: NonNegative
-    success: NonNegative
-    fitness: NonNegative
-    distance: NonNegative
-    rank: NonNegative
+    adversarial: NonNegative = 0.0
+    features: NonNegative = 0.0
+    success: NonNegative = 0.0
+    fitness: NonNegative = 0.0
+    distance: NonNegative = 0.0
+    rank: NonNegative = 0.0
 
 
 @dataclass(frozen=True)
@@ -90,8 +87,7 @@ class Variant:
     def __post_init__(self) -> None:
         if max(self.betas) >= 1:
             raise ConfigError(f"betas {self.betas} must be less than 1")
-        foreign = [k for k, x in asdict(self.weights).items() if x and k not in _WEIGHTS[self.variant]]
-        if foreign:
+        if foreign := [k for k in _LACKING.get(self.variant, ()) if getattr(self.weights, k)]:
             names = ", ".join(f"weights.{name}" for name in foreign)
             raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
         if self.features and self.weights.fitness and self.fitness_start >= self.epochs:

@@ -34,15 +34,14 @@ class Data:
 class SideGAN(pl.LightningModule):
     """A generator that learns from a sum of losses, some of which are discriminators that learn too.
 
-    A variant is a subclass: its ``__init__`` makes the networks that its losses need, and ``losses`` says
-    which losses it adds. To add one of your own, write a function of a ``Batch`` and a subclass,
+    A variant is a subclass of ``variants``: its ``__init__`` makes the networks that its losses need, and
+    ``losses`` says which losses it adds. To add one of your own, write it in that list as a function of a
+    ``Batch``, with its weight,
 
-        class Slow(Eigen):
-            def losses(self) -> list[Loss]:
-                return [*super().losses(), Loss(3.0, lambda batch: batch.coefficients.square().mean())]
+        Loss(weights.slow, lambda batch: batch.coefficients.square().mean())
 
-    then name the class in ``variants.VARIANTS`` and in the list of ``settings.Variant``, and say
-    ``variant: Slow`` in a file of ``conf/gan``.
+    and set the weight: a field of ``settings.Weights``, and its value in the variant's file in ``conf/gan``.
+    A new variant is a class in ``variants.VARIANTS`` with its name in ``settings.Name``, and such a file.
 
     Args:
         settings: of the variant.

@@ -1,4 +1,4 @@
-"""What is trained: surrogates from seeds and a vanilla generator, generators from seeds and surrogates."""
+"""Trainings: surrogates from seeds and a vanilla generator, generators from seeds and surrogates."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
@@ -84,7 +84,7 @@ def negatives(task: Task) -> Artifact:
 
 
 def taught(task: Task) -> dict[str, Any]:
-    """What is told of the seeds that something learns from, where it is not all of them."""
+    """Settings of a subset of the seeds, where something does not learn from all of them."""
     return {} if task.cfg.subset is None else {"subset": task.cfg.subset}
 
 
@@ -105,22 +105,13 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     trained.generator.save(build.folder / GENERATOR)
     if trained.samples is not None:
         write_torch(build.folder / SAMPLES, trained.samples)
-    keep_history(build, trained.history)
+    write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
     kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
     write_json(build.folder / REPORT, finite(kept))
 
 
-def keep_history(build: Build, history: Iterable[Mapping[str, Any]]) -> None:
-    """Write the metrics after every epoch; the time that each took [s] is a cost."""
-    rows = [finite(row) for row in history]
-    seconds = [row.pop("seconds") for row in rows if "seconds" in row]
-    if seconds:
-        build.costs["epochs"] = seconds
-    write_json(build.folder / HISTORY, rows)
-
-
 def _pretrain_published(task: Task, build: Build) -> None:
-    from sidegan.gan.published_surrogates import PublishedPretraining, shipped_weights, write_converter
+    from sidegan.gan.published_surrogates import PublishedPretraining, write_converter
 
     settings, seeds = task.cfg.surrogates.published, training_seeds(task)
     if settings is None:
@@ -135,11 +126,10 @@ def _pretrain_published(task: Task, build: Build) -> None:
     if settings.shipped:  # of the predictor and of the converter to the eigenvalues
         shipped = task.cfg.seeds.published.weights
         weights, learnt = shipped("predictor"), ["diagonal"]
-        write_converter(build.folder / "spectrum.pt", shipped_weights(shipped("converter")))
+        write_converter(build.folder / "spectrum.pt", shipped("converter"))
     jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"), weights)]
     jobs += [partial(pretraining.train_features, name, build.folder, task.number(name)) for name in learnt]
-    parts = run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs))
-    write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
+    _report(build, run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs)))
 
 
 def _pretrain(task: Task, build: Build) -> None:
@@ -151,16 +141,13 @@ def _pretrain(task: Task, build: Build) -> None:
     seeds = training_seeds(task).coefficients
     faulty = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
     pretraining = Pretraining(task.constraints, task.trajectory, settings, seeds, faulty, build.work)
-    labelling: list[Job] = [
-        partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)
-    ]
-    run_jobs("labels", labelling, workers, settings.samples)
-    trainings: list[Job] = [
-        partial(pretraining.train_success, build.folder, task.number("success")),
-        *(
-            partial(pretraining.train_features, name, build.folder, task.number(name))
-            for name in ("spectrum", "diagonal")
-        ),
-    ]
-    parts = run_jobs("surrogates", trainings, workers, settings.epochs * len(trainings))
+    labels = [partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)]
+    run_jobs("labels", labels, workers, settings.samples)
+    jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"))]
+    for name in ("spectrum", "diagonal"):
+        jobs.append(partial(pretraining.train_features, name, build.folder, task.number(name)))
+    _report(build, run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs)))
+
+
+def _report(build: Build, parts: Iterable[Mapping[str, Any]]) -> None:
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
