@@ -1,13 +1,14 @@
 """Generator and discriminators: four full layers each, on (2, J, H) images."""
 
 from itertools import pairwise
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 
 from sidegan.errors import ConfigError
 
-_WHISPER = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
+_SMALL = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
 _DRAWS = 1024  # over which the layers' mean is taken
 
 
@@ -34,33 +35,26 @@ class Generator(FromNoise):
     """
 
     def __init__(
-        self,
-        joints: int,
-        harmonics: int,
-        noise: int = 100,
-        width: int = 256,
-        shortcut: bool = False,
+        self, joints: int, harmonics: int, noise: int = 100, width: int = 256, shortcut: bool = False
     ) -> None:
         super().__init__()
-        self.noise = noise
-        self.settings = {
-            "joints": joints,
-            "harmonics": harmonics,
-            "noise": noise,
-            "width": width,
-            "shortcut": shortcut,
-        }
+        sizes = {"joints": joints, "harmonics": harmonics, "noise": noise, "width": width}
+        self.noise, self.settings = noise, {**sizes, "shortcut": shortcut}
         self.shape, size = (2, joints, harmonics), 2 * joints * harmonics
         self.shortcut = nn.Linear(noise, size) if shortcut else None
         if self.shortcut is not None:
             nn.init.zeros_(self.shortcut.weight)
             nn.init.zeros_(self.shortcut.bias)
         self.layers = nn.Sequential(
-            *_hidden(noise, width),
-            nn.Linear(width, size),
-            nn.Unflatten(1, self.shape),
+            *_hidden(noise, width), nn.Linear(width, size), nn.Unflatten(1, self.shape)
         )
-        self._unit_spread()
+        with torch.no_grad():
+            self._last.weight /= self(self.draw(256)).std(0).mean()
+            self._last.bias.zero_()
+
+    @property
+    def _last(self) -> nn.Linear:
+        return cast("nn.Linear", self.layers[-2])
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, J, H)."""
@@ -71,7 +65,7 @@ class Generator(FromNoise):
     def start_from(self, images: Tensor) -> None:
         """Make the network yield the mean of ``images`` (N, 2, J, H), and its shortcut their covariance.
 
-        The layers only whisper beside it. Noise dimensions beyond the image's stay free for them; fewer
+        Beside it the layers are small. Noise dimensions beyond the image's stay free for them; fewer
         than those keep the leading principal directions.
         """
         if self.shortcut is None:
@@ -83,19 +77,9 @@ class Generator(FromNoise):
         root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()
         self.shortcut.weight.zero_()
         self.shortcut.weight[:, :count] = root.to(self.shortcut.weight)
-        self._last.weight *= _WHISPER
-        whisper = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
-        self.shortcut.bias.copy_(x.mean(0) - whisper.flatten(1).mean(0))
-
-    @property
-    def _last(self) -> nn.Linear:
-        return [layer for layer in self.layers if isinstance(layer, nn.Linear)][-1]
-
-    @torch.no_grad()
-    def _unit_spread(self) -> None:
-        spread = self(self.draw(256)).std(0).mean()
-        self._last.weight /= spread
-        self._last.bias.zero_()
+        self._last.weight *= _SMALL
+        beside = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
+        self.shortcut.bias.copy_(x.mean(0) - beside.flatten(1).mean(0))
 
 
 class Discriminator(nn.Module):

@@ -24,7 +24,7 @@ class PublishedVanilla(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
-        images = self.generator.scaling.image(self.seeds).float()
+        images = self.generator.scaling.image(data.seeds).float()
         network = ConvolutionalDiscriminator(width=settings.width)
         self.discriminator = Adversary(network, images, lambda batch: batch.images)
 
@@ -58,7 +58,7 @@ class PublishedEigen(PublishedVanilla):
     def __init__(self, settings: Variant, data: Data, name: str = "eigen") -> None:
         super().__init__(settings, data, name)
         with torch.no_grad():
-            features = self.converter(self.generator.scaling.image(self.seeds).float())
+            features = self.converter(self.generator.scaling.image(data.seeds).float())
         network = ConvolutionalDiscriminator(features.shape[1], settings.width)
         self.second_discriminator = Adversary(network, features, lambda batch: batch.features)
 

@@ -26,7 +26,8 @@ class Data:
 
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
-    seeds: Tensor | None = None  # coefficients [rad/s], (N, J, H, 2); None where the arm alone is enough
+    # Coefficients [rad/s], (N, J, H, 2); of ``training.random_trajectories`` for Exact, which needs none.
+    seeds: Tensor
     success_predictor: Any = None  # a frozen network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
 
@@ -45,7 +46,7 @@ class SideGAN(pl.LightningModule):
 
     Args:
         settings: of the variant.
-        data: what it learns from, seeds included.
+        data: seeds, and frozen surrogates for a variant that learns from them.
         name: of what is trained, for messages.
     """
 
@@ -60,7 +61,7 @@ class SideGAN(pl.LightningModule):
 
     def make_generator(self) -> TrajectoryGenerator:
         """The generator before its training, with the scale of the seeds."""
-        settings, arm, seeds = self.settings, self.data.constraints.arm, self.seeds
+        settings, arm, seeds = self.settings, self.data.constraints.arm, self.data.seeds
         joints, harmonics, _ = self.data.trajectory.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         scaling = Scaling.fit(seeds)
@@ -78,22 +79,15 @@ class SideGAN(pl.LightningModule):
         """Losses of every variant: a batch is as diverse as seeds, on the average and in directions."""
         weights, floors = self.settings.weights, []
         if weights.distance:
-            floors.append(Loss(weights.distance, missing_distance(self.seeds)))
+            floors.append(Loss(weights.distance, missing_distance(self.data.seeds)))
         if weights.rank:
-            floors.append(Loss(weights.rank, missing_rank(self.seeds, self.settings.batch)))
+            floors.append(Loss(weights.rank, missing_rank(self.data.seeds, self.settings.batch)))
         return floors
 
     @cached_property
     def all_losses(self) -> list[Loss]:
         """Losses of the generator, in the order in which they are summed."""
         return [*self.losses(), *self.diversity()]
-
-    @property
-    def seeds(self) -> Tensor:
-        """Seeds [rad/s], (N, J, H, 2)."""
-        if self.data.seeds is None:
-            raise ConfigError(f"{self.name} learns from a seed set, got none")
-        return self.data.seeds
 
     @property
     def adversaries(self) -> list[Adversary]:
@@ -103,7 +97,7 @@ class SideGAN(pl.LightningModule):
     @property
     def steps(self) -> int:
         """Steps per epoch, of the discriminators where there are any."""
-        return self.settings.steps or -(-len(self.seeds) // self.settings.batch)
+        return self.settings.steps or -(-len(self.data.seeds) // self.settings.batch)
 
     def forward(self, count: int) -> Batch:
         """So many new trajectories, as losses see them."""

@@ -41,7 +41,9 @@ def fit(
     """
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     kind, _, index = device.partition(":")
-    saving = [] if work is None else [_checkpoint(work)]
+    saving: list[pl.Callback] = []
+    if work is not None:
+        saving = [ModelCheckpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)]
     handler = signal.getsignal(signal.SIGINT)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_NOISE)
@@ -63,11 +65,6 @@ def fit(
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
     module.cpu()
-
-
-def _checkpoint(work: Path) -> ModelCheckpoint:
-    """The checkpoint of the last epoch, whatever its metrics are."""
-    return ModelCheckpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)
 
 
 def _whole(path: Path) -> Path | None:

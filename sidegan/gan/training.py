@@ -1,6 +1,6 @@
 """Training of a variant, with the true physics of what it generates after every epoch."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
-from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.errors import InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.metrics import kept_epoch, measure
 from sidegan.gan.settings import Variant
@@ -49,13 +49,9 @@ class Run:
     device: str = "cpu"  # where the networks run
     progress: Report = lambda done, total: None  # of epochs
 
-    def after(self, epoch: int) -> Path:
-        """File of the generator's weights after an epoch, and of what was drawn then."""
-        return self.work / f"epoch-{epoch}.pt"
-
 
 def train(settings: Variant, data: Data, run: Run) -> Trained:
-    """A generator trained on a seed set, or on the arm alone where the variant learns from none.
+    """A generator, trained from the start or from where its training was killed.
 
     Raises:
         ConfigError: when the variant needs a surrogate that is not given.
@@ -64,19 +60,24 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
         KeyboardInterrupt: when it is interrupted.
     """
     pl.seed_everything(run.seed, verbose=False)
-    data = replace(data, seeds=_seeds(settings, data, run))
+    data.trajectory.check(data.seeds)
     model = VARIANTS[settings.variant](settings, data, run.name)
-    rows = TensorDataset(torch.arange(len(model.seeds)))
+    rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
     measured = Measured(run)
     batches = DataLoader(rows, settings.batch, sampler=order)
     fit(model, batches, settings.epochs, [measured], run.work, run.device)
     kept = kept_epoch(measured.history, settings.least_valid)
-    model.generator.network.load_state_dict(read_torch(run.after(kept))["weights"])
+    model.generator.network.load_state_dict(read_torch(_left(run, kept))["weights"])
     samples = None
     if run.samples:
-        samples = torch.cat([read_torch(run.after(i))["samples"] for i in range(settings.epochs)])
+        samples = torch.cat([read_torch(_left(run, i))["samples"] for i in range(settings.epochs)])
     return Trained(model.generator.eval(), measured.history, kept, samples)
+
+
+def _left(run: Run, epoch: int) -> Path:
+    """File of the generator's weights after an epoch, and of what was drawn then."""
+    return run.work / f"epoch-{epoch}.pt"
 
 
 class Measured(pl.Callback):
@@ -97,7 +98,7 @@ class Measured(pl.Callback):
         left: dict[str, Any] = {"weights": generator.network.state_dict()}
         if run.samples:
             left["samples"] = generator.network.sample(run.samples, noise).cpu()
-        write_torch(run.after(epoch), left)
+        write_torch(_left(run, epoch), left)
         data = pl_module.data
         metrics = measure(data.constraints, data.trajectory, c) if run.evaluation else {}
         pl_module.log_dict(metrics)  # for loggers and other callbacks
@@ -111,19 +112,6 @@ class Measured(pl.Callback):
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Go on with the metrics of a checkpoint."""
         self.history = state_dict["history"]
-
-
-def _seeds(settings: Variant, data: Data, run: Run) -> Tensor:
-    """Seeds to learn from, after a look at them."""
-    seeds = data.seeds
-    if not settings.seeded:
-        seeds = random_trajectories(data.constraints, data.trajectory, run.seed)
-    if seeds is None:
-        raise ShapeError(f"{run.name} learns from a seed set, got none")
-    data.trajectory.check(seeds)
-    if len(seeds) < 2:
-        raise ShapeError(f"training needs at least two seeds, got {len(seeds)}")
-    return seeds
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:

@@ -25,7 +25,7 @@ class Vanilla(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
-        images = self.generator.scaling.image(self.seeds.float())
+        images = self.generator.scaling.image(data.seeds.float())
         network = Discriminator(images[0].numel(), settings.width)
         self.discriminator = Adversary(network, images, lambda batch: batch.images)
 
@@ -40,7 +40,7 @@ class Eigen(Vanilla):
     def __init__(self, settings: Variant, data: Data, name: str = "eigen") -> None:
         super().__init__(settings, data, name)
         body, trajectory = data.constraints.body, data.trajectory
-        true = getattr(excitation_of(body, gram(body, trajectory, self.seeds)), str(settings.features))
+        true = getattr(excitation_of(body, gram(body, trajectory, data.seeds)), str(settings.features))
         features = self.converter.standardise(true)
         network = Discriminator(features.shape[1], settings.width)
         self.second_discriminator = Adversary(network, features, lambda batch: batch.features)

@@ -14,7 +14,7 @@ from sidegan.gan.settings import Weights
 from sidegan.gan.side_gan import Data
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.trainer import Shuffled, fit
-from sidegan.gan.training import Run, train
+from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -126,6 +126,8 @@ def trained(data):
     """Training of a variant in a folder."""
 
     def run(variant, work, seed=1, data=data, **options):
+        if not variant.seeded:
+            data = replace(data, seeds=random_trajectories(data.constraints, data.trajectory, seed))
         return train(variant, data, Run("small", seed, work, **{"evaluation": 20, **options}))
 
     return run

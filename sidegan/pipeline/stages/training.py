@@ -91,15 +91,18 @@ def taught(task: Task) -> dict[str, Any]:
 def _train(task: Task, build: Build, name: str, training: int, variant: Variant) -> None:
     from sidegan.gan.pretraining import load_surrogates
     from sidegan.gan.side_gan import Data
-    from sidegan.gan.training import Run, train
+    from sidegan.gan.training import Run, random_trajectories, train
 
-    seeds = training_seeds(task).coefficients if variant.seeded else None
+    seed, evaluation = task.number(f"gan {name}", training), task.cfg.scale.evaluation
+    if variant.seeded:
+        seeds = training_seeds(task).coefficients
+    else:
+        seeds = random_trajectories(task.constraints, task.trajectory, seed)
     data = Data(task.constraints, task.trajectory, seeds)
     if variant.features:
         folder = task.store.require(surrogates(task))
         predictor, converter = load_surrogates(folder, variant, task.arm, task.trajectory)
         data = replace(data, success_predictor=predictor, converter=converter)
-    seed, evaluation = task.number(f"gan {name}", training), task.cfg.scale.evaluation
     samples, device = _samples(task, variant), task.cfg.device
     trained = train(variant, data, Run(name, seed, build.work, evaluation, samples, device, build.report))
     trained.generator.save(build.folder / GENERATOR)
