@@ -55,15 +55,6 @@ def test_all_of_the_tightest_limit_can_be_used_and_small_motions_are_left_alone(
     assert (most <= 1).all() and (most > 0.95).all()
 
 
-def test_what_is_used_grows_with_the_coefficients_and_bounds_what_is_sampled():
-    family = Trajectory(2, 4, 8.0, (0.3, -0.4))
-    limits, c = LimitLayer.of(ARM, family), normal(family, 1, 0.3)
-    torch.testing.assert_close(limits.use(2.5 * c), 2.5 * limits.use(c), rtol=1e-4, atol=1e-6)
-    motion = family.roll_out(c.double(), family.times(500))
-    speed = (motion.velocity.abs() / ARM.velocity_limit).amax(1)
-    assert (limits.use(c) >= speed - 1e-5).all()
-
-
 def test_the_slope_is_finite_at_rest_and_far_out():
     family = Trajectory(2, 4, 8.0)
     c = torch.cat([normal(family, 0, 0.0, 2), normal(family, 0, 1e6, 2)]).requires_grad_(True)

@@ -62,6 +62,10 @@ def test_losses_are_their_closed_forms(made, full, predictor, converter):
     ]
     for loss, value in zip(model.losses(), expected, strict=True):
         torch.testing.assert_close(loss.value(batch), value)
+    for own in model.adversaries:
+        real, fake = own.network(own.examples[:9]).sigmoid(), own.network(own.view(batch)).sigmoid()
+        told_apart = -torch.log(real).mean() - torch.log(1 - fake).mean()
+        torch.testing.assert_close(own.own_loss(torch.arange(9), batch), told_apart)
 
 
 def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatch):
@@ -79,21 +83,6 @@ def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatc
     assert found[1] > found[0] + 0.1
 
 
-def test_the_discriminator_learns_to_tell_seeds_from_a_collapsed_generator(made, vanilla, seeds):
-    model = made(vanilla)
-    with torch.no_grad():
-        for p in model.generator.network.parameters():
-            p.zero_()
-    critic = model.discriminator.network
-    optimiser = torch.optim.Adam(critic.parameters(), 1e-3)
-    for _ in range(50):
-        optimiser.zero_grad()
-        model.adversary_loss(torch.arange(32)).backward()
-        optimiser.step()
-    real = model.generator.scaling.image(seeds.float())
-    assert critic(real[32:64]).mean() > critic(model(32).images).mean() + 0.5
-
-
 def test_weights_change_in_time():
     assert [from_epoch(1)(epoch, 0.5) for epoch in (0, 1, 2)] == [0, 1, 1]
     assert [eased(0.01)(0, share) for share in (0.0, 0.335, 0.67, 1.0)] == pytest.approx([0.01, 0.1, 1, 1])
@@ -107,11 +96,7 @@ def loss_of(value):
 def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
     loss = loss_of(missing_distance(seeds))
     assert loss(seeds.float()) < 1e-6 and loss(2 * seeds.float()) == 0
-    c = (seeds.mean(0) + 0.3 * (seeds - seeds.mean(0))).float().requires_grad_(True)
-    value = loss(c)
-    (slope,) = torch.autograd.grad(value, c)
-    better = c.detach() - 0.1 * slope / slope.norm()
-    assert value > 0.1 and loss(better) < value
+    assert float(loss(0.3 * seeds.float())) == pytest.approx(0.7, rel=1e-4)
 
 
 def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):

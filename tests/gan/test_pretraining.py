@@ -47,13 +47,6 @@ def test_a_share_is_made_once_and_again_when_damaged(small):
     torch.testing.assert_close(torch.load(path), torch.load(io.BytesIO(whole)))
 
 
-def test_seeds_are_held_out(seeds):
-    training, held = pretraining.training_seeds(seeds)
-    torch.testing.assert_close(torch.cat([training, held]), seeds)
-    assert 0.1 < len(held) / len(seeds) < 0.2
-    assert [len(x) for x in pretraining.training_seeds(seeds[:2])] == [1, 1]
-
-
 @pytest.mark.parametrize(("kind", "features"), [("Eigen", "spectrum"), ("Diagonal", "diagonal")])
 def test_trained_surrogates_are_loaded_as_they_were(
     small, reports, planar, family, seeds, full, kind, features

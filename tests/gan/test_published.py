@@ -11,7 +11,7 @@ from sidegan.errors import ConfigError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.pretraining import load_surrogates
 from sidegan.gan.published import fitness, growing
-from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
+from sidegan.gan.published_networks import IMAGE, ConvolutionalGenerator
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor, PublishedPretraining
 from sidegan.gan.settings import PublishedSurrogates
 from sidegan.gan.side_gan import Data
@@ -81,11 +81,6 @@ def test_given_weights_are_kept_as_they_are_and_measured(pretraining, tmp_path):
     assert 0 <= told["accuracy_paper"] <= 1
 
 
-def test_samples_of_every_epoch_are_left_for_the_predictor(vanilla):
-    assert vanilla.samples.shape == (2 * 25, *IMAGE) and vanilla.epoch == 1
-    assert not torch.equal(vanilla.samples[:25], vanilla.samples[25:])
-
-
 @pytest.mark.parametrize("name", ["eigen", "diagonal"])
 def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
     papers, variants, surrogates, tmp_path, arm, name
@@ -110,18 +105,12 @@ def test_surrogates_are_needed_and_other_images_are_refused(papers, variants, pl
         replace(variants["eigen"], limited=True)
 
 
-def test_a_batch_is_normalised_by_itself_when_sampling_too():
+def test_batches_are_normalised_by_themselves_and_samples_of_every_epoch_are_left(vanilla):
+    assert vanilla.samples.shape == (2 * 25, *IMAGE) and not torch.equal(*vanilla.samples.split(25))
     network, z = ConvolutionalGenerator(8, 4, 10), torch.rand(10, 8)
-    for one in (network, network.eval()):
-        assert torch.equal(one(z), network(z)) and one(z).shape == (10, *IMAGE)
+    images = network(z)
+    assert images.shape == (10, *IMAGE) and torch.equal(network.eval()(z), images)
     assert not torch.allclose(network(z)[:5], network(z[:5]))
-    assert network.sample(23, torch.Generator().manual_seed(0)).shape == (23, *IMAGE)
-
-
-def test_discriminators_see_images_and_lists_of_any_length():
-    assert ConvolutionalDiscriminator(width=4)(torch.rand(6, *IMAGE)).shape == (6,)
-    for features in (35, 43):
-        assert ConvolutionalDiscriminator(features, 4)(torch.rand(6, features)).shape == (6,)
 
 
 def test_losses_have_their_closed_forms():

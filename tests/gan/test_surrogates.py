@@ -49,16 +49,6 @@ def test_margins_of_what_is_linear_are_exact(name, higher):
         torch.testing.assert_close(one.clamp(-1, 1), other, rtol=0, atol=5e-3)
 
 
-def test_the_worst_moment_of_each_constraint_decides(planar, family, wild):
-    predictor = SuccessPredictor(planar, family, 3, 8, 10)
-    good = torch.full((1, 3, 10), 0.9)
-    bad = good.clone()
-    bad[0, 2, 4] = -0.5
-    high, low = predictor.log_probability(torch.cat([good, bad])).exp().tolist()
-    assert high > 0.99 and low < 0.01
-    assert (predictor(wild.float()) <= 0).all()
-
-
 def test_an_arm_with_nothing_to_learn_about_has_a_predictor_too(planar, family):
     free = dataclasses.replace(planar, torque_limit=torch.full((2,), torch.inf).double())
     predictor, rest = SuccessPredictor(free, family, 2, 8, 10), torch.zeros(3, *family.shape)
