@@ -83,7 +83,7 @@ def _record(artifact: Artifact, task: Task, tracker: Tracker) -> None:
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
     spent = {key: float(x) for key, x in costs.items() if isinstance(x, int | float)}
-    model = tracker.log_model(title, folder) if artifact.maker in MODELS else None
+    model = tracker.log_model(title, artifact.digest, folder) if artifact.maker in MODELS else None
     # MLflow draws those with one beginning together: results of an artifact, and one kind of costs of all.
     tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()}, model)
     tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})

@@ -136,16 +136,20 @@ class Tracker:
             self._client.set_tag(self.run_id, _NOTE, note)
 
     @_guarded
-    def log_model(self, name: str, folder: Path) -> str:
-        """ID of a model that is recorded with all files of a folder."""
+    def log_model(self, name: str, digest: str, folder: Path) -> str | None:
+        """ID of a new model with all files of a folder; None where another run has recorded it before."""
         from mlflow.entities import LoggedModelOutput
 
-        named = re.sub(r"[^\w-]", "-", name)
-        model = self._client.create_logged_model(self._experiment, named, self.run_id).model_id
-        self._client.log_model_artifacts(model, str(folder))
-        self._client.finalize_logged_model(model, "READY")
+        known = self._client.search_logged_models([self._experiment], f"tags.digest = '{digest}'")
+        if known:
+            model = known[0].model_id
+        else:
+            named, tags = re.sub(r"[^\w-]", "-", name), {"digest": digest}
+            model = self._client.create_logged_model(self._experiment, named, self.run_id, tags).model_id
+            self._client.log_model_artifacts(model, str(folder))
+            self._client.finalize_logged_model(model, "READY")
         self._client.log_outputs(self.run_id, [LoggedModelOutput(model, step=0)])
-        return model
+        return None if known else model
 
     @_guarded
     def finish(self, status: Status) -> None:

@@ -246,8 +246,8 @@ class Recorded:
     def log_history(self, history, model=None):
         self.series |= history
 
-    def log_model(self, name, folder):
-        self.models.append((name, folder.name))
+    def log_model(self, name, digest, folder):
+        self.models.append((name, digest[:8], folder.name))
 
 
 def run(store, *artifacts, tracker):
@@ -264,7 +264,7 @@ def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(sto
     assert tracker.numbers.pop("gan/eigen/condition") == 2.0
     assert set(tracker.numbers) == {"seconds/gan eigen", "cpu_seconds/gan eigen"}
     assert tracker.series == {"gan/eigen/loss": [3.0, None, 1.0]}
-    assert tracker.models == [("gan/eigen", store.folder(one).name)]
+    assert tracker.models == [("gan/eigen", one.digest[:8], store.folder(one).name)]
 
 
 def test_a_stage_makes_its_artifacts_after_those_that_they_are_made_from(store):

@@ -48,13 +48,16 @@ def record(tracker, folder):
     tracker.log_table(pd.DataFrame({"nmse": [0.1]}, index=pd.Index(["seeds"], name="set")), "table1")
     for note in ("**Table I**", "x" * 8000, "the end"):  # as much as there is room for
         tracker.log_note(note)
-    tracker.log_metrics({"success": 0.7}, tracker.log_model("gan/eigen 0", folder / "plots"))
+    tracker.log_metrics({"success": 0.7}, tracker.log_model("gan/eigen 0", "abc", folder / "plots"))
 
 
 def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path):
     with Tracker(root, "exp1", "whole") as tracker:
         record(tracker, tmp_path)
+    with Tracker(root, "exp1", "again") as again:
+        assert again.log_model("gan/eigen 0", "abc", tmp_path / "plots") is None, "a model is recorded once"
     client, (found,) = client_of(root), called(root, "whole")
+    assert client.get_run(again.run_id).outputs.model_outputs == found.outputs.model_outputs
     assert found.info.status == "FINISHED" and found.info.artifact_uri.startswith(root.as_uri())
     expected = {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']", "many.n149": "149"}
     assert expected.items() <= found.data.params.items() and len(found.data.params) == 153
