@@ -55,11 +55,7 @@ def imported(path):
 
 
 COPIED = "torque_model.py"  # stands on its own beside an identified arm
-FILES = sorted(
-    path
-    for path in SOURCE.rglob("*.py")
-    if room_of(path) not in ("__init__", "untracked") and path.name != COPIED
-)
+FILES = sorted(path for path in SOURCE.rglob("*.py") if room_of(path) != "__init__" and path.name != COPIED)
 IMPORTS = [(path, name) for path in FILES for name in imported(path)]
 
 

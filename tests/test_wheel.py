@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-HELD = ("sidegan", "experiments", "conf")
+HELD = ("sidegan", "conf", "params.yaml")
 
 
 def tracked():
@@ -16,7 +16,7 @@ def tracked():
     files = listed.stdout.split()
     if not files:
         pytest.skip("this is no clone")
-    return {f"sidegan/{file}" if file.startswith("conf/") else file for file in files}
+    return {file if file.startswith("sidegan/") else f"sidegan/{file}" for file in files}
 
 
 def test_every_file_of_ours_is_in_the_wheel_and_nothing_else():
@@ -24,9 +24,9 @@ def test_every_file_of_ours_is_in_the_wheel_and_nothing_else():
     builder = wheel.WheelBuilder(str(ROOT))
     with builder.config.set_build_data({"artifacts": [], "force_include": {}}):
         held = {one.distribution_path for one in builder.recurse_included_files()}
-    there = {file for file in tracked() if (ROOT / file.replace("sidegan/conf/", "conf/")).exists()}
+    there = {f for f in tracked() if (ROOT / f).exists() or (ROOT / f.removeprefix("sidegan/")).exists()}
     assert there <= held
-    assert {path.split("/")[0] for path in held} == {"sidegan", "experiments"}
+    assert {path.split("/")[0] for path in held} == {"sidegan"}
     assert not [path for path in held if path.endswith((".nbc", ".nbi", ".pyc"))]
 
 
@@ -36,9 +36,11 @@ from pathlib import Path
 root = Path(sys.argv[1])
 shutil.copytree(root / "sidegan", "sidegan", ignore=shutil.ignore_patterns("__pycache__"))
 shutil.copytree(root / "conf", "sidegan/conf")
+shutil.copy(root / "params.yaml", "sidegan/params.yaml")
 sys.path.insert(0, ".")
 from sidegan.pipeline.run import CONF, main
-assert CONF == Path("sidegan/conf").resolve(), CONF
+from sidegan.pipeline.graph import version
+assert CONF == Path("sidegan/conf").resolve() and version("gan"), CONF
 sys.argv = ["sidegan", "+experiment=excite", "--cfg", "job"]
 sys.exit(main())
 """

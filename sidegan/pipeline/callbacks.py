@@ -44,8 +44,8 @@ class SweepCallback(Callback):
         swept = " ".join(name for name in config.hydra.overrides.task if not name.startswith(hidden))
         name = f"{config.experiment} sweep {swept}".strip()[:200]
         uri, enabled = config.tracking.uri, config.tracking.enabled
-        _parent = Tracker(Path(config.outputs), folder, config.experiment, name, uri, enabled)
-        if _parent.run_id is not None:
+        _parent = Tracker(Path(config.outputs), config.experiment, name, uri, enabled)
+        if _parent.run_id:
             os.environ[PARENT] = _parent.run_id
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:

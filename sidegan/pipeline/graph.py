@@ -1,11 +1,11 @@
 """The graph of artifacts: each result on disk is a node that says what it is made with, from what, by whom.
 
-Stamps, the order of work, reuse and what MLflow records follow from it.
+Folders, the order of work, reuse and what MLflow records follow from it.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -16,8 +16,9 @@ import yaml
 from sidegan.base.names import folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
+from sidegan.pipeline.compose import CONF
 
-VERSIONS = Path(__file__).with_name("versions.yaml")
+VERSIONS = CONF.with_name("params.yaml")  # beside conf/ in a clone, and in a wheel
 
 Metrics = Mapping[str, float | Sequence[float | None]]
 
@@ -44,7 +45,7 @@ class Artifact:
     """A result on disk; two artifacts with the same digest are interchangeable.
 
     Attributes:
-        maker: who makes it: a key of ``versions.yaml`` and the folder that it lies in.
+        maker: who makes it: a key of ``params.yaml`` and the folder that it lies in.
         label: what tells it from its siblings, as the name of a folder.
         title: its name for people, and the prefix of its metrics.
         settings: what it depends on, plain values as they were set.
@@ -71,10 +72,10 @@ class Artifact:
         return Path(folder_name(self.maker), f"{folder_name(self.label)}-{self.digest[:8]}")
 
     @cached_property
-    def stamp(self) -> dict[str, Any]:
-        """What it came from, as JSON gives it back."""
+    def params(self) -> dict[str, Any]:
+        """Its parameters with the digests of its inputs, as JSON gives them back."""
         inputs = {name: one if isinstance(one, str) else one.digest for name, one in self.inputs.items()}
-        stamp = {
+        params = {
             "maker": self.maker,
             "version": version(self.maker),
             "label": self.label,
@@ -82,12 +83,12 @@ class Artifact:
             "inputs": inputs,
             "seed": self.seed,
         }
-        return json.loads(json.dumps(stamp))
+        return json.loads(json.dumps(params))
 
     @cached_property
     def digest(self) -> str:
-        """Hexadecimal SHA-256 over its stamp."""
-        return hashlib.sha256(json.dumps(self.stamp, sort_keys=True).encode()).hexdigest()
+        """Hexadecimal SHA-256 over its parameters."""
+        return hashlib.sha256(json.dumps(self.params, sort_keys=True).encode()).hexdigest()
 
     @property
     def parents(self) -> list["Artifact"]:
@@ -95,29 +96,11 @@ class Artifact:
         return [one for one in self.inputs.values() if isinstance(one, Artifact)]
 
 
-def waves(artifacts: Iterable[Artifact]) -> list[list[Artifact]]:
-    """Artifacts in groups, each made from those before it alone; none twice."""
-    waiting = {one.digest: one for one in artifacts}
-    groups = []
-    while waiting:
-        ready = [one for one in waiting.values() if not any(p.digest in waiting for p in one.parents)]
-        groups.append(ready)
-        for one in ready:
-            del waiting[one.digest]
-    return groups
-
-
-def difference(stamp: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Dotted keys in which another stamp differs, with both values, in words."""
-    both = differing(stamp, other)
-    return [f"{key} is {_brief(theirs)}, not {_brief(ours)}" for key, (ours, theirs) in both.items()]
-
-
-def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Dotted keys in which nested mappings differ, with both values; None where there is none."""
-    ours, theirs = flatten(one), flatten(other)
-    both = {key: (ours.get(key), theirs.get(key)) for key in {**ours, **theirs}}
-    return {key: (x, y) for key, (x, y) in both.items() if x != y}
+def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Dotted keys in which other parameters differ, with both values, in words."""
+    ours, theirs = flatten(params), flatten(other)
+    keys = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
+    return [f"{key} is {_brief(theirs.get(key))}, not {_brief(ours.get(key))}" for key in keys]
 
 
 @cache
@@ -130,12 +113,11 @@ def version(maker: str) -> int:
     """Version of a maker.
 
     Raises:
-        ArtifactError: when ``versions.yaml`` has none.
+        ArtifactError: when ``params.yaml`` has none.
     """
-    try:
-        return versions()[maker]
-    except KeyError:
-        raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}") from None
+    if maker not in versions():
+        raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}")
+    return versions()[maker]
 
 
 def flatten(value: Any, path: str = "") -> dict[str, Any]:

@@ -74,9 +74,9 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     task = Task(config, Store(Path(config.outputs), run_folder), tuple(overrides))
     for one in config.stages:
         refuse(stage(one), task)
-    tracking, parent = config.tracking, os.environ.get(PARENT)
-    where = task.store.root, run_folder, config.experiment, name, tracking.uri, tracking.enabled
-    tracker = Tracker(*where, parent, 0.0 if parent else tracking.patience)
+    tracking = config.tracking
+    tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
+    tracker = Tracker(task.store.root, config.experiment, name, tracking.uri, tracking.enabled, tags)
     with tracker, engine(config.parallel.backend, config.parallel.scheduler):
         tracker.log_params(config.plain())
         if config.has("robot"):

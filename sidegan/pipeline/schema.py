@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Part, Positive, Seconds, Size
+from sidegan.base.typed import Bound, Count, Natural, Part, Positive, Seconds, Size
 from sidegan.errors import ConfigError
 from sidegan.identification import Terms
 from sidegan.plant.friction import Form
@@ -105,7 +105,6 @@ class Tracking:
 
     enabled: bool
     uri: str | None  # null: sqlite in the outputs
-    patience: NonNegative  # [s] that a run takes before MLflow is imported; a shorter one is sent at its end
 
     def __post_init__(self) -> None:
         scheme = urlsplit(self.uri or "sqlite:").scheme.partition("+")[0]

@@ -107,6 +107,7 @@ class Config:
     condition: Condition = _group("condition")
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
     discussion: Discussion = _group("discussion")
+    table: str = _group("table")  # Python module that collects and presents the results
     designer: DesignerSettings = _group("designer")
     recordings: list[Recorded] = _group("recordings")  # to identify from, each a file or one for each signal
     # recordings that are held out, or which share of every recording, its last part

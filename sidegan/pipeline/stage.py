@@ -5,15 +5,18 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from graphlib import TopologicalSorter
 from typing import Any
 
 from sidegan.base.names import plain
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.pipeline.graph import Artifact, Metrics, waves
+from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
 log = logging.getLogger(__name__)
+
+MODELS = {"gan", "identify"}  # makers of what MLflow lists as models
 
 
 @dataclass(frozen=True)
@@ -43,18 +46,20 @@ def refuse(stage: Stage, task: Task) -> None:
 
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
-    artifacts = list(stage.artifacts(task))
-    missing = {one.digest for one in artifacts if task.store.find(one) is None}
+    artifacts = {one.digest: one for one in stage.artifacts(task)}
+    missing = {digest for digest, one in artifacts.items() if task.store.find(one) is None}
     if missing and task.cfg.has("workspace", "trajectory"):
         _ = task.constraints  # an arm that cannot rest at home is refused before anything is written
-    for wave in waves(artifacts):
-        _produce(name, task, wave, missing)
-    for artifact in artifacts:
-        if artifact.digest in tracker.told:  # by a stage that has made it too
-            continue
-        tracker.told.add(artifact.digest)
-        metrics = artifact.metrics(task.store.require(artifact))
-        _record(artifact.title, metrics, task.store.costs(artifact), tracker)
+    parents = {k: {one.digest for one in made.parents} & artifacts.keys() for k, made in artifacts.items()}
+    order = TopologicalSorter(parents)
+    order.prepare()
+    while ready := order.get_ready():
+        _produce(name, task, [artifacts[digest] for digest in ready], missing)
+        order.done(*ready)
+    for digest, artifact in artifacts.items():
+        if digest not in tracker.recorded:  # by a stage that has made it too
+            tracker.recorded.add(digest)
+            _record(artifact, task, tracker)
     if stage.show is not None:
         stage.show(task, tracker)
 
@@ -71,19 +76,21 @@ def _produce(name: str, task: Task, artifacts: list[Artifact], missing: set[str]
         run_jobs(f"{name} (%)", jobs, task.cfg.parallel.workers)
 
 
-def _record(title: str, metrics: Metrics, costs: Mapping[str, Any], tracker: Tracker) -> None:
+def _record(artifact: Artifact, task: Task, tracker: Tracker) -> None:
+    """Log the metrics of an artifact and the costs of making it, and record it where it is a model."""
+    title, folder = artifact.title, task.store.require(artifact)
+    metrics, costs = artifact.metrics(folder), task.store.costs(artifact)
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
     spent = {key: float(x) for key, x in costs.items() if isinstance(x, int | float)}
+    model = tracker.log_model(title, artifact.digest, folder) if artifact.maker in MODELS else None
     # MLflow draws those with one beginning together: results of an artifact, and one kind of costs of all.
-    tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()})
+    tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()}, model)
     tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})
+    tracker.log_history({f"{title}/{key}": x for key, x in series.items()}, model)
     if numbers or not series:
         log.info("%s: %s", title, words(numbers | spent))
-    for key, values in series.items():
-        known = {i: x for i, x in enumerate(values) if x is not None}
-        tracker.log_history({f"{title}/{key}": list(known.values())}, list(known))
-    if series and not numbers:
+    else:
         last = {key: values[-1] for key, values in series.items() if values}
         log.info("%s after %d epochs: %s", title, max(map(len, series.values())), words(last))
 

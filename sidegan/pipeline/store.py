@@ -1,8 +1,8 @@
-"""Artifacts on disk: folders that appear whole, carry a stamp of what they came from, and are reused.
+"""Artifacts on disk: folders that appear whole, say what they came from, and are reused.
 
-<root>/<maker>/<label>-<digest>/            files of the artifact and stamp.json
+<root>/<maker>/<label>-<digest>/            files of the artifact and params.json
 <root>/<maker>/<label>-<digest>.work/       task files of an unfinished one; survive a kill
-<root>/costs/<maker>/<label>-<digest>.json  what making it took
+<root>/costs/<maker>/<label>-<digest>.json  time that making it took
 <root>/.locks/                              one lock per artifact, released by the system with the process
 """
 
@@ -12,7 +12,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -20,7 +20,6 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from sidegan.base.names import listed
 from sidegan.base.parallel import Report, cpu_seconds
 from sidegan.base.progress import duration
 from sidegan.base.storage import read_json, write_json
@@ -30,9 +29,8 @@ from sidegan.pipeline.graph import Artifact, Build, difference
 
 log = logging.getLogger(__name__)
 
-STAMP = "stamp.json"
+PARAMS = "params.json"
 _PROBE = bytes(2**20)  # room that a run needs at the very least
-_SHOWN = 6  # differences of a stamp that are told
 
 
 class Store:
@@ -60,7 +58,7 @@ class Store:
             raise StorageError(f"the output folder {root} cannot be used: {reason}") from error
 
     def folder(self, artifact: Artifact) -> Path:
-        """Where the artifact is or will be."""
+        """Folder in which the artifact is or will be."""
         return self.root / artifact.folder
 
     def find(self, artifact: Artifact) -> Path | None:
@@ -69,13 +67,10 @@ class Store:
         if not folder.exists():
             return None
         try:
-            differences = difference(artifact.stamp, read_stamp(folder))
+            return folder if read_params(folder) == artifact.params else None
         except ArtifactError as error:
             log.warning("%s: it will be made anew", error)
             return None
-        if differences:
-            log.info("%s does not match: %s", folder, listed(differences, _SHOWN))
-        return None if differences else folder
 
     def require(self, artifact: Artifact) -> Path:
         """Folder of an artifact that must be there.
@@ -87,23 +82,28 @@ class Store:
         if folder is not None:
             return folder
         if self.folder(artifact).exists():
-            read_stamp(self.folder(artifact))  # raises, and says why, when it is damaged
+            read_params(self.folder(artifact))  # raises, and says why, when it is damaged
         maker, stage = artifact.maker, artifact.maker.rpartition("_")[2]
         message = f"there is no {maker}/{artifact.label} for this configuration, run stage {stage} first"
-        differences = [difference(artifact.stamp, other) for other in self._siblings(artifact)]
+        differences = [difference(artifact.params, other) for other in self._siblings(artifact)]
         if differences:
-            nearest = ", ".join(min(differences, key=len)[:4])
-            message += f"; of the nearest one {nearest}" if nearest else "; it has another folder name"
+            message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
         raise ArtifactError(message)
 
+    def _siblings(self, artifact: Artifact) -> Iterator[dict[str, Any]]:
+        """Parameters of whole artifacts of the same maker and label."""
+        for path in sorted(self.folder(artifact).parent.glob(f"*/{PARAMS}")):
+            try:
+                other = read_params(path.parent)
+            except ArtifactError:
+                continue
+            if other.get("label") == artifact.label:
+                yield other
+
     def costs(self, artifact: Artifact) -> dict[str, Any]:
-        """What making an artifact took, as far as it is kept: ``seconds``, ``cpu_seconds``, and more."""
+        """Costs of making an artifact, as far as they are kept: ``seconds``, ``cpu_seconds``, and more."""
         path = self._costs(artifact)
         return read_json(path) if path.exists() else {}
-
-    def keep_costs(self, artifact: Artifact, costs: Mapping[str, Any]) -> None:
-        """Write what making an artifact took beside all artifacts."""
-        write_json(self._costs(artifact), costs)
 
     def _costs(self, artifact: Artifact) -> Path:
         return self.root / "costs" / f"{artifact.folder}.json"
@@ -116,17 +116,18 @@ class Store:
         Raises:
             StorageError: when something cannot be written.
         """
-        with self._lock(artifact):
-            folder = self.find(artifact)
-            if folder is None:
-                return self._make(artifact, report)
-            self._clear(artifact)  # of a run that was killed after its last step but one
-            log.info("%s: reused from %s", artifact.maker, folder)
-            return folder
-
-    def _make(self, artifact: Artifact, report: Report) -> Path:
         final = self.folder(artifact)
-        work = self._work(artifact)
+        work = final.with_name(f"{final.name}.work")
+        with self._lock(artifact):
+            if self.find(artifact) is None:
+                self._make(artifact, work, report)
+            else:
+                log.info("%s: reused from %s", artifact.maker, final)
+            shutil.rmtree(work, ignore_errors=True)
+        return final
+
+    def _make(self, artifact: Artifact, work: Path, report: Report) -> None:
+        final = self.folder(artifact)
         folder = final.with_name(f".{final.name}.tmp")
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
         build = Build(folder, work, report)
@@ -138,34 +139,16 @@ class Store:
             with one_thread():  # as in a worker: which process makes it changes no bit
                 artifact.make(build)
             seconds = time.monotonic() - began
-            write_stamp(folder, artifact.stamp)
-            cpu = cpu_seconds() - used
-            own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu, 1)}
-            self.keep_costs(artifact, own | dict(build.costs))
+            write_params(folder, artifact.params)
+            own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds() - used, 1)}
+            write_json(self._costs(artifact), own | build.costs)
             with _storage_errors(final):
-                _replace(folder, final)
+                if final.exists():  # damaged; a folder cannot be renamed over another
+                    shutil.rmtree(final)
+                folder.rename(final)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        self._clear(artifact)
         log.info("%s: made %s in %s", artifact.maker, final, duration(seconds))
-        return final
-
-    def _clear(self, artifact: Artifact) -> None:
-        """Remove whatever lies beside an artifact that is there; its lock is ours.
-
-        The folder of work loses its name first: no task that goes on somewhere can write into it any more.
-        """
-        final = self.folder(artifact)
-        work, hidden = self._work(artifact), (f".{final.name}.tmp", f".{final.name}.old.tmp")
-        aside = work.with_name(f".{work.name}.tmp")
-        shutil.rmtree(aside, ignore_errors=True)
-        with suppress(OSError):
-            work.rename(aside)
-        for folder in (aside, *map(final.with_name, hidden)):
-            shutil.rmtree(folder, ignore_errors=True)
-
-    def _work(self, artifact: Artifact) -> Path:
-        return self.folder(artifact).with_name(f"{artifact.folder.name}.work")
 
     @contextmanager
     def _lock(self, artifact: Artifact) -> Iterator[None]:
@@ -184,39 +167,30 @@ class Store:
         finally:
             lock.release()
 
-    def _siblings(self, artifact: Artifact) -> Iterator[dict[str, Any]]:
-        for path in sorted(self.folder(artifact).parent.glob(f"*/{STAMP}")):
-            try:
-                other = read_stamp(path.parent)
-            except ArtifactError:
-                continue
-            if other.get("label") == artifact.label:
-                yield other
 
-
-def read_stamp(folder: Path) -> dict[str, Any]:
-    """Stamp of a whole artifact.
+def read_params(folder: Path) -> dict[str, Any]:
+    """Parameters of a whole artifact.
 
     Raises:
-        ArtifactError: when there is none, or a file is missing or not the one that was written.
+        ArtifactError: when there are none, or a file is missing or not the one that was written.
     """
-    stamp = read_json(folder / STAMP)
-    if not isinstance(stamp, dict) or not isinstance(files := stamp.pop("files", None), dict):
-        raise ArtifactError(f"{folder / STAMP} is not a stamp")
+    params = read_json(folder / PARAMS)
+    if not isinstance(params, dict) or not isinstance(files := params.pop("files", None), dict):
+        raise ArtifactError(f"{folder / PARAMS} has no parameters of an artifact")
     for name, digest in files.items():
         path = folder / name
         if not path.is_file():
             raise ArtifactError(f"{path} is missing")
         if file_digest(path) != digest:
             raise ArtifactError(f"{path} is damaged: it is not the file that was written")
-    return stamp
+    return params
 
 
-def write_stamp(folder: Path, stamp: Mapping[str, Any]) -> None:
-    """Stamp of a folder, with the SHA-256 of each file."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / STAMP)
+def write_params(folder: Path, params: Mapping[str, Any]) -> None:
+    """Write the parameters of a folder, with the SHA-256 of each file."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
-    write_json(folder / STAMP, {**stamp, "files": digests})
+    write_json(folder / PARAMS, {**params, "files": digests})
 
 
 def file_digest(path: Path) -> str:
@@ -229,16 +203,6 @@ def file_digest(path: Path) -> str:
 def _digest(path: Path, size: int, changed: int, inode: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _replace(folder: Path, final: Path) -> None:
-    # A folder cannot be renamed over another; whoever looks in between sees none.
-    old = final.with_name(f".{final.name}.old.tmp")
-    shutil.rmtree(old, ignore_errors=True)
-    if final.exists():
-        final.rename(old)
-    folder.rename(final)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 @contextmanager

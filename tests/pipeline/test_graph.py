@@ -1,4 +1,4 @@
-"""Stamps and digests of artifacts, what they depend on, and the order in which they are made."""
+"""Parameters and digests of artifacts, and what they depend on."""
 
 import dataclasses
 import json
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sidegan.base.names import folder_name
 from sidegan.errors import ArtifactError
 from sidegan.pipeline import graph
-from sidegan.pipeline.graph import Artifact, difference, flatten, waves
+from sidegan.pipeline.graph import Artifact, difference, flatten
 
 
 def artifact(settings, maker="gan", label="eigen", inputs=None, seed=3):
@@ -42,7 +42,7 @@ def test_a_raised_version_changes_the_maker_and_all_that_follows(monkeypatch):
 
 
 def test_a_maker_without_a_version_is_refused():
-    with pytest.raises(ArtifactError, match=r"versions\.yaml has no version of 'sedes'"):
+    with pytest.raises(ArtifactError, match=r"params\.yaml has no version of 'sedes'"):
         artifact({}, "sedes").digest  # noqa: B018
 
 
@@ -57,24 +57,15 @@ values = (
 
 
 @given(st.dictionaries(st.text(), values | st.lists(values) | st.dictionaries(st.text(), values)))
-def test_a_stamp_does_not_differ_from_what_its_file_holds(settings):
-    stamp = artifact(settings).stamp
-    assert difference(stamp, json.loads(json.dumps(stamp))) == []
+def test_parameters_do_not_differ_from_what_their_file_holds(settings):
+    params = artifact(settings).params
+    assert difference(params, json.loads(json.dumps(params))) == []
 
 
 def test_a_difference_names_the_key_and_both_values():
     other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
     told = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
-    assert difference(EIGEN.stamp, other.stamp) == told
-
-
-def test_waves_are_made_from_those_before_them_alone():
-    seeds = artifact({}, "seeds")
-    gan = artifact(SETTINGS, inputs={"seeds": seeds})
-    library = artifact({}, "library", inputs={"gan": gan, "seeds": seeds})
-    other = artifact({}, "library", "other", inputs={"gan": artifact({}, "gan", "elsewhere")})
-    assert waves([library, seeds, gan, other, seeds]) == [[seeds, other], [gan], [library]]
-    assert waves([]) == []
+    assert difference(EIGEN.params, other.params) == told
 
 
 def test_flatten_keeps_empty_groups():

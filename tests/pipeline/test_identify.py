@@ -17,7 +17,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import identify
-from sidegan.pipeline.store import STAMP
+from sidegan.pipeline.store import PARAMS
 from sidegan.robot import load_robot, usd_installed
 from sidegan.validity import Constraints
 from tests.pipeline.conftest import client_of
@@ -85,7 +85,7 @@ def test_everything_is_left_in_the_runs_folder(once):
     left = {path.name for path in folder.iterdir()}
     usd = {"planar2.usdc"} if usd_installed() else set()
     assert left >= {*FILES.split(), "planar2.urdf", "planar2.xml", *usd}
-    assert STAMP not in left  # which tells of the artifact, not of the run
+    assert PARAMS not in left  # which tells of the artifact, not of the run
     assert verdict["reasons"] and verdict["condition_number"] > 1
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
     forward = verdict["forward"]["consistent"]
@@ -178,10 +178,10 @@ def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its
     first, (_, torque, states) = once[1], consistent
     outputs, uri = first.parents[1], f"sqlite:///{root / 'mlflow.db'}"
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
-    made = {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/stamp.json")}
-    tracked = "tracking=local", "tracking.patience=0", f"tracking.uri={uri}"
+    made = {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/params.json")}
+    tracked = "tracking=local", f"tracking.uri={uri}"
     _, again = identified(outputs, *given(*files), *tracked, run="again")
-    assert {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/stamp.json")} == made
+    assert {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/params.json")} == made
     assert (again / "report.html").read_bytes() == (first / "report.html").read_bytes()
     client = client_of(root)
     (run,) = client.search_runs([client.get_experiment_by_name("identify").experiment_id])

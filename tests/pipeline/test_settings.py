@@ -1,14 +1,13 @@
 """Every option of conf/ is valid, and settings reach the groups that refer to them."""
 
 import dataclasses
-import re
 import shlex
 
 import pytest
 import yaml
 
 from sidegan.errors import ConfigError
-from sidegan.pipeline.graph import VERSIONS, flatten, versions
+from sidegan.pipeline.graph import VERSIONS, flatten
 from sidegan.pipeline.run import CONF
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, words
@@ -122,25 +121,3 @@ SETUPS = [
 def test_what_is_printed_of_an_arm_is_what_must_be_typed(setup):
     typed = shlex.split(" ".join(words(setup)))
     assert configured("robot=planar2", *typed, experiment="excite").robot.setup == setup
-
-
-def test_dvc_runs_the_paper_by_stages_whose_files_and_versions_are_there():
-    """What ``dvc repro`` would refuse, or would not notice, is told without starting it."""
-    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-    lines, pipeline = text.splitlines(), yaml.safe_load(text)
-    assert len(lines) <= 120 and max(map(len, lines)) <= 120
-    stages = pipeline["stages"]
-    made = {
-        str(next(iter(one)) if isinstance(one, dict) else one) for s in stages.values() for one in s["outs"]
-    }
-    needed = {dep for one in stages.values() for dep in one["deps"]} - made
-    assert [path for path in needed if not (ROOT / path).exists()] == []
-    watched = [one for s in stages.values() for part in s.get("params", ()) for one in part.items()]
-    assert {file for file, _ in watched} == {VERSIONS.relative_to(ROOT).as_posix()}
-    keys = [key for _, some in watched for key in some]
-    assert len(set(keys)) == len(keys) and set(keys) == versions().keys() - OTHERS
-    used = {name for one in stages.values() for name in re.findall(r"stages=\[([\w,]+)\]", str(one["cmd"]))}
-    assert {name for some in used for name in some.split(",")} == set(configured().stages)
-
-
-OTHERS = {"seeds", "compiled_seeds", "identify"}  # makers that no condition of dvc.yaml has

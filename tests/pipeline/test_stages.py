@@ -111,7 +111,7 @@ def test_reports_hold_only_what_json_can_say():
 
 def test_an_exact_variant_learns_from_no_seeds(made):
     (folder,) = (one for one in artifacts(made)["gan"] if one.name.startswith("planar2-exact"))
-    assert "seeds" not in json.loads((folder / "stamp.json").read_text())["inputs"]
+    assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
     alone = Task(tiny("gan=exact", "stages=[surrogates]"), made.store)
     assert artifacts(alone) == {"surrogates": {}}
 

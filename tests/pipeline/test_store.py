@@ -98,14 +98,16 @@ def test_a_stopped_build_leaves_its_tasks_and_what_was_there_before(store, error
     assert visible(store) == sorted([before.name, folder.name]), "its tasks go when the artifact is there"
 
 
-@pytest.mark.parametrize("left", ["{}.work", ".{}.tmp", ".{}.work.tmp", ".{}.old.tmp"])
-def test_what_a_killed_run_left_is_cleared_away_by_the_next_one(store, left):
+def test_what_a_killed_run_left_is_cleared_away_by_the_next_one(store):
+    final = store.folder(numbers())
+    for left in (f"{final.name}.work", f".{final.name}.tmp"):
+        final.with_name(left).mkdir(parents=True)
+        (final.with_name(left) / "task-0.txt").write_text("done")
     folder = store.produce(numbers())
-    leftover = folder.with_name(left.format(folder.name))
-    leftover.mkdir()
-    (leftover / "task-0.txt").write_text("done")
-    assert store.produce(numbers(make=refuse)) == folder
+    (left := folder.with_name(f"{folder.name}.work")).mkdir()
+    assert store.produce(numbers(make=refuse)) == folder and not left.exists()
     assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+    assert {path.name for path in folder.iterdir()} == {"numbers.txt", "deep", "params.json"}
 
 
 def test_a_task_that_was_given_up_cannot_bring_the_folder_of_work_back(store):
@@ -128,7 +130,7 @@ def damaged(folder, name, content):
     return folder
 
 
-DAMAGES = [("stamp.json", x) for x in ("{", "[]", None)]
+DAMAGES = [("params.json", x) for x in ("{", "[]", None)]
 DAMAGES += [("numbers.txt", x) for x in ("1", "1 2 4", None)] + [("deep/more.txt", None)]
 
 
@@ -143,7 +145,7 @@ def test_a_damaged_artifact_is_told_when_asked_for_and_made_anew(store, caplog, 
 
 
 def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest_whole_one(store):
-    for count, name in ((40, "stamp.json"), (50, "numbers.txt")):
+    for count, name in ((40, "params.json"), (50, "numbers.txt")):
         damaged(store.produce(numbers(count)), name, None)
     alone = r"no numbers/kuka for this configuration, run stage numbers first$"
     with pytest.raises(ArtifactError, match=alone):
@@ -231,17 +233,49 @@ def test_what_it_took_is_kept_beside_the_artifact_and_not_in_it(tmp_path):
     assert Store(tmp_path / "none").costs(numbers()) == {}
 
 
-def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(store):
-    recorded, series = [], []
-    tracker = SimpleNamespace(
-        told=set(), log_metrics=recorded.append, log_history=lambda *some: series.append(some)
-    )
-    metrics = {"condition": 2.0, "loss": [3.0, None, 1.0]}
-    one = replace(numbers(), title="gan/eigen", metrics=lambda folder: metrics, alone=True)
+class Recorded:
+    """A tracker that keeps what it gets."""
+
+    def __init__(self):
+        self.recorded, self.numbers, self.series, self.models = set(), {}, {}, []
+
+    def log_metrics(self, values, model=None):
+        assert not self.numbers.keys() & values.keys()
+        self.numbers |= values
+
+    def log_history(self, history, model=None):
+        self.series |= history
+
+    def log_model(self, name, digest, folder):
+        self.models.append((name, digest[:8], folder.name))
+
+
+def run(store, *artifacts, tracker):
     cfg = SimpleNamespace(has=lambda *_: False, parallel=SimpleNamespace(workers=1))
-    for name in ("surrogates", "gan"):
-        run_stage(name, Stage(lambda _: [one]), SimpleNamespace(store=store, cfg=cfg), tracker)
-    results, costs = recorded
-    assert results == {"gan/eigen/condition": 2.0}
-    assert set(costs) == {"seconds/gan eigen", "cpu_seconds/gan eigen"}
-    assert series == [({"gan/eigen/loss": [3.0, 1.0]}, [0, 2])]
+    run_stage("numbers", Stage(lambda _: artifacts), SimpleNamespace(store=store, cfg=cfg), tracker)
+
+
+def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(store, monkeypatch):
+    monkeypatch.setattr("sidegan.pipeline.stage.MODELS", {"numbers"})
+    tracker, metrics = Recorded(), {"condition": 2.0, "loss": [3.0, None, 1.0]}
+    one = replace(numbers(), title="gan/eigen", metrics=lambda folder: metrics, alone=True)
+    for _ in range(2):
+        run(store, one, tracker=tracker)
+    assert tracker.numbers.pop("gan/eigen/condition") == 2.0
+    assert set(tracker.numbers) == {"seconds/gan eigen", "cpu_seconds/gan eigen"}
+    assert tracker.series == {"gan/eigen/loss": [3.0, None, 1.0]}
+    assert tracker.models == [("gan/eigen", one.digest[:8], store.folder(one).name)]
+
+
+def test_a_stage_makes_its_artifacts_after_those_that_they_are_made_from(store):
+    made = []
+
+    def noted(name, **inputs):
+        return replace(
+            numbers(make=lambda _: made.append(name)), label=name, title=name, inputs=inputs, alone=True
+        )
+
+    seeds = noted("seeds", other=noted("elsewhere"))
+    gan = noted("gan", seeds=seeds)
+    run(store, noted("library", gan=gan, seeds=seeds), gan, seeds, seeds, tracker=Recorded())
+    assert made == ["seeds", "gan", "library"]

@@ -1,49 +1,28 @@
-"""What MLflow gets of runs and sweeps, and what is kept where it cannot be reached."""
+"""MLflow gets all of runs and sweeps; a server that is away costs nothing but that."""
 
 import json
-import multiprocessing
+import logging
 import os
 import signal
 import socket
 import subprocess
 import sys
 import urllib.request
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from sqlalchemy import event
-from sqlalchemy.engine import Engine
 
 from sidegan.errors import InfeasibleError
-from sidegan.pipeline import run, tracking
+from sidegan.pipeline import run
 from sidegan.pipeline.callbacks import PARENT
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.sweep import sweep_table
-from sidegan.pipeline.tracking import SENDING, UNTRACKED, Tracker
-from sidegan.untracked import main as send_all
-from sidegan.untracked import send_kept
+from sidegan.pipeline.tracking import Tracker
 from tests.pipeline.conftest import NOWHERE, client_of
 from tests.tiny import TINY
 from tests.waiting import wait_until
-
-FORK = multiprocessing.get_context("fork")
-
-
-@pytest.fixture
-def start(root, tmp_path):
-    """A run whose own folder is the test's."""
-
-    def started(folder=tmp_path, name="exp1 eigen seed=1", **more):
-        return Tracker(root, folder, "exp1", name, **more)
-
-    return started
-
-
-def untracked(folder):
-    path = folder / UNTRACKED
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
 def called(root, name):
@@ -54,128 +33,68 @@ def called(root, name):
 
 
 def warnings(caplog):
-    return [x.getMessage() for x in caplog.records if x.name.startswith("sidegan")]
-
-
-@contextmanager
-def listening(name, told):
-    """Within the block a function is called at every event of a name of all databases."""
-    event.listen(Engine, name, told)
-    try:
-        yield
-    finally:
-        event.remove(Engine, name, told)
+    return [x.getMessage() for x in caplog.records if x.levelno >= logging.WARNING]
 
 
 def record(tracker, folder):
     """Some of everything, as a run records it."""
-    (folder / "plots").mkdir(exist_ok=True)
+    (folder / "plots").mkdir()
     (folder / "plots" / "loss.svg").write_text("<svg/>")
-    params = {"seed": 1, "gan": {"eigen": {"epochs": 3}}, "stages": ["seeds"], "long": "x" * 10_000}
-    tracker.log_params(params)
-    tracker.log_history({"loss": [3.0, 2.0]}, steps=[10, 20])
-    tracker.log_history({"many": [float(i) for i in range(2500)]})
+    many = {f"n{k}": k for k in range(150)}
+    tracker.log_params({"seed": 1, "gan": {"eigen": {"epochs": 3}}, "stages": ["seeds"], "many": many})
+    tracker.log_history({"loss": [3.0, None, 2.0], "many": [float(i) for i in range(2500)]})
     tracker.log_metrics({"R² of λ_1, spectrum": 0.9})
     tracker.log_artifact(folder / "plots", "figures")
     tracker.log_table(pd.DataFrame({"nmse": [0.1]}, index=pd.Index(["seeds"], name="set")), "table1")
     for note in ("**Table I**", "x" * 8000, "the end"):  # as much as there is room for
         tracker.log_note(note)
+    tracker.log_metrics({"success": 0.7}, tracker.log_model("gan/eigen 0", "abc", folder / "plots"))
 
 
-def refuse_incomplete(root, name):
-    """The run of a name must have all that ``record`` records."""
-    client, (found,) = client_of(root), called(root, name)
-    assert found.info.status == "FINISHED" and found.data.params.pop("long")
-    assert found.data.params == {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']"}
+def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path):
+    with Tracker(root, "exp1", "whole") as tracker:
+        record(tracker, tmp_path)
+    with Tracker(root, "exp1", "again") as again:
+        assert again.log_model("gan/eigen 0", "abc", tmp_path / "plots") is None, "a model is recorded once"
+    client, (found,) = client_of(root), called(root, "whole")
+    assert client.get_run(again.run_id).outputs.model_outputs == found.outputs.model_outputs
+    assert found.info.status == "FINISHED" and found.info.artifact_uri.startswith(root.as_uri())
+    expected = {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']", "many.n149": "149"}
+    assert expected.items() <= found.data.params.items() and len(found.data.params) == 153
     assert found.data.metrics["R² of λ_1_ spectrum"] == 0.9
     assert found.data.tags["mlflow.note.content"] == "**Table I**\n\nthe end\n\n"
     loss = client.get_metric_history(found.info.run_id, "loss")
-    assert [(m.step, m.value) for m in loss] == [(10, 3.0), (20, 2.0)]
+    assert [(m.step, m.value) for m in loss] == [(0, 3.0), (2, 2.0)]
     assert len(client.get_metric_history(found.info.run_id, "many")) == 2500
     (drawn,) = client.list_artifacts(found.info.run_id, "figures")
     table = json.loads(Path(client.download_artifacts(found.info.run_id, "table1.json")).read_text())
     assert drawn.path == "figures/loss.svg"
     assert table == {"columns": ["set", "nmse"], "data": [["seeds", 0.1]]}
+    model = client.get_logged_model(found.outputs.model_outputs[0].model_id)
+    assert model.name == "gan-eigen-0" and [(x.key, x.value) for x in model.metrics] == [("success", 0.7)]
+    assert [file.path for file in client.list_logged_model_artifacts(model.model_id)] == ["loss.svg"]
 
 
-def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, start, tmp_path):
-    with start(name="sweep") as parent, start(name="whole", parent=parent.run_id) as tracker:
+def test_a_server_that_is_away_is_one_warning(root, tmp_path, caplog):
+    with Tracker(root, "exp1", "away", uri=NOWHERE) as tracker:
         record(tracker, tmp_path)
-    refuse_incomplete(root, "whole")
-    whole = client_of(root).get_run(tracker.run_id)
-    assert whole.data.tags["mlflow.parentRunId"] == parent.run_id
-    assert whole.info.artifact_uri.startswith(root.as_uri()) and untracked(tmp_path) == []
-
-
-def killed(root, pipe):
-    pipe.send(Tracker(root, root, "exp1", "killed").run_id)
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def test_a_run_whose_process_was_killed_is_marked_by_the_next_one(root, start):
-    mine, theirs = multiprocessing.Pipe()
-    process = FORK.Process(target=killed, args=(root, theirs))
-    process.start()
-    process.join()
-    with start(name="beside") as beside:
-        client = client_of(root)
-        assert client.get_run(mine.recv()).info.status == "KILLED"
-        with start(name="another"):
-            assert client.get_run(beside.run_id).info.status == "RUNNING"
-    assert client.get_run(beside.run_id).info.status == "FINISHED"
-    assert not list((root / ".locks").glob("run-*.lock"))
-
-
-def recorded(root, name):
-    with Tracker(root, root, "exp1", name) as tracker:
-        tracker.log_metrics({"nmse": 0.5})
-    return tracker
-
-
-def test_two_processes_that_record_for_the_first_time_make_one_database(tmp_path):
-    """And it waits for the disk again once it is made."""
-    opened = []
-    beside = FORK.Process(target=recorded, args=(tmp_path, "second"))
-    with listening("connect", lambda connection, _: opened.append(connection)):
-        beside.start()
-        assert recorded(tmp_path, "first").reached
-        beside.join()
-    ended = {one.info.run_name: one.info.status for one in client_of(tmp_path).search_runs(["1"])}
-    assert ended == {"first": "FINISHED", "second": "FINISHED"}
-    assert {connection.execute("PRAGMA synchronous").fetchone()[0] for connection in opened} == {2}
-
-
-def test_what_a_server_that_is_gone_did_not_get_is_sent_later_and_once(root, start, caplog, monkeypatch):
-    folder = root / "runs" / "late"
-    folder.mkdir(parents=True)
-    with start(folder, "late", uri=NOWHERE) as tracker:
-        record(tracker, folder)
     (warning,) = warnings(caplog)
-    assert "tracking stops" in warning and UNTRACKED in warning
-    kept = (folder / UNTRACKED).read_text()
-    first, *_, last = untracked(folder)
-    assert not send_kept(folder, root, NOWHERE) and send_all([str(root), "--uri", NOWHERE]) == 1
-    assert (folder / UNTRACKED).read_text() == kept
+    assert "MLflow records no more" in warning and "refused" in warning and "\n" not in warning
 
-    def gone(*arguments):
-        raise ConnectionError("the server is gone")
 
-    with monkeypatch.context() as patch:
-        patch.setattr(tracking, "_upload", gone)
-        assert not send_kept(folder, root)
-    rest, (late,) = untracked(folder), called(root, "late")
-    assert [line["kind"] for line in rest] == ["artifact", "table", "note", "note", "status"]
-    assert {line["run"] for line in rest} == {late.info.run_id} and late.info.status == "RUNNING"
-    with (folder / UNTRACKED).open("a") as file:
-        file.write('{"time": 1, "ki')  # killed while it wrote
-    (folder / UNTRACKED).rename(folder / SENDING)  # killed while it was sent
-    assert send_all([str(root)]) == 0
-    refuse_incomplete(root, "late")
-    (late,) = called(root, "late")
-    times = late.info.start_time, late.info.end_time
-    assert times == (round(1000 * first["time"]), round(1000 * last["time"]))
-    assert [path.name for path in folder.iterdir()] == ["plots"]
-    assert send_kept(folder, root), "nothing is left to send"
+OFF = """
+import sys
+from pathlib import Path
+from sidegan.pipeline.tracking import Tracker
+with Tracker(Path.cwd(), "exp1", "off", enabled=False) as tracker:
+    tracker.log_metrics({"nmse": 1})
+assert "mlflow" not in sys.modules and list(Path.cwd().iterdir()) == []
+"""
+
+
+def test_where_nothing_is_recorded_mlflow_is_not_imported(tmp_path):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-c", OFF], cwd=tmp_path, env=environment, check=True, timeout=600)
 
 
 @pytest.fixture
@@ -205,95 +124,23 @@ def server(root):
 
 
 @pytest.mark.slow
-def test_a_server_killed_in_the_middle_gets_the_rest_later(root, server, start, tmp_path, caplog):
+def test_a_server_killed_in_the_middle_is_one_warning_and_has_what_came_before(root, server, caplog):
     uri, group = server
-    with start(name="interrupted", uri=uri) as tracker:
+    with Tracker(root, "exp1", "interrupted", uri=uri) as tracker:
         tracker.log_metrics({"before": 1.0})
-        assert tracker.reached
+        wait_until(lambda: client_of(root).get_run(tracker.run_id).data.metrics)
         os.killpg(group, signal.SIGKILL)
         tracker.log_metrics({"after": 2.0})
-        tracker.log_params({"seed": 1})
+        tracker.log_note("after")
     assert len(warnings(caplog)) == 1
-    client = client_of(root)
-    assert client.get_run(tracker.run_id).info.status == "RUNNING"
-    assert send_kept(tmp_path, root)
-    found = client.get_run(tracker.run_id)
-    assert found.info.status == "FINISHED" and found.data.metrics == {"before": 1.0, "after": 2.0}
+    assert client_of(root).get_run(tracker.run_id).data.metrics == {"before": 1.0}
 
 
-def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(start, tmp_path, caplog, capfd):
-    limited = []
-
-    def limit(connection, *rest):
-        limited.append(connection.connection.driver_connection)
-        limited[-1].execute("PRAGMA max_page_count = 1")  # SQLite: as it is
-
-    with start() as tracker:
-        with listening("before_cursor_execute", limit):
-            tracker.log_metrics({f"number {k}": float(k) for k in range(3000)})
-        for connection in limited:
-            connection.execute("PRAGMA max_page_count = 1000000")
-        tracker.log_metrics({"last": 1.0})
-    (warning,) = warnings(caplog)
-    assert "disk is full" in warning and "\n" not in warning
-    assert "Traceback" not in (printed := "".join(capfd.readouterr())) and "SQLAlchemy" not in printed
-    assert [line["kind"] for line in untracked(tmp_path)] == ["metrics", "metrics", "status"]
-
-
-def test_where_nothing_can_be_kept_either_that_is_told_once(root, start, tmp_path, caplog):
-    with start(tmp_path / "gone", uri=NOWHERE) as tracker:
-        tracker.log_metrics({"a": 1.0})
-    told = warnings(caplog)
-    assert len(told) == 2 and "cannot be written (No such file or directory)" in told[1]
-    with start(tmp_path / "gone", patience=600) as tracker:  # which would be kept until its end
-        tracker.log_metrics({"nmse": 0.5})
-    assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": 0.5}
-
-
-SHORT = """
-import sys
-from pathlib import Path
-from sidegan.pipeline.tracking import Tracker
-root, folder = Path(sys.argv[1]), Path(sys.argv[2])
-with Tracker(folder, folder, "exp1", "off", enabled=False) as tracker:
-    tracker.log_metrics({"nmse": 1})
-assert [path.name for path in folder.iterdir()] == ["table.csv"]
-with Tracker(root, folder, "exp1", "short", patience=600) as tracker:
-    tracker.log_params({"seed": 1})
-    tracker.log_artifact(folder / "table.csv")
-assert "mlflow" not in sys.modules
-"""
-
-
-def test_a_short_run_is_recorded_when_it_has_ended_by_another_process(root, tmp_path):
-    (tmp_path / "table.csv").write_text("a,b")
-    subprocess.run([sys.executable, "-c", SHORT, str(root), str(tmp_path)], check=True, timeout=600)
-    wait_until(lambda: [path.name for path in tmp_path.iterdir()] == ["table.csv"], 300)
-    (short,) = called(root, "short")
-    assert short.info.status == "FINISHED" and short.data.params == {"seed": "1"}
-    assert [file.path for file in client_of(root).list_artifacts(short.info.run_id)] == ["table.csv"]
-
-
-def test_an_interrupted_short_run_is_recorded_too(root, start, tmp_path, monkeypatch):
-    asked = []
-    monkeypatch.setattr(tracking.subprocess, "Popen", lambda command, **how: asked.append((command, how)))
-    with pytest.raises(KeyboardInterrupt), start(name="stopped", patience=600) as tracker:
-        tracker.log_metrics({"nmse": 0.5})
-        raise KeyboardInterrupt
-    ((command, how),) = asked
-    assert how["start_new_session"], "Ctrl-C is for everything that a terminal has started"
-    assert [line["kind"] for line in untracked(tmp_path)] == ["run", "metrics", "status"]
-    assert command[1:3] == ["-m", "sidegan.untracked"] and send_all(command[3:]) == 0
-    (stopped,) = called(root, "stopped")
-    assert stopped.info.status == "KILLED" and stopped.data.metrics == {"nmse": 0.5}
-
-
-def test_a_run_that_takes_longer_is_recorded_as_it_goes(root, start, tmp_path):
-    with start(patience=1e-9) as tracker:
-        for nmse in (0.5, 0.4):
-            tracker.log_metrics({"nmse": nmse})
-            assert client_of(root).get_run(tracker.run_id).data.metrics == {"nmse": nmse}
-    assert list(tmp_path.iterdir()) == []
+@pytest.mark.parametrize(("error", "status"), [(ValueError, "FAILED"), (KeyboardInterrupt, "KILLED")])
+def test_a_run_ends_as_it_does(root, error, status):
+    with pytest.raises(error), Tracker(root, "exp1", status) as tracker:
+        raise error
+    assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
 def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkeypatch):

@@ -15,7 +15,7 @@ from sidegan.identification.workflow import identify_arm
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.store import STAMP, file_digest
+from sidegan.pipeline.store import PARAMS, file_digest
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
@@ -127,7 +127,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     """Leave all results in the run's folder, and sum up for people."""
     folder, target = task.store.require(model(task)), task.store.run_folder
     for path in sorted(folder.iterdir()):
-        if path.name != STAMP:
+        if path.name != PARAMS:
             with replacing(target / path.name) as neighbour:
                 shutil.copyfile(path, neighbour)
             tracker.log_artifact(path, "identify")

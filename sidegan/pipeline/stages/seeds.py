@@ -33,10 +33,10 @@ def seed_set(task: Task) -> Artifact:
 
 def origin(task: Task) -> dict[str, Any]:
     """What a set is made by, however many seeds it has: the first ones of a larger set are a smaller one."""
-    stamp = seed_set(task).stamp
-    settings = stamp["settings"]["paper_seeds"]
+    params = seed_set(task).params
+    settings = params["settings"]["paper_seeds"]
     kept = {name: x for name, x in settings.items() if name != "count"}
-    return {**stamp, "settings": {**stamp["settings"], "paper_seeds": kept}}
+    return {**params, "settings": {**params["settings"], "paper_seeds": kept}}
 
 
 def _read(task: Task, build: Build) -> None:

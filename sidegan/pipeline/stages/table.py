@@ -1,6 +1,10 @@
-"""Stage table: print, write and record the experiment's tables and figures."""
+"""Stage table: print, write and record the experiment's tables and figures.
 
-import importlib
+The experiment's setting ``table`` names the module that does so, by its functions ``collect(task)``,
+``present(collected, folder, tracker)`` and, where it may refuse a task before any work, ``check(task)``.
+"""
+
+from importlib import import_module
 from types import ModuleType
 
 from sidegan.errors import ConfigError
@@ -9,27 +13,26 @@ from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
 
-def _experiment(task: Task) -> ModuleType:
-    name = f"experiments.{task.cfg.experiment}"
+def _module(task: Task) -> ModuleType:
+    name = task.cfg.table
     try:
-        return importlib.import_module(name)
+        return import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != name:
+        if error.name is None or not f"{name}.".startswith(f"{error.name}."):
             raise
-        raise ConfigError(f"experiment is {task.cfg.experiment!r}, which has no table") from error
+        raise ConfigError(
+            f"table is {name!r}: there is no such module (experiments are in a clone alone)"
+        ) from error
 
 
 def _check(task: Task) -> None:
-    """Let an experiment refuse what it could not show, where it has a ``check(task)``."""
-    refuse = getattr(_experiment(task), "check", None)
-    if refuse is not None:
-        refuse(task)
+    if hasattr(module := _module(task), "check"):
+        module.check(task)
 
 
 def _show(task: Task, tracker: Tracker) -> None:
-    """Present what the experiment shows."""
-    experiment = _experiment(task)
-    experiment.present(experiment.collect(task), task.store.run_folder, tracker)
+    module = _module(task)
+    module.present(module.collect(task), task.store.run_folder, tracker)
 
 
 STAGE = Stage(show=_show, check=_check)
