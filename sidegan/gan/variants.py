@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Positive, Share, Size, Width
+from pydantic import Field
+
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 from sidegan.gan.schedule import Schedule
@@ -33,7 +35,7 @@ class Exact:
     samples: Size  # time points per period
     # For what happens between the time points; position and velocity limits hold anyway.
     reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
-    ease: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # of weights.success, from which it grows
+    ease: Part  # of weights.success, from which it grows
 
     def __post_init__(self) -> None:
         if not self.terms:
@@ -59,7 +61,7 @@ class Variant:
     noise: Width  # dimension of the generator's noise
     epochs: Count
     steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
-    batch: Annotated[int, Bound("≥", 2), Bound("≤", 1e5)]
+    batch: Annotated[int, Field(ge=2, le=10**5)]
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive

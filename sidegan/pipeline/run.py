@@ -210,18 +210,17 @@ def _argument(word: str) -> str:
 
 def _unknown(key: str, inner: str) -> str:
     """What is wrong with a setting that this command does not have, or that is within the one it sets."""
-    from sidegan.base.typed import settings_of, suggest
+    from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
-    group, _, name = inner.rpartition(".")
-    beside = settings_of(Config, group)
-    if inner != key and beside and name not in beside:
-        near = suggest(Config, inner, beside)
-        return f"{group}: {name} is no setting of this group, which has {', '.join(beside)}{near}"
-    suggestion = suggest(Config, inner)
-    if suggestion == f"; did you mean {inner}?":
+    place = tuple(inner.split("."))
+    beside, near = names_in(Config, place[:-1]), suggest(Config, place)
+    if place[-1] in beside:
         return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
-    return f"{inner}: there is no such setting{suggestion}"
+    if inner != key and beside:
+        group = ".".join(place[:-1])
+        return f"{group}: {place[-1]} is no setting of this group, which has {', '.join(beside)}{near}"
+    return f"{inner}: there is no such setting{near}"
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

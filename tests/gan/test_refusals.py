@@ -27,7 +27,7 @@ PHYSICS = {"terms": {"single": SINGLE}, "samples": 9, "reserve": 0, "ease": 1}
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"features": "colour"}, "features is 'colour', expected one of none, spectrum, diagonal"),
+        ({"features": "colour"}, "features is 'colour', expected 'none', 'spectrum' or 'diagonal'"),
         ({"weights": asdict(replace(NONE, features=1))}, "weights.fitness need features, which are none"),
         ({"epochs": 0}, "epochs is 0"),
         ({"betas": [0.5, 1]}, "must be less than 1"),
