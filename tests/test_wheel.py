@@ -37,7 +37,8 @@ root = Path(sys.argv[1])
 shutil.copytree(root / "sidegan", "sidegan", ignore=shutil.ignore_patterns("__pycache__"))
 shutil.copytree(root / "conf", "sidegan/conf")
 sys.path.insert(0, ".")
-from sidegan.pipeline.run import CONF, main
+from sidegan.pipeline.compose import CONF
+from sidegan.run import main
 assert CONF == Path("sidegan/conf").resolve(), CONF
 sys.argv = ["sidegan", "+experiment=excite", "--cfg", "job"]
 sys.exit(main())

@@ -29,6 +29,7 @@ from sidegan.identification import (
     Terms,
 )
 from sidegan.library.draw import Expansion
+from sidegan.pipeline.compose import explain
 from sidegan.pipeline.schema import (
     Condition,
     Discussion,
@@ -224,11 +225,5 @@ def validate(cfg: DictConfig) -> Config:
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
-        raise ConfigError(refused_value(error)) from error
+        raise ConfigError(explain(error)) from error
     return build(Config, values)
-
-
-def refused_value(error: OmegaConfBaseException) -> str:
-    """What is wrong with a value that OmegaConf cannot read, in one line."""
-    reason = str(error.msg or error).splitlines()[0]
-    return f"{error.full_key}: {reason}" if error.full_key else reason
