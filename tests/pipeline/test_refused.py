@@ -29,7 +29,7 @@ SETTINGS = [
     ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
     ("reproduction", "trainings=[0,0]", "expected one number or more, each once"),
     ("reproduction", "subset=41", "subset is 41, expected at most seeds.count = 40"),
-    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has [50], expected at most seeds.count = 40"),
+    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has 50, expected at most seeds.count = 40"),
     ("reproduction", "selection.count=10000", "expected at most seeds.count + library.count"),
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
