@@ -5,7 +5,7 @@ class SideganError(Exception):
     """Base of every error that a user can cause or mend."""
 
 
-class ConfigError(SideganError):
+class ConfigError(SideganError, ValueError):
     """A setting is unknown, of the wrong type, or impossible together with another."""
 
 

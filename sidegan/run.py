@@ -1,8 +1,82 @@
-"""The command ``python -m sidegan.run``."""
+"""The command ``sidegan``, or ``python -m sidegan.run``: Hydra composes the settings of jobs, which run."""
 
+import os
+import signal
 import sys
+from pathlib import Path
+from types import FrameType
+from typing import Any
 
-from sidegan.pipeline.run import main
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from sidegan.pipeline.callbacks import end_sweep
+from sidegan.pipeline.compose import CONF, explain
+from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
+
+_UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs
+
+
+def main() -> int:
+    """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
+    # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
+    interrupts.clear()
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, _interrupt)
+    code, words = 0, ""
+    try:
+        _command()
+        sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback
+    except KeyboardInterrupt:
+        end_sweep("KILLED")
+        code, words = INTERRUPTED, "\nstopped; the same command again goes on where it was"
+    except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
+        code, words = BAD_CONFIG, f"error: {explain(error, sys.argv[1:])}"
+    except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILURE
+    except OSError as error:  # from Hydra, which makes the run's folder
+        code, words = FAILURE, f"error: the outputs cannot be written: {error}"
+    except RuntimeError as error:
+        if "srun" not in str(error):
+            raise
+        words = f"error: hydra/launcher=slurm is for a machine that submits to SLURM: {error}"
+        code = FAILURE
+    finally:
+        end_sweep("FAILED")
+    if words:
+        sys.stderr.write(f"{words}\n")
+    return code
+
+
+@hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
+def _command(cfg: DictConfig) -> None:
+    job = HydraConfig.get()
+    overrides: Any = OmegaConf.to_container(job.overrides.task)
+    given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name
+    name = run_name(given["experiment"], overrides, given["seed"])
+    code = run_job(cfg, Path(job.runtime.output_dir), name, overrides)
+    # In a sweep the other jobs go on; the callback leaves with the worst code.
+    if code and job.mode == RunMode.RUN:
+        sys.exit(code)
+
+
+def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
+    """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
+    words = [one.lstrip("+") for one in overrides]
+    named = [one for one in words if one.partition("=")[0].partition(".")[0] not in _UNNAMED]
+    return " ".join([experiment, *named, f"seed={seed}"])[:200]
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    interrupts.append(number)
+    raise KeyboardInterrupt
+
 
 if __name__ == "__main__":
     sys.exit(main())

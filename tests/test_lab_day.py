@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.pipeline.run import main
+from sidegan.run import main
 
 PAGE = Path(__file__).parents[1] / "docs" / "lab_day.md"
 QUICK = ("tracking=off", "parallel.workers=1")  # neither changes a result

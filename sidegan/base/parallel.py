@@ -1,52 +1,69 @@
-"""A few independent tasks at once, each in a process of its own with one thread, with progress."""
+"""A few independent tasks at once, each in a process of its own with one thread, with progress.
 
+joblib runs them: in worker processes of this machine (loky), or on a Dask cluster. Which it is changes
+nothing about what the tasks give back.
+"""
+
+import logging
 import os
+import signal
+import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, wait
-from contextlib import contextmanager
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sidegan.base.engines import ENGINES, Engine, Loky, Message, cores
 from sidegan.base.progress import bar
 from sidegan.base.threads import one_thread
-from sidegan.errors import SideganError, StorageError
+from sidegan.errors import ConfigError, SideganError, StorageError
 
-__all__ = ["Job", "Report", "cores", "cpu_seconds", "engine", "run_jobs"]
+if TYPE_CHECKING:
+    from distributed import Client
 
-_POLL = 0.2  # [s]
-_LEAST = 0.01  # share between two messages, each of which is a round trip to another process
+_CONNECT = 15  # [s] for a Dask scheduler to answer
+_WATCH = 1.0  # [s] between two looks at whether the parent process still lives
 
-_engine: Engine = Loky()
-_elsewhere = 0.0  # CPU time of the jobs that this process had done by others [s]
-
+_client: "Client | None" = None  # of a Dask cluster; None: worker processes of this machine
+_spent = 0.0  # CPU time of the jobs that this process had done by others [s]
 
 Report = Callable[[int, int], None]  # tells that a job has done so many of so many steps
 Job = Callable[[Report], Any]
 
 
 @contextmanager
-def engine(name: str, scheduler: str | None = None) -> Iterator[None]:
+def engine(name: str, scheduler: str | None = None, workers: int | None = None) -> Iterator[None]:
     """Every ``run_jobs`` of this process uses this engine within the block.
 
     Args:
         name: ``loky``, or ``dask``.
         scheduler: address of a Dask scheduler, ``tcp://host:8786``; None: a cluster on this machine.
+        workers: of a cluster on this machine; None: one per core.
+
+    Raises:
+        ConfigError: when Dask is not installed, or its workers run several threads.
+        SideganError: when no scheduler answers.
     """
-    global _engine
-    before = _engine
-    _engine = ENGINES[name](scheduler)
-    try:
+    global _client
+    if name == "loky":
         yield
-    finally:
-        _engine.close()
-        _engine = before
+        return
+    with _cluster(scheduler, cores(workers)) as _client:
+        try:
+            yield
+        finally:
+            _client = None
+
+
+def cores(workers: int | None) -> int:
+    """Number of worker processes: ``workers``, or one per core that this process may use."""
+    return workers or len(os.sched_getaffinity(0))
 
 
 def cpu_seconds() -> float:
     """CPU time of this process and of what ``run_jobs`` had done elsewhere, up to now."""
-    return time.process_time() + _elsewhere
+    return time.process_time() + _spent
 
 
 def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: int = 100) -> list[Any]:
@@ -54,68 +71,68 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
 
     Args:
         description: what they do, for the progress bar.
-        jobs: picklable functions that take a ``Report``; with one worker they run here.
-        workers: processes; None: one per core. A Dask cluster elsewhere has as many as it has.
+        jobs: picklable functions that take a ``Report``, which only shows where a job runs here.
+        workers: processes; None: one per core; with one of them jobs run here. A Dask cluster has its own.
         total: what the bar counts to, in whatever the jobs make together; percent by default.
 
     Raises:
         SideganError: when workers were lost for good; what jobs wrote to their work folders stays.
     """
-    most = cores(workers)
+    most, results = min(cores(workers), len(jobs)), []
     with bar(description, total) as progress:
-        shares = [0.0] * len(jobs)
 
-        def show(message: Message) -> None:
-            job, share = message
-            shares[job] = share
-            progress(round(total * sum(shares) / len(shares)))
+        def report_of(job: int) -> Report:
+            return lambda done, steps: progress(round(total * (job + done / max(steps, 1)) / len(jobs)))
 
-        if jobs and (_engine.remote or min(most, len(jobs)) > 1):
-            return _run_elsewhere(description, jobs, most, show)
+        if most > 1 or (jobs and _client):
+            with closing(_elsewhere(description, jobs, most)) as done:
+                for job, result in enumerate(done):
+                    results.append(result)
+                    report_of(job)(1, 1)
+            return results
         with one_thread():
-            return [job(_reporter(i, show)) for i, job in enumerate(jobs)]
+            return [job(report_of(number)) for number, job in enumerate(jobs)]
 
 
-def _reporter(job: int, send: Callable[[Message], None], least: float = 0.0) -> Report:
-    """Sends how far a job is whenever that is ``least`` more than before."""
-    last = [-1.0]
-
-    def report(done: int, total: int) -> None:
-        share = done / max(total, 1)
-        if share - last[0] >= least or share >= 1:
-            last[0] = share
-            send((job, share))
-
-    return report
-
-
-def _run_elsewhere(
-    description: str, jobs: Sequence[Job], workers: int, show: Callable[[Message], None]
-) -> list[Any]:
-    with _engine.pool(workers, len(jobs)) as pool:
-        here = str(Path.cwd())
-        futures: list[Future[Any]] = [
-            pool.executor.submit(_work, job, i, pool.send, here) for i, job in enumerate(jobs)
-        ]
-        waiting = set(futures)
-        while waiting:
-            waiting = wait(waiting, timeout=_POLL).not_done
-            for message in pool.messages():
-                show(message)
-        try:
-            done = [future.result() for future in futures]
-        except tuple(pool.lost) as error:
-            why = next(words for kind, words in pool.lost.items() if isinstance(error, kind))
+def _elsewhere(description: str, jobs: Sequence[Job], workers: int) -> Generator[Any, None, None]:
+    """Results of jobs that workers do."""
+    global _spent
+    calls = _by_joblib(jobs, workers) if _client is None else _by_dask(jobs, _client)
+    try:
+        with closing(calls) as done:
+            for result, used in done:
+                _spent += used
+                yield result
+    except Exception as error:
+        if why := _lost(error):
             raise SideganError(
                 f"{description}: {why}; the same command again goes on where it was"
             ) from error
-    global _elsewhere
-    _elsewhere += sum(used for _, used in done)
-    return [result for result, _ in done]
+        raise
 
 
-def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) -> tuple[Any, float]:
-    """Result of a job in a worker, where relative paths mean the same as here, and its CPU time [s]."""
+def _by_joblib(jobs: Sequence[Job], workers: int) -> Generator[tuple[Any, float], None, None]:
+    from joblib import Parallel, delayed, parallel_config
+
+    folder, ends = Path.cwd(), {"initializer": _leave_with, "initargs": (os.getpid(),)}
+    with parallel_config("loky", inner_max_num_threads=1, **ends), warnings.catch_warnings():
+        # Of workers that had grown and were replaced, and of cancelled tasks: nothing is lost by it.
+        warnings.filterwarnings("ignore", module="joblib")
+        parallel = Parallel(workers, return_as="generator", max_nbytes=None)
+        yield from parallel(delayed(_work)(job, folder) for job in jobs)
+
+
+def _by_dask(jobs: Sequence[Job], client: "Client") -> Generator[tuple[Any, float], None, None]:
+    """Results by Dask itself: joblib's backend for it waits for ever where a worker was killed."""
+    futures = client.map(_work, jobs, folder=Path.cwd(), pure=False)
+    try:
+        yield from (future.result() for future in futures)
+    finally:
+        client.cancel(futures)  # what has not begun, after an error
+
+
+def _work(job: Job, folder: Path) -> tuple[Any, float]:
+    """Result of a job in a worker, which goes to ``folder`` for relative paths, and its CPU time [s]."""
     began = time.process_time()
     try:
         os.chdir(folder)
@@ -125,4 +142,63 @@ def _work(job: Job, index: int, send: Callable[[Message], None], folder: str) ->
             f"worker on {host} does not see {folder} ({error.strerror}); put it on a shared file system"
         ) from error
     with one_thread():
-        return job(_reporter(index, send, _LEAST)), time.process_time() - began
+        return job(lambda done, total: None), time.process_time() - began
+
+
+def _leave_with(parent: int) -> None:
+    """End this process soon after its parent, which may have been killed without a chance to tell."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _lost(error: Exception) -> str:
+    """Why workers were lost for good; empty for an error of a job."""
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    killed = "a worker process was killed, perhaps for want of memory"
+    if isinstance(error, TerminatedWorkerError):
+        return killed
+    if _client is None:
+        return ""
+    from distributed import KilledWorker
+
+    if isinstance(error, KilledWorker):
+        return f"{killed}, time and again"
+    return "" if _client.status == "running" else "the Dask cluster went away"
+
+
+@contextmanager
+def _cluster(scheduler: str | None, workers: int) -> "Iterator[Client]":
+    """Client of a Dask cluster; one on this machine is started, and ends with the block."""
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise ConfigError("parallel=dask needs Dask: pip install 'sidegan[dask]'") from error
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong comes as an error
+    if scheduler is None:
+        options: dict[str, Any] = {"memory_limit": 0, "silence_logs": logging.CRITICAL, "preload": [__name__]}
+        options |= {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": ":0"}
+        with LocalCluster(**options) as cluster, Client(cluster) as client:
+            yield client
+        return
+    try:
+        client = Client(scheduler, timeout=_CONNECT)
+    except (OSError, ValueError) as error:
+        raise SideganError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    with client:
+        crowded = [name for name, threads in client.nthreads().items() if threads > 1]
+        if crowded:  # jobs set the threads of their whole process, so none may share one
+            names = ", ".join(crowded[:3])
+            raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
+        yield client
+
+
+def dask_setup(worker: Any) -> None:
+    """Dask calls this in each worker of a cluster here: the keyboard interrupts the main process alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,9 +1,9 @@
 """Group ``controllers`` of ``conf/``: how trajectories are handed to robots."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
-from sidegan.base.typed import Bound, Hertz, Seconds
+from sidegan.base.typed import Hertz, Number, Part, Seconds
 from sidegan.errors import ConfigError
 
 
@@ -13,15 +13,12 @@ class Delivery:
 
     formats: list[Literal["csv", "ros2", "mcap", "urscript"]]
     rate: Hertz  # of the tables [Hz]
-    speed: Annotated[
-        float, Bound(">", 0), Bound("≤", 1)
-    ]  # share of the planned speed: the same paths, slower
+    speed: Part  # share of the planned speed: the same paths, slower
     pause: Seconds | None  # at rest between two trajectories [s]; null: none
-    start: (
-        list[float] | None
-    )  # where the arm is now [rad or m]: the way from there to home and back is written too
+    # where the arm is now [rad or m]: the way from there to home and back is written too
+    start: list[Number] | None
     # share of the limits that this way uses; of torques, beside what holds the arm
-    careful: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    careful: Part
     rehearse: bool  # execute the set in MuJoCo first
     gentle: bool  # the trajectory of least mechanical work first; false: in the order of choice
 

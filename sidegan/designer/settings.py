@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Share, Size
+from pydantic import Field
+
+from sidegan.base.typed import Count, Hertz, NonNegative, Share, Size
 from sidegan.errors import ConfigError
 
 
@@ -12,7 +14,7 @@ class DesignerSettings:
     """How trajectories are designed."""
 
     samples: Size  # time points per period at which information and torques are taken
-    refine: Annotated[int, Bound("≥", 1), Bound("≤", 99)]  # odd: finer points, for limits and distances
+    refine: Annotated[int, Field(ge=1, le=99)]  # odd: finer points, for limits and distances
     reserve: Share  # share of each limit that a search keeps free
     clearance: NonNegative  # [m] that a search keeps from everything
     patience: Count  # evaluations from one start before the next has its turn

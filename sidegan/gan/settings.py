@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from pydantic import Field
+
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 
@@ -71,7 +73,7 @@ class Variant:
     noise: Width  # dimension of the generator's noise
     epochs: Count
     steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
-    batch: Annotated[int, Bound("≥", 2), Bound("≤", 1e5)]
+    batch: Annotated[int, Field(ge=2, le=10**5)]
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive

@@ -1,12 +1,12 @@
 """Settings of identification, as ``conf/`` has them."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Bound, Count, Hertz, NonNegative, Positive, Seconds
+from sidegan.base.typed import Count, Hertz, NonNegative, Number, Part, Positive, Seconds
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
@@ -17,13 +17,13 @@ class StudySettings:
 
     rate: Hertz  # of sampling [Hz]
     prior: Positive  # P₀ = prior · I
-    forgetting: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    forgetting: Part
     weighted: bool  # also with one weight per joint, beside the paper's unweighted
     noise: Noise  # of the simulated measurements; test torques are free of it
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
     # of test trajectories: share of its tightest limit that each of them uses
-    reach: Annotated[float, Bound(">", 0), Bound("≤", 1)]
+    reach: Part
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class KnownLoad:
     """What an arm carries, in the frame of the last link that moves."""
 
     mass: NonNegative  # [kg]
-    centre: list[float]  # of mass [m]
-    inertia: list[float] | None  # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
+    centre: list[Number]  # of mass [m]
+    inertia: list[Number] | None  # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
 
     def __post_init__(self) -> None:
         if len(self.centre) != 3 or len(self.inertia or [0] * 6) != 6:
@@ -119,7 +119,7 @@ class EstimationSettings:
     """How parameters are estimated from recordings."""
 
     method: Literal["ols", "weighted", "huber", "rls", "essential"]
-    settings: dict[str, float] | None  # of the method
+    settings: dict[str, Number] | None  # of the method
     strength: Positive | None  # of the pull towards the description; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]

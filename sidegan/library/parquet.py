@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import build
+from sidegan.base.typed import Number, build
 from sidegan.errors import ArtifactError, ConfigError
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
@@ -31,8 +31,8 @@ class Family:
     digest: str
     joints: int
     harmonics: int
-    period: float
-    home: list[float]
+    period: Number
+    home: list[Number]
     parameters: int
     margins: list[str]
 

@@ -1,6 +1,7 @@
-"""The settings of a command, composed by Hydra from ``conf/``."""
+"""The settings of a command, composed by Hydra from ``conf/``, and what is wrong with a command."""
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.names import folder_name
 from sidegan.errors import ConfigError
@@ -28,6 +30,7 @@ def times(*factors: Any) -> float | None:
 
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
 OmegaConf.register_new_resolver("times", times, replace=True)
+_PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
@@ -51,3 +54,42 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
         return hydra.compose("config", overrides=list(overrides))
     with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         return hydra.compose("config", overrides=list(overrides))
+
+
+def explain(error: Exception, arguments: Sequence[str] = ()) -> str:
+    """What is wrong with a command line, in our words where Hydra's advice leads astray.
+
+    Args:
+        error: of Hydra or OmegaConf, or a ValueError: of a word that stands where a list has a number.
+        arguments: of the command.
+    """
+    text = str(error)
+    if isinstance(error, OmegaConfBaseException):  # an interpolation that leads nowhere
+        reason = str(error.msg or error).splitlines()[0]
+        return f"{error.full_key}: {reason}" if error.full_key else reason
+    unknown = re.search(r"Could not override '([^']+)'", text)
+    if unknown and "No match in the defaults list" not in text:
+        return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])
+    if listed := re.search(r"invalid literal for int\(\) with base 10: '([^']+)'", text):
+        names = [argument.partition("=")[0].lstrip("+~") for argument in arguments]
+        name = next((name for name in names if listed[1] in name.split(".")), listed[1])
+        return f"{name}: what this would set is a list, and {listed[1]} names no entry of it"
+    plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
+    if plugin and "Could not" in text:
+        return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
+    lines = text.partition("\nConfig search path:")[0].splitlines()
+    return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
+
+
+def _unknown(key: str, inner: str) -> str:
+    """What is wrong with a setting that this command does not have, or that is within the one it sets."""
+    from sidegan.base.typed import names_in, suggest
+    from sidegan.pipeline.settings import Config
+
+    *group, name = place = tuple(inner.split("."))
+    beside, near = names_in(Config, group), suggest(Config, place)
+    if name in beside:
+        return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
+    if inner != key and beside:
+        return f"{'.'.join(group)}: {name} is no setting of this group, which has {', '.join(beside)}{near}"
+    return f"{inner}: there is no such setting{near}"

@@ -5,7 +5,9 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from sidegan.base.typed import Bound, Count, Natural, Part, Positive, Seconds, Size
+from pydantic import Field
+
+from sidegan.base.typed import Count, Natural, Number, Part, Positive, Seconds, Size
 from sidegan.errors import ConfigError
 from sidegan.identification import Terms
 from sidegan.plant.friction import Form
@@ -14,7 +16,7 @@ from sidegan.plant.varied import VariedSettings
 from sidegan.robot import Setup
 
 _STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
-Workers = Annotated[int, Bound("≥", 1), Bound("≤", 4096)]
+Workers = Annotated[int, Field(ge=1, le=4096)]
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 
 
@@ -71,7 +73,7 @@ class Robot(Setup):
     """Which arm: a built-in one, or the path of a description, and what is to be said beside it."""
 
     name: str
-    gains: list[float] | None  # of the drives, motor current to joint torque [N·m/A]
+    gains: list[Number] | None  # of the drives, motor current to joint torque [N·m/A]
     # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
     effort: Part | None
 
@@ -87,7 +89,7 @@ class TrajectoryFamily:
 
     harmonics: Size
     period: Seconds  # [s]
-    home: list[float] | None  # [rad or m]; null: the robot's zero position
+    home: list[Number] | None  # [rad or m]; null: the robot's zero position
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ Values live in the YAML files only. A command composes the groups that it uses; 
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import chain
 from typing import Any
@@ -29,6 +29,7 @@ from sidegan.identification import (
     Terms,
 )
 from sidegan.library.draw import Expansion
+from sidegan.pipeline.compose import explain
 from sidegan.pipeline.schema import (
     Condition,
     Discussion,
@@ -136,84 +137,70 @@ class Config:
         return {name: value for name, value in values.items() if value is not None or name not in _PARTS}
 
     def __post_init__(self) -> None:
+        checks = self._names(), self._files(), self._counts(), self._rates()
+        if problem := next(chain(*checks), None):
+            raise ConfigError(problem)
+
+    def _names(self) -> Iterator[str]:
+        """Names that are none, and lists that name something twice."""
         variants = list(self.gan) if self.has("gan") else []
         for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants)]:
             if not _NAME.fullmatch(name):
-                raise ConfigError(f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'")
+                yield f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'"
         if not _DEVICE.fullmatch(self.device):
-            raise ConfigError(f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps")
-        _each_once("stages", self.stages, "stage", empty=True)
-        if self.has("trainings"):
-            _each_once("trainings", self.trainings, "number")
-        if self.has("excite"):
-            _each_once("excite", self.excite, "pool")
+            yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
+        if len(set(self.stages)) < len(self.stages):
+            yield f"stages is {self.stages}, expected each stage once"
+        for name, what in (("trainings", "number"), ("excite", "pool")):
+            values = getattr(self, name) if self.has(name) else [name]
+            if not values or len(set(values)) < len(values):
+                yield f"{name} is {values}, expected one {what} or more, each once"
         if self.has("gan") and not self.gan:
-            raise ConfigError("gan is empty, expected one variant or more")
-        if self.has("recordings", "validation"):
-            self._check_files()
-        if self.has("replication", "identification") and self.identification.forgetting < 1:
-            raise ConfigError(
-                "replication adds sums that have no order in time: identification.forgetting must be 1"
-            )
-        if self.has("seeds", "trajectory"):
-            self._check_counts()
-            self._check_rates()
+            yield "gan is empty, expected one variant or more"
 
-    def _check_files(self) -> None:
-        """Refuse a recording that is named twice, or that a model would be validated on after training."""
+    def _files(self) -> Iterator[str]:
+        """A recording that is named twice, or that a model would be validated on after training."""
+        if not self.has("recordings", "validation"):
+            return
         training, held_out = ([*chain(*map(paths_of, one))] for one in (self.recordings, self.held_out))
         for name, files in (("recordings", training), ("validation", held_out)):
-            twice = [file for file in files if files.count(file) > 1]
-            if twice:
-                raise ConfigError(f"{name} has {twice[0]} twice")
-        both = [file for file in held_out if file in training]
-        if both:
-            raise ConfigError(f"validation has {both[0]}, which is in recordings: it would not be held out")
+            yield from (f"{name} has {file} twice" for file in files if files.count(file) > 1)
+        for file in held_out:
+            if file in training:
+                yield f"validation has {file}, which is in recordings: it would not be held out"
 
-    def _check_counts(self) -> None:
-        """Refuse to choose more than there is."""
+    def _counts(self) -> Iterator[str]:
+        """More is chosen than there is, or sums in no order are to forget."""
+        if self.has("replication", "identification") and self.identification.forgetting < 1:
+            yield "replication adds sums that have no order in time: identification.forgetting must be 1"
+        if not self.has("seeds"):
+            return
         seeds = self.seeds.count
         if self.subset is not None and self.subset > seeds:
-            raise ConfigError(f"subset is {self.subset}, expected at most seeds.count = {seeds}")
-        if self.has("discussion"):
-            sizes = [size for size in self.discussion.sizes if size > seeds]
-            if sizes and "subsets" in self.stages:
-                raise ConfigError(f"discussion.sizes has {sizes}, expected at most seeds.count = {seeds}")
-        if not self.has("library"):
-            return
-        if self.has("selection") and self.selection.count > seeds + self.library.count:
-            raise ConfigError(
-                f"selection.count is {self.selection.count}, expected at most "
-                f"seeds.count + library.count = {seeds + self.library.count}"
-            )
+            yield f"subset is {self.subset}, expected at most seeds.count = {seeds}"
+        sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
+        if any(size > seeds for size in sizes):
+            yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
+        if self.has("library", "selection") and self.selection.count > seeds + self.library.count:
+            most = f"seeds.count + library.count = {seeds + self.library.count}"
+            yield f"selection.count is {self.selection.count}, expected at most {most}"
 
-    def _check_rates(self) -> None:
-        """Refuse sampling that cannot see the highest harmonic."""
-        family = self.trajectory
+    def _rates(self) -> Iterator[str]:
+        """Sampling that cannot see the highest harmonic."""
+        if not self.has("seeds", "trajectory"):
+            return
+        family, few = self.trajectory, "expected more than two per period of the highest of"
         if self.seeds.samples <= 2 * family.harmonics:
-            raise ConfigError(
-                f"seeds.samples is {self.seeds.samples}, expected more than two per period of "
-                f"the highest of trajectory.harmonics={family.harmonics}"
-            )
+            yield f"seeds.samples is {self.seeds.samples}, {few} trajectory.harmonics={family.harmonics}"
         highest = family.harmonics / family.period
         if self.has("long"):
-            if not self.long.harmonics or self.long.samples <= 2 * max(self.long.harmonics):
-                raise ConfigError(
-                    f"long.samples is {self.long.samples}, expected more than two per period of "
-                    f"the highest of long.harmonics={self.long.harmonics}"
-                )
-            highest = max(highest, max(self.long.harmonics) / self.long.period)
+            most = max(self.long.harmonics, default=self.long.samples)
+            if self.long.samples <= 2 * most:
+                yield f"long.samples is {self.long.samples}, {few} long.harmonics={self.long.harmonics}"
+            highest = max(highest, most / self.long.period)
         if self.has("identification") and self.identification.rate <= 2 * highest:
-            raise ConfigError(
-                f"identification.rate is {self.identification.rate:g} Hz, "
-                f"expected more than twice the highest frequency, {highest:g} Hz"
-            )
-
-
-def _each_once(name: str, values: Sequence[object], what: str, empty: bool = False) -> None:
-    if len(set(values)) < len(values) or not (values or empty):
-        some = f"each {what} once" if empty else f"one {what} or more, each once"
-        raise ConfigError(f"{name} is {values}, expected {some}")
+            rate = f"identification.rate is {self.identification.rate:g} Hz"
+            yield f"{rate}, expected more than twice the highest frequency, {highest:g} Hz"
 
 
 def validate(cfg: DictConfig) -> Config:
@@ -225,11 +212,5 @@ def validate(cfg: DictConfig) -> Config:
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
-        raise ConfigError(refused_value(error)) from error
+        raise ConfigError(explain(error)) from error
     return build(Config, values)
-
-
-def refused_value(error: OmegaConfBaseException) -> str:
-    """What is wrong with a value that OmegaConf cannot read, in one line."""
-    reason = str(error.msg or error).splitlines()[0]
-    return f"{error.full_key}: {reason}" if error.full_key else reason

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sidegan import validity
-from sidegan.base.typed import NonNegative, Positive
+from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.locking import from_rpy
@@ -21,6 +21,8 @@ from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.clearance import TooLargeError
 from sidegan.validity.floor import floor_under, with_points
 from sidegan.validity.scene import read_scene
+
+Point = tuple[Number, Number, Number]
 
 log = logging.getLogger(__name__)
 
@@ -35,8 +37,8 @@ _USUALLY = ((0.02, 0.02), (0.02, 0.01), (0.02, 0.005), (0.02, 0.0), (0.01, 0.0),
 class Cylinder:
     """A cylinder around the segment between two points [m]."""
 
-    lower: tuple[float, float, float]
-    upper: tuple[float, float, float]
+    lower: Point
+    upper: Point
     radius: Positive
 
     @property
@@ -50,8 +52,8 @@ class Mesh:
     """The convex hull of a mesh file."""
 
     file: str
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad]
+    position: Point = (0.0, 0.0, 0.0)  # [m]
+    rpy: Point = (0.0, 0.0, 0.0)  # [rad]
     scale: Positive = 1.0  # metres per unit of the file
 
     @property

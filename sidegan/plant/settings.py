@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Hertz, NonNegative, Positive, Share
+from sidegan.base.typed import Hertz, NonNegative, Number, Positive, Share
 from sidegan.errors import ConfigError
 
 
@@ -26,7 +26,7 @@ class PlantSettings:
     tolerance: Positive  # [rad] off the reference at which the execution has failed
     encoder_resolution: list[NonNegative]  # [rad]
     torque_noise: list[NonNegative]  # standard deviation [N·m]
-    torque_bias: list[float]  # [N·m]
+    torque_bias: list[Number]  # [N·m]
 
     def of(self, name: str, joints: int) -> Tensor:
         """One setting as a value per joint, (J,), float64.

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from sidegan.base.typed import Bound, Hertz, NonNegative, Positive, Seconds
+from pydantic import Field
+
+from sidegan.base.typed import Hertz, NonNegative, Positive, Seconds
 from sidegan.errors import ConfigError
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
@@ -113,12 +115,12 @@ class Preprocessing:
     cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: headroom × bandwidth
     headroom: Positive  # cut-off over bandwidth
     # of the low-pass, which is run forwards and backwards; beyond, its coefficients are rounding errors
-    order: Annotated[int, Bound("≥", 1), Bound("≤", 20)]
-    oversampling: Annotated[float, Bound(">", 2)]  # samples that are kept per period of the cut-off
+    order: Annotated[int, Field(ge=1, le=20)]
+    oversampling: Annotated[float, Field(gt=2, le=1e12)]  # samples that are kept per period of the cut-off
     # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
     gap: Seconds | None
     still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
-    pause: Annotated[float, Bound("≥", 0), Bound("≤", 1e3)]  # samples this close to a motion are kept [s]
+    pause: Annotated[float, Field(ge=0, le=1e3)]  # samples this close to a motion are kept [s]
 
     def cutoff_of(self, bandwidth: float) -> float:
         """Cut-off of the low-pass [Hz] for a motion of a measured bandwidth [Hz]."""
@@ -134,7 +136,7 @@ class RecordingSettings(Preprocessing, Columns):
     """What is where in a recorded file, what is known of its making, and how it is preprocessed."""
 
     # time by which torques are later than states [s], which is taken off; null: measured
-    delay: Annotated[float, Bound("≥", -0.5), Bound("≤", 0.5)] | None
+    delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None
     # what was sent to the arm: a table of excite, or the folder of its run; null: not known
     sent: str | None
-    rows: Annotated[int, Bound("≥", 1000), Bound("≤", 1e7)]  # that are read at once
+    rows: Annotated[int, Field(ge=1000, le=10**7)]  # that are read at once

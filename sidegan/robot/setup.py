@@ -6,17 +6,19 @@ from dataclasses import dataclass, fields
 from shlex import quote
 from typing import Annotated
 
-from sidegan.base.typed import Bound, Positive, Text
+from pydantic import Field
 
-Mount = tuple[float, float, float]
-Pieces = Annotated[int, Bound("≥", 1), Bound("≤", 64)]
+from sidegan.base.typed import Number, Positive, Text
+
+Mount = tuple[Number, Number, Number]
+Pieces = Annotated[int, Field(ge=1, le=64)]
 
 
 @dataclass(frozen=True)
 class Limits:
     """Limits by joint name that override the description's; null: as it has them."""
 
-    position: dict[str, tuple[float, float]] | None = None  # lower and upper [rad or m]
+    position: dict[str, tuple[Number, Number]] | None = None  # lower and upper [rad or m]
     velocity: dict[str, Positive] | None = None  # [rad/s or m/s]
     acceleration: dict[str, Positive] | None = None  # [rad/s² or m/s²]
     jerk: dict[str, Positive] | None = None  # [rad/s³ or m/s³]
@@ -30,7 +32,7 @@ class Setup:
     args: dict[str, Text] | None = None  # arguments of a xacro file
     base: str | None = None  # link from which on joints move; null: the first
     tip: str | None = None  # link up to which joints move; null: the end of the only chain
-    locked: dict[str, float] | None = None  # where joints stand that do not move [rad or m]
+    locked: dict[str, Number] | None = None  # where joints stand that do not move [rad or m]
     # roll, pitch and yaw [rad] of the first link in a world whose z points up; null: upright, or as gravity
     # acts in an MJCF
     mount: Mount | None = None

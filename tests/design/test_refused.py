@@ -100,7 +100,7 @@ def test_deviations_that_cannot_be_are_refused(planar, deviation, words):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: build(Term, {"objective": "fame"}), "objective is 'fame', expected one of log_condition"),
+        (lambda: build(Term, {"objective": "fame"}), "objective is 'fame', expected 'log_condition'"),
         (lambda: build(Term, {"objective": "d_optimal", "together": 0}), "together is 0"),
         (lambda: build(Term, {"objective": "d_optimal", "noise": [1.0, 0.0]}), r"noise\[1\] is 0"),
         (lambda: Selection(5, "greedy", [3.0, 0.5]), "greedy score knows no noise"),

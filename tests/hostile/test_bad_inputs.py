@@ -103,7 +103,7 @@ CASES = [
     ("holds more than a number in each row", recording(lambda x: {"q2": np.zeros((len(x), 2, 2))})),
     ("seed: Recursive interpolation detected", setting("seed=${seed}")),
     ("seed: Unsupported interpolation type eval", setting("seed=${eval:1}")),
-    ("long.period is 1e+300, expected a number ≥", setting("long.period=1e300")),
+    ("long.period is 1e+300, expected a number ≤", setting("long.period=1e300")),
     ("library.count is 1000000000000, expected a whole number", setting("library.count=1000000000000")),
     ("a plane needs a non-zero normal", setting("workspace.regions=[{plane:{normal:[0,0,0],offset:1}}]")),
     ("has no joint 'a' of robot.limits.velocity", setting("robot.limits.velocity={a:1}")),

@@ -6,9 +6,9 @@ import sys
 import pytest
 
 from sidegan.pipeline.graph import Build
-from sidegan.pipeline.run import main
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
+from sidegan.run import main
 from tests.tiny import tiny
 
 NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there

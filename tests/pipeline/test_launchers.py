@@ -9,11 +9,11 @@ from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 
-from sidegan.pipeline.run import CONF, explain
+from sidegan.pipeline.compose import CONF, explain
 from tests.tiny import TINY
 
 JOBLIB, SUBMITIT = "hydra_plugins.hydra_joblib_launcher", "hydra_plugins.hydra_submitit_launcher"
-PLUGINS = {"processes": (JOBLIB, "sweep"), "slurm": (SUBMITIT, "slurm"), "slurm_here": (SUBMITIT, "slurm")}
+PLUGINS = {"processes": (JOBLIB, "sweep"), "slurm": (SUBMITIT, "slurm")}
 
 
 def composed(launcher):
@@ -38,9 +38,9 @@ def sweep(folder, *words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("launcher", ["processes", "slurm_here"])
+@pytest.mark.parametrize("launcher", ["processes", "submitit_local"])
 def test_a_sweep_runs_elsewhere_and_leaves_with_the_worst_code(tmp_path, launcher):
-    pytest.importorskip(PLUGINS[launcher][0])
+    pytest.importorskip(PLUGINS.get(launcher, PLUGINS["slurm"])[0])
     words = "+experiment=exp1", *TINY, "stages=[seeds]", "seeds.count=4", "trajectory.home=[0,0],[4,0]"
     done = sweep(tmp_path, *words, f"hydra/launcher={launcher}")
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr

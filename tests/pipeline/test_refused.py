@@ -1,13 +1,13 @@
 """What is refused before any work: settings, arms, recordings and commands, each by its own name."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
 import torch
 
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, RecordingError
-from sidegan.pipeline import run
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from tests import tiny
@@ -29,7 +29,7 @@ SETTINGS = [
     ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
     ("reproduction", "trainings=[0,0]", "expected one number or more, each once"),
     ("reproduction", "subset=41", "subset is 41, expected at most seeds.count = 40"),
-    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has [50], expected at most seeds.count = 40"),
+    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has 50, expected at most seeds.count = 40"),
     ("reproduction", "selection.count=10000", "expected at most seeds.count + library.count"),
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
@@ -149,6 +149,6 @@ def test_a_wrong_command_ends_with_its_code_and_one_line(command, capsys, tmp_pa
 
 
 def test_an_engine_that_is_not_installed_is_told_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError, match=r"parallel=dask needs Dask: pip install 'sidegan\[dask\]'"):
         run_stages(tiny.tiny(f"outputs={tmp_path}", "parallel=dask"), tmp_path / "run", "dask")

@@ -10,13 +10,12 @@ import time
 
 import pytest
 
-from sidegan.base import parallel
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline import run
 from sidegan.pipeline.callbacks import job_codes
 from sidegan.pipeline.graph import Artifact
-from sidegan.pipeline.run import run_name
 from sidegan.pipeline.stage import Stage
+from sidegan.run import run_name
 
 
 def write_seeds(build):
@@ -72,7 +71,6 @@ STAGES = {
 @pytest.fixture(autouse=True)
 def small_stages(monkeypatch):
     """Stages that do one thing each, in place of the real ones."""
-    monkeypatch.setattr(run, "STAGES", STAGES)
     monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=STAGES[name]))
 
 
@@ -158,37 +156,40 @@ def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, c
     assert "there is no table in job 0" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("name", "kind"), [("loky", "Loky"), ("dask", "Dask")])
-def test_stages_run_on_the_configured_engine_and_threads(command, monkeypatch, name, kind):
+def test_stages_run_on_the_configured_threads(command, monkeypatch):
     for library in ("OMP", "OPENBLAS", "MKL"):
         monkeypatch.setenv(f"{library}_NUM_THREADS", "7")
-    seen = []
-    monkeypatch.setitem(STAGES, "engine", lambda *_: seen.append(type(parallel._engine).__name__))
-    assert command("stages=[engine]", f"parallel={name}", "parallel.threads=1") == 0
-    assert seen == [kind] and os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    monkeypatch.setitem(STAGES, "threads", lambda *_: None)
+    assert command("stages=[threads]", "parallel.threads=1") == 0
+    assert os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 
 @pytest.mark.parametrize(
     ("overrides", "name"),
     [
-        ([], "exp1 seed=3"),
-        (["+experiment=exp1", "gan=eigen", "seed=3", "outputs=/x"], "eigen seed=3"),
-        (["scale=paper", "parallel.workers=1", "seeds.count=10"], "paper seeds.count=10 seed=3"),
-        (["scale=paper", "stages=[gan,library]"], "gan,library paper seed=3"),
+        (["+experiment=exp1", "seed=3"], "exp1 seed=3"),
+        (["+experiment=exp1", "gan=eigen", "seed=3", "outputs=/x"], "exp1 gan=eigen seed=3"),
+        (["scale=paper", "parallel.workers=1", "stages=[gan]"], "exp1 scale=paper stages=[gan] seed=3"),
     ],
 )
 def test_runs_have_names_for_people(overrides, name):
-    assert run_name("exp1", overrides, {"gan": "eigen", "scale": "paper"}, 3) == name
+    assert run_name("exp1", overrides, 3) == name
 
 
 def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
     assert command("--help") == 0
     shown = capsys.readouterr().out
-    examples = ("+experiment=exp1 ", "seed=0,1,2", "'stages=[seeds]'", "robot.name=arm.urdf", "--help-all")
+    examples = (
+        "+experiment=exp1 ",
+        "seed=0,1,2",
+        "'stages=[seeds]'",
+        "robot.name=arm.urdf",
+        "help=everything",
+    )
     assert all(words in shown for words in examples)
     lines = shown.strip().splitlines()
     assert len(lines) <= 40 and max(map(len, lines)) <= 110
-    assert command("--help-all") == 0
+    assert command("--help", "hydra/help=everything") == 0
     shown = capsys.readouterr().out
     for words in ("  long            the single long", "experiment: excite, exp1", "workspace: desk, free"):
         assert words in shown

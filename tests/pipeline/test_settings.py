@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from sidegan.errors import ConfigError
+from sidegan.pipeline.compose import CONF
 from sidegan.pipeline.graph import VERSIONS, flatten
-from sidegan.pipeline.run import CONF
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, words
 from tests import tiny

@@ -26,7 +26,7 @@ from tests.recording.files import (
 
 PLANAR = load_robot("planar2")
 SETTINGS = [
-    (r"units\.angle is 'turn', expected one of rad, deg", {"units": {"angle": "turn"}}),
+    (r"units\.angle is 'turn', expected 'rad' or 'deg'", {"units": {"angle": "turn"}}),
     ("position is None, expected text", {"position": None}),
     *(("no braces but", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
     *((name, {name: -1.0}) for name in ("cutoff", "bandwidth", "still")),

@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from sidegan.errors import ConfigError
+
 if TYPE_CHECKING:
     from sidegan.pipeline.stage import Stage
 
@@ -30,5 +32,11 @@ STAGES = {
 
 
 def stage(name: str) -> "Stage":
-    """The stage of a name."""
+    """The stage of a name.
+
+    Raises:
+        ConfigError: when there is none.
+    """
+    if name not in STAGES:
+        raise ConfigError(f"stages: there is no stage {name!r}, expected some of {', '.join(STAGES)}")
     return import_module(f"sidegan.pipeline.stages.{name}").STAGE
