@@ -93,7 +93,8 @@ def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
         "def note(number, report):\n"
         f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(30)\n"
         "try:\n"
-        "    with engine('dask', workers=2):\n        run_jobs('notes', [partial(note, k) for k in range(5)], 2)\n"
+        "    with engine('dask', workers=2):\n"
+        "        run_jobs('notes', [partial(note, k) for k in range(5)], 2)\n"
         "except KeyboardInterrupt:\n    sys.exit(130)\n"
     )
     command = [sys.executable, "-c", code]
