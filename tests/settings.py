@@ -10,12 +10,16 @@ CONF = Path(__file__).parents[1] / "conf"
 
 
 def settings(kind, name, **changes):
-    """Settings of a class from ``conf/<name>.yaml``; a changed group is given as a dictionary.
+    """Settings of a class from ``conf/<name>.yaml``, or from a section of it, ``<name>:<section>``.
+
+    A changed group is given as a dictionary.
 
     Raises:
         ConfigError: when a change is out of range.
     """
-    values = OmegaConf.load(CONF / f"{name}.yaml")
+    file, _, section = name.partition(":")
+    values = OmegaConf.load(CONF / f"{file}.yaml")
+    values = values[section] if section else values
     for base in values.pop("defaults", ()):
         if base != "_self_":
             values = OmegaConf.merge(OmegaConf.load(CONF / Path(name).parent / f"{base}.yaml"), values)

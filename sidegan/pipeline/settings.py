@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import chain
 from typing import Any
 
+import torch
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -149,6 +150,11 @@ class Config:
                 yield f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'"
         if not _DEVICE.fullmatch(self.device):
             yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
+        elif self.device != "cpu":
+            try:
+                torch.zeros(1, device=self.device)
+            except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
+                yield f"device is {self.device!r}, which is not there: {str(error).splitlines()[0]}"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each stage once"
         for name, what in (("trainings", "number"), ("excite", "pool")):

@@ -23,26 +23,23 @@ from tests.threads import several_threads
 from tests.waiting import wait_until
 
 
-def square(x, report):
+def sums(seed, report):
+    """Most threads of the process, its folder, and sums that depend on their order; takes some CPU time."""
+    until = time.process_time() + 0.1
+    while time.process_time() < until:
+        a = torch.randn(300, 300, generator=torch.Generator().manual_seed(seed))
     report(1, 2)
+    most = max([torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())])
     report(2, 2)
-    return x * x, os.getpid()
+    return most, Path.cwd(), float((a @ a).sum()), float(np.linalg.cond(a.double().numpy()))
+
+
+def process(report):
+    return os.getpid()
 
 
 def die(report):
     os.kill(os.getpid(), 9)
-
-
-def slow(seconds, report):
-    time.sleep(seconds)
-    return seconds
-
-
-def sums(seed, report):
-    """Most threads of the process, its folder, and sums that depend on their order."""
-    a = torch.randn(300, 300, generator=torch.Generator().manual_seed(seed))
-    most = max([torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())])
-    return most, Path.cwd(), float((a @ a).sum()), float(np.linalg.cond(a.double().numpy()))
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +73,19 @@ def told(monkeypatch):
     return calls
 
 
-def test_results_are_in_order_and_progress_reaches_the_end(workers, told):
-    results = run_jobs("squares", [partial(square, x) for x in (5, 3, 4)], workers)
-    assert [value for value, _ in results] == [25, 9, 16]
-    assert (os.getpid() in {pid for _, pid in results}) == (workers == 1)
-    assert told == sorted(told) and told[-1] == 100
+def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processes_are_right(
+    workers, told, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    jobs = [partial(sums, seed) for seed in (5, 3, 4)]
+    with several_threads():
+        here = run_jobs("sums", jobs, 1)
+        assert torch.get_num_threads() == 2
+    before = cpu_seconds()
+    told.clear()
+    assert run_jobs("sums", jobs, workers) == here and {row[:2] for row in here} == {(1, tmp_path)}
+    assert told == sorted(told) and told[-1] == 100 and cpu_seconds() - before >= 0.3
+    assert (os.getpid() in run_jobs("processes", [process] * 2, workers)) == (workers == 1)
 
 
 def test_nothing_to_do_and_nothing_to_count():
@@ -89,41 +94,15 @@ def test_nothing_to_do_and_nothing_to_count():
     assert (cores(3), cores(None)) == (3, len(os.sched_getaffinity(0)))
 
 
-def test_results_are_the_same_to_the_last_bit_with_one_thread_and_in_the_folder_of_the_command(
-    workers, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    jobs = [partial(sums, seed) for seed in range(3)]
-    with several_threads():
-        here = run_jobs("sums", jobs, 1)
-        assert torch.get_num_threads() == 2
-    assert here == run_jobs("sums", jobs, workers)
-    assert {(most, folder) for most, folder, *_ in here} == {(1, tmp_path)}
-
-
-def test_the_cpu_time_of_jobs_counts_wherever_they_run(workers):
-    def burn(report):
-        until = time.process_time() + 0.15
-        while time.process_time() < until:
-            pass
-
-    before = cpu_seconds()
-    run_jobs("burning", [burn, burn], workers)
-    assert cpu_seconds() - before >= 0.3
-
-
-def test_errors_and_deaths_of_jobs_are_told_and_the_next_jobs_run(workers):
+def test_errors_of_jobs_are_told_and_the_next_jobs_run(workers):
     error = InfeasibleError("never valid") if workers > 1 else ZeroDivisionError("a bug")
 
     def fail(report):
         raise error
 
     with pytest.raises(type(error), match=str(error)):
-        run_jobs("failing", [partial(square, 1), fail], workers)
-    if workers > 1 and parallel._client is None:
-        with pytest.raises(SideganError, match=r"worker process was killed.*the same command again goes on"):
-            run_jobs("killed", [die, partial(slow, 0.2)], workers)
-    assert run_jobs("after", [partial(slow, 0.1), partial(slow, 0.0)], workers) == [0.1, 0.0]
+        run_jobs("failing", [process, fail], workers)
+    assert len(run_jobs("after", [process, process], workers)) == 2
 
 
 def test_dask_finishes_elsewhere_what_a_killed_worker_began_but_not_what_kills_every_worker(
@@ -138,10 +117,10 @@ def test_dask_finishes_elsewhere_what_a_killed_worker_began_but_not_what_kills_e
         return 7
 
     monkeypatch.setattr(parallel, "_client", dask)
-    assert run_jobs("killed", [die_once, partial(slow, 0.1)], 2) == [7, 0.1] and marker.exists()
+    assert run_jobs("killed", [die_once, process], 2)[0] == 7 and marker.exists()
     monkeypatch.setattr(dask.cluster.scheduler, "allowed_failures", 1)  # each costs a worker's start
     with pytest.raises(SideganError, match="deadly: a worker process was killed"):
-        run_jobs("deadly", [die, partial(slow, 0.0)], 2)
+        run_jobs("deadly", [die, process], 2)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -151,7 +130,7 @@ def test_a_cluster_elsewhere_is_named_by_its_scheduler(threads):
     refused = pytest.raises(ConfigError, match="--nthreads 1") if threads > 1 else nullcontext()
     with distributed.LocalCluster(**options) as cluster, refused, engine("dask", cluster.scheduler_address):
         # The cluster's workers are threads here: it was not run without them.
-        assert run_jobs("one", [partial(square, 2)], 1) == [(4, os.getpid())]
+        assert run_jobs("one", [process], 1) == [os.getpid()]
 
 
 @pytest.mark.slow
@@ -174,14 +153,14 @@ def test_a_cluster_that_goes_away_is_told(tmp_path):
     try:
         wait_until(lambda: file.exists() and file.read_text())
         with engine("dask", json.loads(file.read_text())["address"]):
-            assert run_jobs("short", [partial(slow, 0.0)], None) == [0.0]
+            assert len(run_jobs("short", [process], None)) == 1
             threading.Thread(target=end).start()
             with pytest.raises(SideganError, match="long: the Dask cluster went away"):
                 run_jobs("long", [begin], None)
     finally:
-        for process in (scheduler, *workers):
-            process.kill()
-            process.wait()
+        for one in (scheduler, *workers):
+            one.kill()
+            one.wait()
 
 
 def test_what_does_not_answer_or_see_is_told(monkeypatch):
@@ -190,7 +169,7 @@ def test_what_does_not_answer_or_see_is_told(monkeypatch):
         pass
     assert parallel._client is None
     with pytest.raises(StorageError, match=r"does not see /no/such/folder .* shared file system"):
-        parallel._work(partial(square, 1), "/no/such/folder")
+        parallel._work(process, "/no/such/folder")
 
 
 def members(session):

@@ -90,19 +90,6 @@ def test_a_condition_is_a_recipe_on_a_seed_set_and_the_command_overrides_it():
     assert configured("condition=ours", "gan=eigen").gan.keys() == {"eigen"}
 
 
-@pytest.mark.parametrize(
-    "uri", ["http://host:5000", "sqlite:///x.db", "postgresql+psycopg2://u@h/d", "databricks"]
-)
-def test_any_mlflow_server_can_be_named(uri):
-    assert configured(f"tracking.uri='{uri}'").tracking.uri == uri
-
-
-def test_conf_is_plain_yaml_without_structured_configs():
-    for path in CONF.rglob("*.yaml"):
-        text = path.read_text(encoding="utf-8")
-        assert isinstance(yaml.safe_load(text), dict) and "???" not in text, path
-
-
 SETUPS = [
     Setup(),
     Setup(base="torso_link", tip="left/hand", locked={"finger_joint": 0.02, "torso": -1.5}),

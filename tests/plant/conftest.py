@@ -23,8 +23,8 @@ def chain() -> Callable[..., Arm]:
 
 @pytest.fixture(scope="session")
 def standard() -> PlantSettings:
-    """The settings in conf/plant/mujoco.yaml."""
-    return settings(PlantSettings, "plant/mujoco")
+    """The settings in conf/experiment/excite.yaml."""
+    return settings(PlantSettings, "experiment/excite:plant")
 
 
 @pytest.fixture(scope="session")
