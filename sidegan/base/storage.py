@@ -19,30 +19,34 @@ if TYPE_CHECKING:  # pyarrow and torch are slow to import, and `--help` must not
 def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
     """Path of a new neighbour that takes the place of ``path`` when the block ends well.
 
-    The content is on the disk before the name changes. After any failure, an interrupt included,
-    the neighbour is gone and ``path`` is what it was.
-
-    Args:
-        path: where.
-        folder: whether its folder is made when it is not there.
+    The content is on the disk before the name changes. After any failure, an interrupt included, the
+    neighbour is gone and ``path`` is what it was. ``folder``: whether to make its folder where there is none.
 
     Raises:
         StorageError: when the folder cannot be made or written, or is full.
     """
     neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
-        if folder:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        yield neighbour
-        _sync(neighbour)
-        neighbour.replace(path)
-        with suppress(OSError):  # some network file systems cannot sync a folder
-            _sync(path.parent)
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
+        with writing(path):
+            if folder:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            yield neighbour
+            _sync(neighbour)
+            neighbour.replace(path)
+            with suppress(OSError):  # some network file systems cannot sync a folder
+                _sync(path.parent)
     finally:
         with suppress(OSError):
             neighbour.unlink()
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn the system's refusals to write into a StorageError that names the path."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _sync(path: Path) -> None:
@@ -85,23 +89,13 @@ def write_torch(path: Path, content: Any, folder: bool = True) -> None:
 def write_task(path: Path, content: Any) -> None:
     """Write what one of several tasks found, into a folder of work that is there.
 
-    Where it is not, somebody has finished the work without this task: a worker that was given up for dead
-    must not leave the folder behind again.
-
-    Raises:
-        StorageError: when there is no such folder, or it cannot be written, or is full.
+    Where it is not, somebody has finished the work, and a worker that was given up must not bring it back.
     """
     write_torch(path, content, folder=False)
 
 
 def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
-    """Write a table with page checksums, so that a damaged file is noticed; see ``replacing``.
-
-    Args:
-        path: where.
-        table: what.
-        options: for ``pyarrow.parquet.write_table``.
-    """
+    """Write a table with page checksums, so that a damaged file is noticed; see ``replacing``."""
     import pyarrow.parquet as pq
 
     with replacing(path) as neighbour:

@@ -20,7 +20,6 @@ log = logging.getLogger(__name__)
 PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may be other processes
 STATUS = "status.json"
 
-
 _parent: Tracker | None = None
 
 
@@ -52,11 +51,9 @@ class SweepCallback(Callback):
         """Record the table over all jobs, close the parent run, and leave with the worst job's code."""
         sweep = Path(config.hydra.sweep.dir)
         codes = job_codes(sweep)
-        finished = [folder for folder, code in codes.items() if code == 0]
-        failed = [folder for folder, code in codes.items() if code != 0]
         worst = max(codes.values(), default=1)
         try:
-            table = sweep_table(finished)
+            table = sweep_table([folder for folder, code in codes.items() if code == 0])
             if table is not None and _parent is not None:
                 from sidegan.report.export import publish
 
@@ -65,7 +62,7 @@ class SweepCallback(Callback):
         except Exception:
             log.exception("the table over all jobs could not be made")
             worst = max(worst, 1)
-        for folder in failed:
+        for folder in (folder for folder, code in codes.items() if code):
             log.error("error: job %s failed, see %s", folder.name, folder)
         end_sweep("FAILED" if worst else "FINISHED")
         if worst:

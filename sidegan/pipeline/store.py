@@ -22,7 +22,7 @@ from filelock import FileLock, Timeout
 
 from sidegan.base.parallel import Report, cpu_seconds
 from sidegan.base.progress import duration
-from sidegan.base.storage import read_json, write_json
+from sidegan.base.storage import read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline.graph import Artifact, Build, difference
@@ -133,7 +133,7 @@ class Store:
         build = Build(folder, work, report)
         began, used = time.monotonic(), cpu_seconds()
         try:
-            with _storage_errors(final):
+            with writing(final):
                 folder.mkdir(parents=True)
                 work.mkdir(exist_ok=True)
             with one_thread():  # as in a worker: which process makes it changes no bit
@@ -142,7 +142,7 @@ class Store:
             write_params(folder, artifact.params)
             own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds() - used, 1)}
             write_json(self._costs(artifact), own | build.costs)
-            with _storage_errors(final):
+            with writing(final):
                 if final.exists():  # damaged; a folder cannot be renamed over another
                     shutil.rmtree(final)
                 folder.rename(final)
@@ -153,7 +153,7 @@ class Store:
     @contextmanager
     def _lock(self, artifact: Artifact) -> Iterator[None]:
         path = self.root / ".locks" / f"{'-'.join(artifact.folder.parts)}.lock"
-        with _storage_errors(path):
+        with writing(path):
             path.parent.mkdir(exist_ok=True)
             lock = FileLock(path)
             try:
@@ -203,11 +203,3 @@ def file_digest(path: Path) -> str:
 def _digest(path: Path, size: int, changed: int, inode: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-@contextmanager
-def _storage_errors(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error

@@ -123,32 +123,33 @@ class Task:
 
     def tell_checks(self) -> None:
         """Say what trajectories are checked for, and warn where the description tells suspiciously little."""
-        for told in (tell_placeholders(self.whole_arm), tell_displaced(self.arm), self._told_masses()):
-            if told:
-                log.warning("%s", told)
-        if self.home is not None and self.cfg.trajectory.home is None and self.arm.home is None:
-            log.info(
-                "zeros are no feasible home; home is %s, or where trajectory.home=… says",
-                ", ".join(f"{x:g}" for x in self.home),
-            )
-        if told := self.cfg.workspace.told(self.arm):
-            log.info("%s", told)
+        constraints, arm = self.constraints, self.arm
+        warnings = [tell_placeholders(self.whole_arm), tell_displaced(arm), self._told_masses()]
+        notes = [self.cfg.workspace.told(arm)]
+        if self.home is not None and self.cfg.trajectory.home is None and arm.home is None:
+            place = ", ".join(f"{x:g}" for x in self.home)
+            notes.append(f"zeros are no feasible home; home is {place}, or where trajectory.home=… says")
         if self.cfg.robot.effort is None:
-            log.info("%s", self._told_effort())
-        if self.constraints.arm.capsules.points:
-            log.warning(
-                "%s has no collision shapes: its joint origins alone keep out of regions", self.arm.name
+            why = "" if self.effort < 1 else ", since less would hardly hold the arm"
+            share = f"{self.effort:.0%} of the velocity and torque limits{why}"
+            notes.append(f"effort: {share}; robot.effort=… says another")
+        if constraints.arm.capsules.points:
+            warnings.append(
+                f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
             )
         elif self.cfg.workspace.clearance is None:
-            log.info("%s", self._told_clearance())
-        log.info("checked: %s", self.constraints.described())
-        if often := self.constraints.often:
-            log.warning("%s", tell_often(self.arm, often, self.constraints.apart))
-        if self.constraints.doubtful:
-            log.warning(
+            notes.append(f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance")
+        if constraints.often:
+            warnings.append(tell_often(arm, constraints.often, constraints.apart))
+        if constraints.doubtful:
+            warnings.append(
                 "many pairs of links are allowed to touch and are not checked against each other: "
                 "are the collision shapes too large, or not in metres?"
             )
+        notes.append(f"checked: {constraints.described()}")
+        for level, texts in ((logging.WARNING, warnings), (logging.INFO, notes)):
+            for text in filter(None, texts):
+                log.log(level, "%s", text)
 
     def _told_masses(self) -> str:
         """Which torques are not known, as the description lacks masses; empty where it tells all."""
@@ -162,15 +163,6 @@ class Task:
         last = max(map(arm.link_names.index, doubtful))
         moved = listed(arm.joint_names[: last + 1])
         return f"{tell_doubtful(arm)}; torques of {moved} may be far from what is checked and told"
-
-    def _told_effort(self) -> str:
-        why = "" if self.effort < 1 else ", since less would hardly hold the arm"
-        return (
-            f"effort: {self.effort:.0%} of the velocity and torque limits{why}; robot.effort=… says another"
-        )
-
-    def _told_clearance(self) -> str:
-        return f"kept clear: {self.constraints.kept_clear}; workspace.clearance=… says another distance"
 
     def check(self, c: Tensor) -> Validity:
         """Whether short trajectories, (B, J, H, 2), are valid."""
@@ -234,10 +226,9 @@ class Task:
         shared = {"workspace": self.cfg.workspace.stamped(self.arm), "trajectory": family}
         own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         numbered = {} if training is None else {"training": training}
-        of_some = self.cfg.subset is not None and "subset" in own
         parts = [self.arm.name, label, f"seed{self.cfg.seed}"]
         parts += [] if training is None else [f"training{training}"]
-        parts += [f"of{self.cfg.subset}"] if of_some else []
+        parts += [f"of{own['subset']}"] if own.get("subset") is not None else []
         return Artifact(
             maker,
             folder_name("-".join(parts)),
