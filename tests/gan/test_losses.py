@@ -13,7 +13,7 @@ from tests.gan.conftest import NONE, random
 
 
 def stepped(model, measure, size=0.01):
-    """What ``measure`` makes of the same noise before and after one gradient step of the generator."""
+    """Value of ``measure`` on the same noise before and after one gradient step of the generator."""
     network = model.generator.network
 
     def now():
