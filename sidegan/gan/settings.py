@@ -56,8 +56,8 @@ class ExactPhysics:
 class Published:
     """Choices within the published recipe."""
 
-    # Of the predicted features the fitness loss makes small their entropy as shares of their sum, by
-    # the code; minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
+    # Measure of the predicted features that is made small: their entropy as shares of their sum, by the code;
+    # minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
     fitness: Literal["entropy", "minus_entropy", "ratio"]
 
 
