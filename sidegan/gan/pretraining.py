@@ -32,7 +32,7 @@ _LEAST_NEGATIVES = 100  # for training
 
 @dataclass(frozen=True)
 class Pretraining:
-    """What the surrogates of an arm learn from, and how."""
+    """Data and settings from which the surrogates of an arm learn."""
 
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories

@@ -41,7 +41,7 @@ class PublishedVanilla(SideGAN):
         return TrajectoryGenerator(network, layout, family, arm.name, arm.digest, self.name)
 
     def seen(self, c: Tensor, images: Tensor) -> Tensor:
-        """What surrogates see of trajectories: their images."""
+        """Input of the surrogates: images."""
         return images
 
     def losses(self) -> list[Loss]:
@@ -93,7 +93,7 @@ def growing(start: int) -> Factor:
 
 
 def fitness(features: Tensor, kind: str) -> Tensor:
-    """What the fitness loss makes small of predicted features (B, p), 0-dimensional; see ``Published``."""
+    """Fitness loss of predicted features (B, p), 0-dimensional; ``kind`` as in ``settings.Published``."""
     x = features.clamp_min(_TINY)
     if kind == "ratio":
         return (x.amax(1) / x.amin(1)).mean()

@@ -24,7 +24,7 @@ _FIRST = 200  # channels of the first layer
 _BATCH, _RATE = 100, 1e-4
 _HELD_OUT = 0.2  # of the samples and of the seeds
 _CHECKED = 500  # trajectories whose validity is found at once
-_TOLD = 100  # steps after which progress is told
+_REPORTED = 100  # steps between two reports of progress
 
 
 class ShallowNetwork(pl.LightningModule):
@@ -78,7 +78,7 @@ class PublishedConverter(ShallowNetwork):
 
 @dataclass(frozen=True)
 class PublishedPretraining:
-    """What the published surrogates learn from, and how."""
+    """Data and settings from which the published surrogates learn."""
 
     check: Callable[[Tensor], Validity]  # of coefficients (B, J, H, 2)
     layout: Layout
@@ -131,7 +131,7 @@ class PublishedPretraining:
         """So many steps, each on a batch of rows drawn anew."""
         steps, count = self.settings.steps, len(tensors[0])
         rows = (torch.randperm(count)[:_BATCH] for _ in range(steps))
-        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, steps, _TOLD)])
+        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, steps, _REPORTED)])
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:

@@ -56,10 +56,10 @@ class ExactPhysics:
 
 @dataclass(frozen=True)
 class Published:
-    """What may be varied of the published recipe."""
+    """Choices within the published recipe."""
 
-    # What the fitness loss makes small of the predicted features: their entropy as shares of their sum, by
-    # the code; minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
+    # Measure of the predicted features that is made small: their entropy as shares of their sum, by the code;
+    # minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
     fitness: Literal["entropy", "minus_entropy", "ratio"]
 
 

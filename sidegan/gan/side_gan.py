@@ -22,7 +22,7 @@ from sidegan.validity import Constraints
 
 @dataclass(frozen=True)
 class Data:
-    """What a variant learns from."""
+    """Data from which a variant learns."""
 
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
@@ -108,7 +108,7 @@ class SideGAN(pl.LightningModule):
         return Batch(c, images, lambda: self.converter(self.seen(c, images)))
 
     def seen(self, c: Tensor, images: Tensor) -> Tensor:
-        """What surrogates see of trajectories: their coefficients."""
+        """Input of the surrogates: coefficients."""
         return c
 
     def training_step(self, batch: list[Tensor], index: int) -> None:

@@ -57,7 +57,7 @@ class Eigen(Vanilla):
 
 
 class Diagonal(Eigen):
-    """The same losses as ``Eigen``, on the diagonal of YᵀY in place of its eigenvalues."""
+    """Losses of ``Eigen``, on the diagonal of YᵀY in place of its eigenvalues."""
 
 
 class Exact(SideGAN):

@@ -69,14 +69,14 @@ def wild(constraints, family):
 @pytest.fixture(scope="session")
 def labelled(constraints, family, seeds, wild):
     """Training and held-out samples."""
-    c = blend(1.15 * seeds, wild, 1800, random(2))
+    c = blend(1.15 * seeds, wild, 1200, random(2))
     return label(constraints, family, c, STEPS).split(random(3))
 
 
 @pytest.fixture(scope="session")
 def predictor(planar, family, constraints, labelled):
     torch.manual_seed(0)
-    made, data = SuccessPredictor(planar, family, len(constraints.labels), 64, STEPS), labelled[0]
+    made, data = SuccessPredictor(planar, family, len(constraints.labels), 32, STEPS), labelled[0]
     fit(made, Shuffled((data.c, data.margins, data.valid), 100, random(4)), 12)
     made.freeze()
     return made

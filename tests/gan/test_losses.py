@@ -5,14 +5,15 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.gan.losses import Batch, eased, from_epoch, missing_distance, missing_rank
+from sidegan.gan.losses import Batch, Loss, eased, from_epoch, missing_distance, missing_rank
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
+from sidegan.gan.variants import Diagonal
 from tests.gan.conftest import NONE, random
 
 
 def stepped(model, measure, size=0.01):
-    """What ``measure`` makes of the same noise before and after one gradient step of the generator."""
+    """Value of ``measure`` on the same noise before and after one gradient step of the generator."""
     network = model.generator.network
 
     def now():
@@ -117,3 +118,14 @@ def test_a_collapsed_batch_gives_a_finite_slope(seeds):
     value = sum(loss_of(one)(c) for one in (missing_distance(seeds), missing_rank(seeds, 20)))
     (slope,) = torch.autograd.grad(value, c)
     assert torch.isfinite(value) and torch.isfinite(slope).all() and slope.abs().max() > 0
+
+
+def test_a_loss_is_added_by_one_entry_of_a_subclass(full, seeds, data, predictor, converter):
+    class Slow(Diagonal):
+        def losses(self):
+            return [*super().losses(), Loss(1e6, lambda batch: batch.coefficients.square().mean())]
+
+    torch.manual_seed(0)
+    given = replace(data, seeds=seeds, success_predictor=predictor, converter=converter)
+    before, after = stepped(Slow(full, given), lambda c: c.square().mean())
+    assert after < before

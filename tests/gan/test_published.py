@@ -67,26 +67,26 @@ def pretraining(papers, vanilla):
 def surrogates(pretraining, tmp_path_factory):
     """Folder of surrogates that learnt from the vanilla GAN's samples, and their report."""
     made = tmp_path_factory.mktemp("surrogates")
-    told = pretraining.train_success(made, 0, None, lambda *_: None)
+    report = pretraining.train_success(made, 0, None, lambda *_: None)
     for name in pretraining.features:
-        told |= pretraining.train_features(name, made, 0, lambda *_: None)
-    return made, told
+        report |= pretraining.train_features(name, made, 0, lambda *_: None)
+    return made, report
 
 
 def test_given_weights_are_kept_as_they_are_and_measured(pretraining, tmp_path):
     weights = {name: x for name, x in PublishedPredictor().state_dict().items() if name != "scale"}
-    told = pretraining.train_success(tmp_path, 0, weights, lambda *_: None)
+    report = pretraining.train_success(tmp_path, 0, weights, lambda *_: None)
     kept = read_torch(tmp_path / "success.pt")["weights"]
     assert kept.pop("scale") == 1 and all(torch.equal(kept[name], x) for name, x in weights.items())
-    assert 0 <= told["accuracy_paper"] <= 1
+    assert 0 <= report["accuracy_paper"] <= 1
 
 
 @pytest.mark.parametrize("name", ["eigen", "diagonal"])
 def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
     papers, variants, surrogates, tmp_path, arm, name
 ):
-    made, told = surrogates
-    assert 0 <= told["accuracy_broad"] <= 1 and told[f"error_{variants[name].features}"] < 1
+    made, report = surrogates
+    assert 0 <= report["accuracy_broad"] <= 1 and report[f"error_{variants[name].features}"] < 1
     generator = trained(papers, variants[name], tmp_path / "work", made).generator
     generator.save(tmp_path / "generator.pt")
     again, c = TrajectoryGenerator.load(tmp_path / "generator.pt", arm), generator.sample(23, 5)

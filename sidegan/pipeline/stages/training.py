@@ -26,7 +26,7 @@ def training_seeds(task: Task) -> Library:
 
 
 def title(task: Task, name: str, training: int | None) -> str:
-    """Name of a variant, pool or set for people; the training is told where there are several."""
+    """Name of a variant, pool or set for people, with the training where there are several."""
     return name if training is None or len(task.cfg.trainings) == 1 else f"{name}-{training}"
 
 
