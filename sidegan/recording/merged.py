@@ -37,7 +37,7 @@ def merged(tracks: Sequence[Track]) -> tuple[Numbers, dict[str, Numbers], list[s
     if all(np.array_equal(one.time, first.time) for one in tracks):
         return first.time, {one.signal: one.values for one in tracks}, []
     clocks = [clock_of(one.file, one.time) for one in tracks]
-    steps = [clock["step"] for clock in clocks]
+    steps = [clock.step for clock in clocks]
     fastest = tracks[int(np.argmin(steps))]
     begin, end = max(one.time[0] for one in tracks), min(one.time[-1] for one in tracks)
     if not begin < end:
@@ -45,8 +45,7 @@ def merged(tracks: Sequence[Track]) -> tuple[Numbers, dict[str, Numbers], list[s
         raise RecordingError(f"no moment is in all files, expected time stamps of one clock: {spans}")
     time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
     signals = {
-        one.signal: interpolated(time, one.time, one.values, clock["gap"])
-        for one, clock in zip(tracks, clocks)
+        one.signal: interpolated(time, one.time, one.values, clock.gap) for one, clock in zip(tracks, clocks)
     }
     whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
     others = [one.file for one in tracks if not np.isin(time[whole], one.time).all()]

@@ -28,10 +28,8 @@ _LITTLE = 0.1  # of its range, that a joint moves through at least where much ca
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 
-def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str, units: Units) -> None:
-    """Refuse positions and time stamps that make sense in another unit only.
-
-    ``angle`` is the unit that angles were declared in, ``units`` are those of the rest.
+def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
+    """Refuse positions and time stamps that make sense in another unit than the declared one only.
 
     Raises:
         RecordingError: naming the joint and the value.
@@ -45,14 +43,14 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str, units: Unit
     turning, reach = ~arm.prismatic, position.largest
     limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
-    if angle == "rad" and far.any() and (reach[turning] / _DEGREES <= limit[turning]).all():
+    if units.angle == "rad" and far.any() and (reach[turning] / _DEGREES <= limit[turning]).all():
         j = int(far.nonzero()[0])
         raise RecordingError(
             f"{name}: {arm.joint_names[j]} reaches {reach[j]:.4g} rad, its limit is {limit[j]:.4g} "
             "rad: are these degrees? (recording.units.angle=deg)"
         )
     span = (position.upper - position.lower)[turning]
-    if angle == "deg" and len(span) and 0 < span.max() < _TINY:
+    if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
         raise RecordingError(
             f"{name}: no joint turns by more than {span.max() * _DEGREES:.3g}°: are these radians? "
             "(recording.units.angle=rad)"

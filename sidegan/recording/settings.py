@@ -137,4 +137,3 @@ class RecordingSettings(Preprocessing, Columns):
     delay: Annotated[float, Bound("≥", -0.5), Bound("≤", 0.5)] | None
     # what was sent to the arm: a table of excite, or the folder of its run; null: not known
     sent: str | None
-    rows: Annotated[int, Bound("≥", 1000), Bound("≤", 1e7)]  # that are read at once
