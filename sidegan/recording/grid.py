@@ -33,10 +33,9 @@ def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterato
         if len(t) >= _LEAST:
             steps = np.floor((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9)  # rounding does not lose one
             grid = t[0] + np.arange(steps + 1) * step
-            curves = (
-                scipy.interpolate.PchipInterpolator(t, column) for column in x.T
-            )  # one needs less memory
-            yield grid, np.stack([curve(np.minimum(grid, t[-1])) for curve in curves], 1)
+            at = np.minimum(grid, t[-1])
+            # a curve of all signals at once would take four times the memory of the recording
+            yield grid, np.stack([scipy.interpolate.PchipInterpolator(t, y)(at) for y in x.T], 1)
 
 
 def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Numbers:

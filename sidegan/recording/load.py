@@ -12,8 +12,7 @@ from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_rows, is_bag
-from sidegan.recording.columns import columns_of
-from sidegan.recording.joints import Joints, header_of, joints_of
+from sidegan.recording.columns import Joints, columns_of
 from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
 from sidegan.recording.merged import Track, merged
 from sidegan.recording.recording import Recording
@@ -99,7 +98,7 @@ def _read(
     only: str | None = None,
 ) -> _Part:
     """The signals of a file, or the only one of interest, without rows that lack a number."""
-    rows, where, remarks = _open(path, columns, joints_of(path.name, columns, joint_names, chain), only)
+    rows, where, remarks = _open(path, columns, Joints.of(path.name, columns, joint_names, chain), only)
     signals = _in_si(path.name, rows, where, columns, len(joint_names))
     good, corrupt = _whole_rows(path.name, rows, where, signals)
     if not good.any():
@@ -128,11 +127,11 @@ def _open(path: Path, columns: Columns, joints: Joints, only: str | None) -> tup
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
         if columns.header is not None:
-            table = text_table(path, header_of(columns.header, joints))
+            table = text_table(path, joints.header(columns.header))
         else:
             table = dataset_table(path) if dataset else _READERS[suffix](path)
-    found = columns_of(path.name, table, columns, joints, only)
-    return table.read([c for some in found.where.values() for c in some]), found.where, found.remarks
+    where, remarks = columns_of(path.name, table, columns, joints, only)
+    return table.read([c for some in where.values() for c in some]), where, remarks
 
 
 def files_of(path: Path) -> list[Path]:
