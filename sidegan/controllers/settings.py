@@ -13,13 +13,10 @@ class Delivery:
 
     formats: list[Literal["csv", "ros2", "mcap", "urscript"]]
     rate: Hertz  # of the tables [Hz]
-    speed: Annotated[
-        float, Bound(">", 0), Bound("≤", 1)
-    ]  # share of the planned speed: the same paths, slower
+    speed: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the planned speed, along the same paths
     pause: Seconds | None  # at rest between two trajectories [s]; null: none
-    start: (
-        list[float] | None
-    )  # where the arm is now [rad or m]: the way from there to home and back is written too
+    # where the arm is now [rad or m]: the way from there to home and back is written too; null: not known
+    start: list[float] | None
     # share of the limits that this way uses; of torques, beside what holds the arm
     careful: Annotated[float, Bound(">", 0), Bound("≤", 1)]
     rehearse: bool  # execute the set in MuJoCo first
