@@ -13,10 +13,13 @@ class Delivery:
 
     formats: list[Literal["csv", "ros2", "mcap", "urscript"]]
     rate: Hertz  # of the tables [Hz]
-    speed: Annotated[float, Bound(">", 0), Bound("≤", 1)]  # share of the planned speed, along the same paths
+    speed: Annotated[
+        float, Bound(">", 0), Bound("≤", 1)
+    ]  # share of the planned speed: the same paths, slower
     pause: Seconds | None  # at rest between two trajectories [s]; null: none
-    # where the arm is now [rad or m]: the way from there to home and back is written too; null: not known
-    start: list[float] | None
+    start: (
+        list[float] | None
+    )  # where the arm is now [rad or m]: the way from there to home and back is written too
     # share of the limits that this way uses; of torques, beside what holds the arm
     careful: Annotated[float, Bound(">", 0), Bound("≤", 1)]
     rehearse: bool  # execute the set in MuJoCo first
