@@ -11,7 +11,6 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import Estimate, estimate
-from sidegan.identification.forward import Forward, forward_errors
 from sidegan.identification.lacking import Lacks, lacks
 from sidegan.identification.measurements import Measurements, halves_of, joined
 from sidegan.identification.model import Terms, TorqueModel
@@ -26,7 +25,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
-from sidegan.robot import Arm, Drives, inconsistent_links
+from sidegan.robot import Arm, Drives
 
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
 _AS_GOOD = 1.1  # times the other model's nMSE, up to which the one that can exist is preferred
@@ -84,23 +83,6 @@ class IdentifiedArm:
         drives = vars(Drives.none(self.model.joints))
         found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
         return Drives(**{kind: found.get(kind, none).clamp_min(0.0) for kind, none in drives.items()})
-
-    @cached_property
-    def forward(self) -> dict[str, Forward]:
-        """The consistent model, and the description with its friction, simulated on what was held out.
-
-        Without anything held out on what it was identified from; a description that cannot exist is left out.
-        """
-        model, recordings = self.model, self.validation or self.training
-        segments = [segment for recording in recordings for segment in recording.segments]
-        offset = torch.zeros(model.joints, dtype=torch.float64)
-        if "offset" in model.kinds:
-            offset = self.standard[model.standard_slice("offset")]
-        arms = {CONSISTENT: replace(model.arm, inertial_parameters=self.links)}
-        if not inconsistent_links(model.arm):
-            arms["description"] = model.arm
-        found = {name: forward_errors(arm, self.drives, offset, segments) for name, arm in arms.items()}
-        return {name: one for name, one in found.items() if one is not None}
 
     @cached_property
     def lacks(self) -> Lacks:

@@ -88,8 +88,6 @@ def test_everything_is_left_in_the_runs_folder(once):
     assert STAMP not in left  # which tells of the artifact, not of the run
     assert verdict["reasons"] and verdict["condition_number"] > 1
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
-    forward = verdict["forward"]["consistent"]
-    assert np.array(forward["free"])[-1].max() < 0.1 and np.array(forward["held"])[-1].max() < 0.05  # rad
     checked = json.loads((folder / "check.json").read_text())
     assert [one["name"] for one in checked] == ["a.csv", "b.csv", "c.csv"]
     assert not [path for path in folder.parents[1].rglob("*") if path.suffix in (".tmp", ".work")]

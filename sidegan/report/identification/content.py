@@ -9,7 +9,6 @@ import pandas as pd
 import torch
 import yaml
 
-from sidegan.identification.forward import Forward
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.score import shown
 from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
@@ -85,7 +84,6 @@ class Report:
     covariance: Numbers  # of the parameters' errors in their order, (P, P)
     condition_number: float  # of the weighted regressor
     friction: Friction | None  # curves and samples; None of a model without any
-    forward: Mapping[str, Forward]  # by model: errors when it is simulated; empty where recordings are short
     links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
     left_over: Sequence[str]  # of the torques: what it is, a sentence for each joint that shows something
     recommendations: Sequence[str]  # what to do next, a sentence each
@@ -139,7 +137,6 @@ def content(
         covariance=chosen.covariance.numpy(),
         condition_number=chosen.condition,
         friction=_friction(identified),
-        forward=identified.forward,
         links=links,
         left_over=identified.left_over,
         recommendations=_recommendations(identified, origin.settings["identify"]["library"], origin.excite),

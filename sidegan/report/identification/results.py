@@ -188,7 +188,6 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
             "description": _errors(trust.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
-        "forward": {name: one.as_json() for name, one in identified.forward.items()},
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
