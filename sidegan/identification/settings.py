@@ -118,7 +118,7 @@ class GoalSettings:
 class EstimationSettings:
     """How parameters are estimated from recordings."""
 
-    method: Literal["ols", "weighted", "huber", "rls", "essential"]
+    method: Literal["ols", "weighted", "rls"]
     settings: dict[str, float] | None  # of the method
     strength: Positive | None  # of the pull towards the description; null: the most probable one
     margin: Positive

@@ -167,4 +167,4 @@ def test_every_plot_survives_one_joint_and_silence(report):
         condition_number=np.inf,
         friction=Friction(*[np.zeros((1, 2))] * 2, *[np.zeros((1, 1))] * 2),
     )
-    assert Page(report_html(one)).tags.count("svg") == 6
+    assert Page(report_html(one)).tags.count("svg") == 5

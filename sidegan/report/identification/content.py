@@ -22,9 +22,7 @@ _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
 _METHODS = {
     "weighted": "least squares in which each joint's torques count by their noise",
     EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
-    "huber": "weighted, with outliers counting less",
     "rls": "least squares one sample after another, as while an arm runs",
-    "essential": "weighted, with the parameters alone that the data tells",
     CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
     "description": "the description's own links, with friction and rotors fitted to the data",
 }
