@@ -123,5 +123,3 @@ class EstimationSettings:
     strength: Positive | None  # of the pull towards the description; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]
-    library: str | None  # of trajectories to recommend from
-    recommend: Count

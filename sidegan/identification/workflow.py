@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -18,11 +17,9 @@ from sidegan.identification.prior import typical
 from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.stribeck import stribeck_velocities
-from sidegan.identification.trust import grams_of, trust
+from sidegan.identification.trust import trust
 from sidegan.identification.verdict import Trust, implausible_links
-from sidegan.library.foreign import load_foreign
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm, Drives
@@ -178,8 +175,7 @@ def identify_arm(
     halves = _halves(model, samples, methods, settings.method) if tests is trained else {}
     use = preferred(settings.method, _unseen(tests, trained, halves))
     chosen = estimates[settings.method]
-    runs = _candidates(model, chosen, training[0].grid.rate, settings)
-    trusted = trust(model, chosen, held_out or None, turns.get(use), **runs)
+    trusted = trust(model, chosen, held_out or None, turns.get(use))
     trusted = replace(trusted, train=trained[use], validation=tests[use] if held_out else None)
     found = IdentifiedArm(model, training, validation, kind, estimates, tests, trained, trusted, use, halves)
     return replace(found, trust=_doubted(found, held_out or samples, methods[settings.method]))
@@ -257,16 +253,3 @@ def _methods(settings: EstimationSettings) -> dict[str, dict[str, Any]]:
     methods: dict[str, dict[str, Any]] = {settings.method: dict(settings.settings or {})}
     methods.setdefault(EQUAL_WEIGHTS, {})
     return methods | {CONSISTENT: {name: getattr(settings, name) for name in names}}
-
-
-def _candidates(
-    model: TorqueModel, chosen: Estimate, rate: float, settings: EstimationSettings
-) -> dict[str, Any]:
-    """Arguments of ``trust`` for recommending trajectories of the library, recorded at ``rate`` [Hz]."""
-    if settings.library is None:
-        return {}
-    library = load_foreign(Path(settings.library), model.arm)
-    c = library.coefficients
-    trajectory = Trajectory(model.joints, c.shape[2], library.period, library.home or None)
-    grams, samples = grams_of(model, chosen, trajectory, c), max(1, round(rate * library.period))
-    return {"grams": grams, "samples_each": samples, "count": settings.recommend}

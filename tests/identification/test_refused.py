@@ -19,7 +19,6 @@ from sidegan.identification import (
     trust,
 )
 from sidegan.identification.drive_gains import drive_gains
-from sidegan.identification.trust import grams_of
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -122,7 +121,6 @@ REFUSED = [
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
     (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),
     *((ConfigError, LOAD, lambda n=n: KnownLoad(1.0, [0.1, 0.2, 0.3], [1.0] * n)) for n in (3, 7)),
-    (ShapeError, "coefficients", lambda: grams_of(MODEL, OLS, FAMILY, NOWHERE[:, :1])),
     (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
     (ConfigError, "forgetting factor 0.9, expected 1", lambda: summed(forgetting=0.9)),
     (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),

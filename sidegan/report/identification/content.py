@@ -137,7 +137,7 @@ def content(
         friction=_friction(identified),
         links=links,
         left_over=identified.left_over,
-        recommendations=_recommendations(identified, origin.settings["identify"]["library"], origin.excite),
+        recommendations=_recommendations(identified, origin.excite),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
         command=origin.command,
@@ -259,21 +259,16 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
     return Friction(*(x.numpy() for x in (velocity.T, friction(velocity).T, dq, rest)))
 
 
-def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
+def _recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """What to run next, a sentence each."""
     if identified.trust.turned:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
-    runs, same = identified.trust.next_runs, "more motion of the same kind leaves the bias as it is"
+    same = "more motion of the same kind leaves the bias as it is"
     asked = [f"record {motion}: {same}" for motion in identified.wanted_motions]
-    if runs is not None:
-        each = zip(runs.indices.tolist(), runs.variance.tolist())
-        falls = "the variance of what is weak falls to"
-        return [*asked, *(f"run trajectory {i} of {library}: {falls} {left:.0%}" for i, left in each)]
     if not identified.trust.weak:
         return asked
     return [
         *asked,
         "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
         f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
-        "or give a library of trajectories as identify.library, and those that help most are named here",
     ]

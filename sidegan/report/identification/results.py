@@ -198,7 +198,6 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
             for one in identified.lacks.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
-        "next_trajectories": [] if trust.next_runs is None else trust.next_runs.indices.tolist(),
         "data": {recording.name: recording.warnings for recording in identified.recordings},
         "samples": chosen.samples,
     }
