@@ -8,7 +8,8 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.identification import EstimationSettings, Terms
-from sidegan.identification.workflow import CONSISTENT, identify_arm, preferred
+from sidegan.identification.identified import CONSISTENT
+from sidegan.identification.workflow import identify_arm, preferred
 from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
 from tests.recording.conftest import of_file
@@ -82,7 +83,7 @@ def test_the_model_to_use_predicts_better(planar, validated):
     links[1, 4:] *= -2
     strange = [checked(replace(planar, inertial_parameters=links), planar, seed) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:] if validated else [])
-    assert result.use == "weighted" and bool(result.halves) == (not validated)
+    assert result.use == "weighted" and (result.unseen_kind == result.kind) == validated
     assert result.unseen["weighted"].mean() < result.unseen[CONSISTENT].mean() / 1.1
     assert f"{result.unseen[CONSISTENT].mean():.4f}" in advice(result)
     assert result.trust.judged is (result.tests if validated else result.trained)["weighted"]

@@ -9,9 +9,9 @@ import pandas as pd
 import torch
 import yaml
 
+from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.score import shown
-from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 
 Numbers = np.ndarray[Any, np.dtype[np.floating[Any]]]
@@ -165,10 +165,8 @@ def _use(identified: IdentifiedArm) -> str:
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
             "recordings tell too little to predict each other. URDF, MJCF and Python class hold it."
         )
-    where = "on halves by each other" if identified.halves else identified.kind
-    compared = (
-        f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one, {where}"
-    )
+    compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
+    compared += f", {identified.unseen_kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
@@ -264,7 +262,7 @@ def _recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     if identified.trust.turned:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
     same = "more motion of the same kind leaves the bias as it is"
-    asked = [f"record {motion}: {same}" for motion in identified.wanted_motions]
+    asked = [f"record {motion}: {same}" for motion in identified.helpful_motions]
     if not identified.trust.weak:
         return asked
     return [

@@ -11,10 +11,10 @@ from torch import Tensor
 
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
+from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
 from sidegan.identification.trust import certainty
-from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
 from sidegan.report.identification.content import Origin, advice, content
