@@ -19,7 +19,7 @@ from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
-from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
+from sidegan.pipeline.stages.pools import SEEDS, pools
 from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
@@ -27,9 +27,7 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, surrogates
-from sidegan.pipeline.task import EXPECTED, FACTS, LIBRARY, Task
-
-__all__ = ["LIBRARY", "RANDOM", "SEEDS", "Artifacts", "Report"]
+from sidegan.pipeline.task import EXPECTED, FACTS, Task
 
 Report = dict[str, Any]
 
@@ -100,8 +98,7 @@ class Artifacts:
     def subsets(self) -> pd.DataFrame:
         """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
         sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
-        parts = ((size, on_subset(self.task, size)) for size in sizes)
-        return pd.concat([self._histories(part).assign(seeds=n) for n, part in parts])
+        return pd.concat([self._histories(on_subset(self.task, n)).assign(seeds=n) for n in sizes])
 
     @cached_property
     def generators(self) -> pd.DataFrame:
@@ -118,9 +115,8 @@ class Artifacts:
     @cached_property
     def longs(self) -> dict[str, tuple[Report, Library]]:
         """Report and library of every single long trajectory."""
-        return {
-            f"long-{h}": self._with_library(long_trajectory(self.task, h)) for h in self.cfg.long.harmonics
-        }
+        made = {f"long-{h}": long_trajectory(self.task, h) for h in self.cfg.long.harmonics}
+        return {name: (self.report(one), self.task.load(one)) for name, one in made.items()}
 
     @property
     def seed_seconds(self) -> float:
@@ -160,20 +156,15 @@ class Artifacts:
         return float(self.costs(artifact)["seconds"])
 
     def _histories(self, task: Task) -> pd.DataFrame:
-        parts = [
-            self._history(generator(task, name, k, variant)).assign(variant=name, training=k)
-            for name, variant in task.cfg.gan.items()
-            for k in task.cfg.trainings
-        ]
+        parts = []
+        for name, variant in task.cfg.gan.items():
+            for k in task.cfg.trainings:
+                artifact = generator(task, name, k, variant)
+                rows = pd.DataFrame(task.history(artifact)).astype(float)
+                rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
+                kept = rows.epoch == task.report(artifact)["kept_epoch"]
+                parts.append(rows.assign(kept=kept, variant=name, training=k))
         return pd.concat(parts, ignore_index=True)
-
-    def _history(self, artifact: Artifact) -> pd.DataFrame:
-        rows = pd.DataFrame(self.task.history(artifact)).astype(float)
-        rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
-        return rows.assign(kept=rows.epoch == self.task.report(artifact)["kept_epoch"])
-
-    def _with_library(self, artifact: Artifact) -> tuple[Report, Library]:
-        return self.report(artifact), self.task.load(artifact)
 
 
 @dataclass(frozen=True)
@@ -198,8 +189,8 @@ class Group:
     def frame(self, name: str) -> pd.DataFrame:
         """A frame of ``Artifacts`` over the conditions in which it is made, each told by ``seed_set``."""
         if name not in self._frames:
-            made = self.parts if name not in _OF_FIRST else dict([next(iter(self.parts.items()))])
-            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in made.items()]
+            parts = list(self.parts.items())[: 1 if name in _OF_FIRST else None]
+            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in parts]
             self._frames[name] = pd.concat(frames, ignore_index=True)
         return self._frames[name]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -78,18 +79,6 @@ def _vanilla_fails(group: Group) -> Finding:
 def _odds(group: Group, success: pd.Series) -> pd.Series:
     """Log odds of valid shares of a group's generators."""
     return log_odds(success, group.first.cfg.scale.evaluation)
-
-
-def _vanilla_first(group: Group) -> Finding:
-    return _against_vanilla(group, "condition", below, 1, EARLY)
-
-
-def _fitter(group: Group) -> Finding:
-    return _against_vanilla(group, "condition", above, _LATE)
-
-
-def _more_diverse(group: Group) -> Finding:
-    return _against_vanilla(group, "distance", below, _LATE)
 
 
 def _against_vanilla(
@@ -220,10 +209,10 @@ CRITERIA: dict[str, Callable[[Group], Finding]] = {
     "predictor": _predictor,
     "reliable": _reliable,
     "vanilla_fails": _vanilla_fails,
-    "vanilla_first": _vanilla_first,
-    "fitter": _fitter,
+    "vanilla_first": partial(_against_vanilla, key="condition", judge=below, first=1, last=EARLY),
+    "fitter": partial(_against_vanilla, key="condition", judge=above, first=_LATE),
     "traded": _traded,
-    "more_diverse": _more_diverse,
+    "more_diverse": partial(_against_vanilla, key="distance", judge=below, first=_LATE),
     "comparable": _comparable,
     "inertial": _inertial,
     "diverse_diagonals": _diverse_diagonals,

@@ -16,23 +16,17 @@ _MOST_SPENT = 0.5  # of the samples may count as spent on parameters; beyond, th
 _LAGS = 0.25  # of a piece: longer ones have too few pairs
 
 
-def torque_errors(
-    data: Gathered, fit: Fit, variance: Tensor | None = None, limit: Tensor | None = None
-) -> TorqueErrors:
+def torque_errors(data: Gathered, fit: Fit) -> TorqueErrors:
     """Size and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, as parameters were chosen to make them so: the parameters' share of
-    each joint's samples is taken off. A variance that is known already is given, (J,). Residuals beyond
-    a limit, (J,), do not count as such.
+    each joint's samples is taken off.
     """
     sums = data.sums
-    limit = torch.full_like(fit.weights, torch.inf) if limit is None else limit
-    residuals = (residual_of(data.model, x, fit.parameters).clamp(-limit, limit) for x in data.kept)
-    inflation = inflation_of(residuals)
-    if variance is None:
-        share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
-        spent = fit.weights.square() * share * inflation
-        variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
+    inflation = inflation_of(residual_of(data.model, x, fit.parameters) for x in data.kept)
+    share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
+    spent = fit.weights.square() * share * inflation
+    variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
     return TorqueErrors(variance, inflation)
 
 

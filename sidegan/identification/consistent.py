@@ -12,9 +12,8 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import Fit
+from sidegan.identification.fit import Fit, LeastSquares
 from sidegan.identification.gather import Gathered
-from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import likelihood, scales
 from sidegan.identification.sums import rows_of, solve
@@ -35,7 +34,7 @@ _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Consistent(Ols):
+class Consistent(LeastSquares):
     """The most likely parameters of an arm that can exist.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the

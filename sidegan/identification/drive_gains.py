@@ -8,9 +8,9 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError, RecordingError, ShapeError
 from sidegan.identification.accuracy import inflation_of
-from sidegan.identification.loaded import LOAD, gathered
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
+from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.sums import Sums, solve
 from sidegan.robot import Arm
 

@@ -1,6 +1,5 @@
 """One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -10,19 +9,16 @@ from torch import Tensor
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.consistent import Consistent
+from sidegan.identification.fit import LeastSquares, Recursive, Weighted
 from sidegan.identification.gather import Reach, gather
-from sidegan.identification.linear import Essential, Ols, Recursive, Weighted
 from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.robust import Huber
 from sidegan.identification.sums import Sums, condition
 
-METHODS: dict[str, type[Ols]] = {
-    "ols": Ols,
+METHODS: dict[str, type[LeastSquares]] = {
+    "ols": LeastSquares,
     "weighted": Weighted,
-    "huber": Huber,
     "rls": Recursive,
-    "essential": Essential,
     "consistent": Consistent,
 }
 
@@ -72,11 +68,11 @@ class Estimate:
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
 
-    Samples are of one recording, several, or a stream of them in the order of time. They are read in pieces,
-    so memory does not grow with their number. All methods but huber read them once and take a stream as well.
+    Samples are of one recording, several, or a stream of them in the order of time. They are read once and in
+    pieces, so memory does not grow with their number.
 
     Raises:
-        ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
+        ConfigError: when the method or a setting is unknown or impossible.
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
@@ -84,13 +80,7 @@ def estimate(method: str, model: TorqueModel, measurements: Samples, **settings:
     if unknown := [name for name in settings if name not in names]:
         raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
     estimator = METHODS[method](**settings)
-    if estimator.rereads and isinstance(measurements, Iterator):
-        once = ", ".join(name for name, kind in METHODS.items() if not kind.rereads)
-        raise ConfigError(
-            f"{method} reads the samples several times, and a stream can be read once: give a list of "
-            f"recordings, or choose one of {once}"
-        )
-    data = gather(model, measurements, estimator.forgetting)
+    data = gather(model, measurements, settings.get("forgetting", 1.0))
     fit, sums = estimator.fit(data), data.sums
     errors = fit.errors or torque_errors(data, fit)
     return Estimate(

@@ -1,12 +1,14 @@
-"""Weighted least squares on sums, and what a method hands back."""
+"""Weighted least squares on sums: equal weights, one per joint, recursive."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.gather import Gathered
 from sidegan.identification.sums import Sums, solve
 
 _LEAST_RESIDUAL = 1e-6  # of a joint's torque: near what the sums resolve, and less than any sensor does
@@ -33,13 +35,6 @@ class Fit(NamedTuple):
     prior: Tensor  # information that did not come from the samples, (P, P)
     standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them
     errors: TorqueErrors | None = None  # where they are not those that the residuals of these parameters tell
-
-
-def positive(name: str, value: float, most: float = math.inf) -> None:
-    """Refuse a setting that is not a finite number above zero and up to ``most``."""
-    if not (math.isfinite(value) and 0 < value <= most):
-        upto = f" up to {most:g}" if math.isfinite(most) else ""
-        raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
 
 
 def flat(count: int, least: float) -> Tensor:
@@ -101,3 +96,51 @@ def least_residual(sums: Sums) -> Tensor:
     if not torque.max() > 0:
         raise ShapeError("all torques are zero: their residuals give no weights")
     return _LEAST_RESIDUAL * torch.where(torque > 0, torque, torque.max())
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Least squares with equal weights; directions that no sample excites stay at zero."""
+
+    prior: float = 1e6
+
+    def __post_init__(self) -> None:
+        _require_positive("prior", self.prior)
+
+    def fit(self, data: Gathered) -> Fit:
+        """Parameters of least squares."""
+        return recursive(data.sums, data.samples, self.prior)
+
+
+@dataclass(frozen=True)
+class Weighted(LeastSquares):
+    """Least squares with joint j's equations over the size of its residual, repeated until that settles.
+
+    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS).
+    """
+
+    def fit(self, data: Gathered) -> Fit:
+        """Parameters of largest likelihood for Gaussian errors with a variance per joint."""
+        return recursive(data.sums, data.samples, self.prior, weighted=True)
+
+
+@dataclass(frozen=True)
+class Recursive(LeastSquares):
+    """Recursive least squares: samples of age k count forgetting^k as much."""
+
+    forgetting: float = 1.0
+    weighted: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_positive("forgetting", self.forgetting, 1.0)
+
+    def fit(self, data: Gathered) -> Fit:
+        """Parameters after the last sample."""
+        return recursive(data.sums, data.samples, self.prior, self.forgetting, self.weighted)
+
+
+def _require_positive(name: str, value: float, most: float = math.inf) -> None:
+    if not (math.isfinite(value) and 0 < value <= most):
+        upto = f" up to {most:g}" if math.isfinite(most) else ""
+        raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")

@@ -36,7 +36,6 @@ class Gathered:
     kept: list[Measurements]  # pieces spread evenly over the samples, each without gaps
     samples: int  # number of samples of all joints
     reach: Reach  # of the joints in them
-    source: Samples  # the measurements, which some methods walk through again
 
 
 def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
@@ -63,7 +62,7 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
     if not samples:
         raise ShapeError("there are no samples to identify from")
     down, up, fastest = reach[0]
-    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest), measurements)
+    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest))
 
 
 def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:

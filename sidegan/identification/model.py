@@ -89,11 +89,12 @@ class TorqueModel:
     """
 
     def __init__(
-        self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | None = None
+        self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | Tensor | None = None
     ) -> None:
         self.body, self.terms, self.kinds = body, terms, terms.kinds
         joints, rigid = body.joints, len(body.base.values)
-        self.stribeck = torch.tensor(velocities or (), dtype=torch.float64) if terms.stribeck else None
+        given = () if velocities is None else velocities
+        self.stribeck = torch.as_tensor(given, dtype=torch.float64) if terms.stribeck else None
         if self.stribeck is not None and len(self.stribeck) != joints:
             raise ConfigError(f"there are {len(self.stribeck)} Stribeck velocities, expected {joints}")
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]

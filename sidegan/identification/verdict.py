@@ -40,14 +40,6 @@ _NOTABLE = 0.02  # of the arm's mass that a link's is looked at from
 _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
 
 
-class NextRuns(NamedTuple):
-    """Trajectories to run, the most useful one first."""
-
-    indices: Tensor  # among the candidates, (count,)
-    # of the weak parameters, summed in units of their effect, over what it is now, after each run, (count,)
-    variance: Tensor
-
-
 @dataclass(frozen=True, eq=False)
 class Trust:
     """What is known about the quality of an identified model, and what follows from it."""
@@ -65,7 +57,6 @@ class Trust:
     # limits, (J,)
     torque_deviation: Tensor
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
-    next_runs: NextRuns | None  # what to run next; None without candidates
     # mass [kg] of the links whose mass some torque tells, of the consistent model and of the description;
     # None where it is not known
     mass: tuple[float, float] | None = None

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import torch
 
-from sidegan.identification.forward import Forward
 from sidegan.report.identification.content import Finding, Friction, Report, Signals
 
 JOINTS = ("shoulder", "elbow")
@@ -38,8 +37,6 @@ def signals(name, role, count=300):
 def identification():
     """The content of a report."""
     columns = ("nmse_training", "nmse_validation", "rmse_training", "rmse_validation")
-    horizon = torch.linspace(0.05, 1, 20, dtype=torch.float64)
-    free = 0.0123 * torch.stack([horizon**2, horizon], 1)  # [rad]
     velocity = np.tile(np.linspace(-1, 1, 11), (2, 1))
     samples = np.random.default_rng(0).normal(size=(900, 2))
     link = {"link": ("upper", "lower")} | dict.fromkeys(("m", "cx", "cy", "cz"), 1.5)
@@ -61,7 +58,6 @@ def identification():
         covariance=np.array([[1e-4, 0, 0], [0, 1e-6, 9.5e-5], [0, 9.5e-5, 1e-2]]),
         condition_number=123.4,
         friction=Friction(velocity, 2 * velocity, samples, 2 * samples),
-        forward=dict.fromkeys(("consistent", "description"), Forward(horizon, free, 2 * free, free / 10, 24)),
         links=pd.DataFrame(link),
         left_over=["joint 1: 70% of what is left is <b>friction</b>."],
         recommendations=["Run trajectory 12."],
@@ -74,6 +70,6 @@ def identification():
 def bare():
     """The content of a report of which hardly anything is known."""
     report = identification()
-    nothing = {"recommendations": (), "findings": (), "signals": (), "friction": None, "forward": {}}
+    nothing = {"recommendations": (), "findings": (), "signals": (), "friction": None}
     errors = report.errors[["nmse_training"]]
     return replace(report, level="poor", verdict="No verdict.", errors=errors, **nothing)

@@ -7,9 +7,10 @@ import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
+from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.payload import VALUES, Payload, identify_payload
-from sidegan.identification.workflow import measurements_of, model_of
+from sidegan.identification.workflow import model_of
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm

@@ -9,10 +9,9 @@ import pandas as pd
 import torch
 import yaml
 
-from sidegan.identification.forward import Forward
+from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.measurements import SAMPLES_AT_ONCE
 from sidegan.identification.score import shown
-from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 
 Numbers = np.ndarray[Any, np.dtype[np.floating[Any]]]
@@ -23,9 +22,7 @@ _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
 _METHODS = {
     "weighted": "least squares in which each joint's torques count by their noise",
     EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
-    "huber": "weighted, with outliers counting less",
     "rls": "least squares one sample after another, as while an arm runs",
-    "essential": "weighted, with the parameters alone that the data tells",
     CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
     "description": "the description's own links, with friction and rotors fitted to the data",
 }
@@ -85,7 +82,6 @@ class Report:
     covariance: Numbers  # of the parameters' errors in their order, (P, P)
     condition_number: float  # of the weighted regressor
     friction: Friction | None  # curves and samples; None of a model without any
-    forward: Mapping[str, Forward]  # by model: errors when it is simulated; empty where recordings are short
     links: pd.DataFrame  # consistent inertial parameters, of ``results.link_table``
     left_over: Sequence[str]  # of the torques: what it is, a sentence for each joint that shows something
     recommendations: Sequence[str]  # what to do next, a sentence each
@@ -139,10 +135,9 @@ def content(
         covariance=chosen.covariance.numpy(),
         condition_number=chosen.condition,
         friction=_friction(identified),
-        forward=identified.forward,
         links=links,
         left_over=identified.left_over,
-        recommendations=_recommendations(identified, origin.settings["identify"]["library"], origin.excite),
+        recommendations=_recommendations(identified, origin.excite),
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
         files=files,
         command=origin.command,
@@ -170,10 +165,8 @@ def _use(identified: IdentifiedArm) -> str:
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
             "recordings tell too little to predict each other. URDF, MJCF and Python class hold it."
         )
-    where = "on halves by each other" if identified.halves else identified.kind
-    compared = (
-        f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one, {where}"
-    )
+    compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
+    compared += f", {identified.unseen_kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
@@ -264,21 +257,16 @@ def _friction(identified: IdentifiedArm) -> Friction | None:
     return Friction(*(x.numpy() for x in (velocity.T, friction(velocity).T, dq, rest)))
 
 
-def _recommendations(identified: IdentifiedArm, library: str | None, command: str) -> list[str]:
+def _recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """What to run next, a sentence each."""
     if identified.trust.turned:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
-    runs, same = identified.trust.next_runs, "more motion of the same kind leaves the bias as it is"
-    asked = [f"record {motion}: {same}" for motion in identified.wanted_motions]
-    if runs is not None:
-        each = zip(runs.indices.tolist(), runs.variance.tolist())
-        falls = "the variance of what is weak falls to"
-        return [*asked, *(f"run trajectory {i} of {library}: {falls} {left:.0%}" for i, left in each)]
+    same = "more motion of the same kind leaves the bias as it is"
+    asked = [f"record {motion}: {same}" for motion in identified.helpful_motions]
     if not identified.trust.weak:
         return asked
     return [
         *asked,
         "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
         f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
-        "or give a library of trajectories as identify.library, and those that help most are named here",
     ]

@@ -27,7 +27,6 @@ _HEADINGS = {
     "parameters": "The parameters",
     "uncertainty": "What the data can tell",
     "friction": "Friction",
-    "forward": "Simulated forwards",
     "links": "Physically consistent links",
     "how": "How this was made",
 }
@@ -82,7 +81,6 @@ def _sections(report: Report) -> dict[str, str]:
         "torques": report.signals,
         "residuals": report.signals,
         "friction": report.friction,
-        "forward": report.forward,
     }
     return {name: heading for name, heading in _HEADINGS.items() if optional.get(name, True)}
 

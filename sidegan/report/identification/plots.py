@@ -114,21 +114,6 @@ def friction(report: Report) -> Figure:
     return _with_legend(figure, axes[0])
 
 
-def forward(report: Report) -> Figure:
-    """Error of simulated joints over the time since they were let go, and with servos (dashed)."""
-    figure, one = _blank(_WIDE, 420), report.forward["consistent"]
-    axis, x = figure.subplots(), one.horizon.numpy()
-    for j, name in enumerate(report.joint_names):
-        free, tail, held = (y[:, j].numpy() for y in (one.free, one.tail, one.held))
-        axis.plot(x, free, color=_colour(j), linewidth=1.5, label=name)
-        axis.fill_between(x, free, tail, color=_colour(j), alpha=0.08, linewidth=0)
-        axis.plot(x, held, color=_colour(j), linewidth=1.0, dashes=(7, 5))
-    canvas.logarithmic(axis)
-    axis.set(ylabel="error [rad]", xlabel="time since it was let go [s]")
-    _style(axis)
-    return _with_legend(figure, axis)
-
-
 def correlations(report: Report) -> Figure:
     """Correlation of the parameters' errors, (P, P)."""
     figure, names = _blank(660, 560), [str(name) for name in report.parameters.name]

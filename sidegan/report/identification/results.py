@@ -11,10 +11,10 @@ from torch import Tensor
 
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
+from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
 from sidegan.identification.trust import certainty
-from sidegan.identification.workflow import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
 from sidegan.report.identification.content import Origin, advice, content
@@ -188,7 +188,6 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
             "description": _errors(trust.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
-        "forward": {name: one.as_json() for name, one in identified.forward.items()},
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(trust.weak),
         "torque_deviation": _numbers(trust.torque_deviation),
@@ -199,7 +198,6 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
             for one in identified.lacks.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
-        "next_trajectories": [] if trust.next_runs is None else trust.next_runs.indices.tolist(),
         "data": {recording.name: recording.warnings for recording in identified.recordings},
         "samples": chosen.samples,
     }
