@@ -20,7 +20,7 @@ from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, tables
 from sidegan.report.figures import Across, Panel
-from sidegan.report.pose import Bundle, film, scene
+from sidegan.report.motion import Bundle
 from sidegan.report.style import colour
 
 if TYPE_CHECKING:  # slow to import
@@ -184,9 +184,9 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
         for name, bundle in sets.items()
     ]
     return {
-        "traces": motion.paths(scene(task.arm, traces)),
-        "stacked": motion.paths(scene(task.arm, stacked)),
-        "snapshots": motion.snapshots(film(task.arm, family, generated[:1])),
+        "traces": motion.paths(task.arm, traces),
+        "stacked": motion.paths(task.arm, stacked),
+        "snapshots": motion.snapshots(task.arm, family, generated[:1]),
     }
 
 
