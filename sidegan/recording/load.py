@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_rows, is_bag
 from sidegan.recording.columns import Joints, columns_of
 from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
-from sidegan.recording.merged import Track, merged
+from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import SIGNALS, Columns, Files, Recorded, paths_of
 from sidegan.recording.tables import Numbers, Rows, Where, npz_table, parquet_table, text_table
@@ -29,15 +29,6 @@ _READERS = {
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
     ".npz": npz_table,
 }
-
-
-class _Part(NamedTuple):
-    """Signals of one file."""
-
-    stamped: bool  # whether the file has time stamps; else they are numbers of rows over a rate
-    signals: dict[str, Numbers]  # with time, in SI units, (S, …)
-    corrupt: tuple[tuple[int, str], ...]  # number and reason of rows that are left out
-    remarks: list[str]  # on the columns
 
 
 def load_recording(
@@ -57,37 +48,27 @@ def load_recording(
     """
     name = recording_name(files)
     if isinstance(files, Files):
-        signals, corrupt, remarks = _several(name, files, columns, joint_names, chain)
+        if columns.header is not None:
+            raise RecordingError(
+                f"{name}: recording.header is of one file with all signals; give each of these a first line "
+                "of column names"
+            )
+        wanted = files.signals(columns.effort).items()
+        read = [
+            _read(Path(path), columns, joint_names, chain, signal)
+            for signal, path in wanted
+            if getattr(columns, signal)
+        ]
+        signals, corrupt, remarks = merged(read)
     else:
-        _, signals, corrupt, remarks = _read(Path(files), columns, joint_names, chain)
-    tensors = {signal: torch.from_numpy(np.ascontiguousarray(x)) for signal, x in signals.items()}
-    return Recording(name, tuple(joint_names), corrupt=corrupt, remarks=tuple(remarks), **tensors)
+        _, _, signals, corrupt, remarks = _read(Path(files), columns, joint_names, chain)
+    tensors: dict[str, Any] = {key: torch.from_numpy(np.ascontiguousarray(x)) for key, x in signals.items()}
+    return Recording(name, tuple(joint_names), corrupt=tuple(corrupt), remarks=tuple(remarks), **tensors)
 
 
 def recording_name(files: Recorded | Path) -> str:
     """The file's name; of several, the first one's."""
     return listed([Path(path).name for path in paths_of(files)], 1)
-
-
-def _several(
-    name: str, files: Files, columns: Columns, joint_names: Sequence[str], chain: Sequence[str] | None
-) -> tuple[dict[str, Numbers], tuple[tuple[int, str], ...], list[str]]:
-    """Signals of files that hold one each, their corrupt rows, and remarks on them."""
-    if columns.header is not None:
-        raise RecordingError(
-            f"{name}: recording.header is of one file with all signals; give each of these a first line of "
-            "column names"
-        )
-    tracks, corrupt, remarks = [], [], []
-    for signal, path in files.signals(columns.effort).items():
-        if not getattr(columns, signal):
-            continue
-        file, part = Path(path).name, _read(Path(path), columns, joint_names, chain, signal)
-        tracks.append(Track(file, signal, part.signals["time"], part.signals[signal], part.stamped))
-        corrupt += [(row, f"{file}: {reason}") for row, reason in part.corrupt]
-        remarks += [f"{file}: {remark}" for remark in part.remarks]
-    time, signals, more = merged(tracks)
-    return {"time": time, **signals}, tuple(corrupt), [*remarks, *more]
 
 
 def _read(
@@ -96,7 +77,7 @@ def _read(
     joint_names: Sequence[str],
     chain: Sequence[str] | None,
     only: str | None = None,
-) -> _Part:
+) -> Part:
     """The signals of a file, or the only one of interest, without rows that lack a number."""
     rows, where, remarks = _open(path, columns, Joints.of(path.name, columns, joint_names, chain), only)
     signals = _in_si(path.name, rows, where, columns, len(joint_names))
@@ -104,7 +85,7 @@ def _read(
     if not good.any():
         raise RecordingError(f"{path.name} holds no samples")
     kept = {name: x[good] for name, x in signals.items()}
-    return _Part("time" in where, kept, (*rows.skipped, *corrupt), remarks)
+    return Part(path.name, "time" in where, kept, [*rows.skipped, *corrupt], remarks)
 
 
 def _open(path: Path, columns: Columns, joints: Joints, only: str | None) -> tuple[Rows, Where, list[str]]:
