@@ -54,7 +54,7 @@ class Course:
         return self._drawn(times)[0]
 
     def sampled(self, rate: float) -> "Course":
-        """The same motion with points at a rate [Hz], on the quintics that join the points; 20 at least."""
+        """This motion with points at a rate [Hz], on the quintics that join the points; 20 at least."""
         count = max(POINTS, round(self.duration * rate))
         times = torch.linspace(0, self.duration, count + 1, dtype=torch.float64)
         return Course(self.joint_names, times, *self._drawn(times))
@@ -67,7 +67,7 @@ class Course:
         return position, velocity, acceleration
 
     def slowed(self, speed: float) -> "Course":
-        """The same path at a share of the speed: velocities × speed, accelerations × speed².
+        """This path at a share of the speed: velocities × speed, accelerations × speed².
 
         Raises:
             ShapeError: when the share is not above 0 and up to 1.

@@ -1,4 +1,4 @@
-"""The same samples in two recordings, whatever the files are called and wherever in them the samples are."""
+"""Samples that two recordings share, whatever the files are called and wherever in them they are."""
 
 from collections.abc import Sequence
 from itertools import combinations

@@ -1,4 +1,4 @@
-"""What was sent to the arm, found again in its recording: repetitions, their mean, how far they differ."""
+"""Trajectories that were sent to the arm, found again in its recording, and averaged over repetitions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class Repeated:
 
     @property
     def statement(self) -> str:
-        """What was found, in words."""
+        """A sentence on what was found."""
         listed = ", ".join(f"{name} × {count}" for name, count in self.counts.items())
         return f"found what was sent: {listed}" + (
             "; repetitions are averaged" if self.noise is not None else ""

@@ -53,7 +53,7 @@ class Series:
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
 
     def signal(self, effort: str) -> str | None:
-        """What they hold, by their words, of which the last one counts: a current position is a position."""
+        """The signal that they hold, by their last word: a current position is a position."""
         signals = [_WORDS[word] for word in self.words if word in _WORDS]
         loads = {"torque", "effort", "current"} & {*signals}
         if not signals or self.foreign or (loads and _RATES & {*self.words}):

@@ -78,7 +78,7 @@ def merged(parts: Sequence[Part]) -> list[Part]:
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
-    """The same surfaces with vertices merged that coincide, and those near each other if there are too many.
+    """Surfaces with vertices merged that coincide, and those near each other if there are too many.
 
     Vertices in one cell of a grid become their mean, triangles without extent are dropped.
     """
