@@ -120,8 +120,8 @@ def test_only_pairs_that_go_together_are_named():
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (1.23456, "1.235"), (-2.5e-7, "−2.5·10⁻⁷"), (1.5e12, "1.5·10¹²"), (-3e-17, "0"), (np.nan, "—"),
-        (np.inf, "∞"), (0.0, "0"),
+        (1.23456, "1.235"), (-2.5e-7, "−2.5e-7"), (1.5e12, "1.5e12"), (-3e-17, "0"), (np.nan, "—"),
+        (np.inf, "—"), (0.0, "0"),
     ],
 )  # fmt: skip
 def test_numbers_for_people(value, text):

@@ -2,21 +2,19 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 import yaml
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from sidegan.base.names import plain
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.recording.tables import Numbers
 from sidegan.report.identification import content
 from sidegan.report.identification.content import Origin
-from sidegan.report.web import page
+from sidegan.report.web import environment
 
 _BAR = 70  # [px] of a relative deviation of 100 %
-_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST = 10.0  # relative deviation beyond which the number says no more
 _PAIRS = 8  # that are shown
 _TOGETHER = 0.8  # correlation from which two parameters are hard to tell apart
@@ -28,16 +26,10 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, s
     from sidegan.report.canvas import svg  # matplotlib takes a while to import
     from sidegan.report.identification import plots
 
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.filters |= {"number": number, "percent": percent, "bar": _bar}
+    web = environment()
+    web.filters |= {"number": number, "percent": percent, "bar": _bar}
     title, covariance = f"Identification of {identified.model.arm.name}", identified.chosen.covariance.numpy()
-    body = environment.get_template("report.html.jinja").render(
+    return web.get_template("identification/report.html.jinja").render(
         identified=identified,
         origin=origin,
         files=files,
@@ -50,7 +42,6 @@ def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, s
         plots=plots,
         svg=lambda *drawn: Markup(svg(*drawn)),
     )
-    return page(title, body)
 
 
 def _bar(share: float) -> int:
@@ -59,13 +50,9 @@ def _bar(share: float) -> int:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number for people: ``1.234``, ``1.2·10⁻⁵``, or a dash where there is none."""
-    if not math.isfinite(value):
-        return "∞" if value > 0 else "—"
-    text = f"{value if abs(value) > _ROUNDING else 0.0:.{digits}g}"
-    mantissa, _, exponent = text.partition("e")
-    power = f"·10{str(int(exponent)).translate(_POWERS)}" if exponent else ""
-    return f"{mantissa}{power}".replace("-", "−")
+    """A number for people: ``1.234``, ``1.2e-5``, or a dash where there is none."""
+    text = plain(value if abs(value) > _ROUNDING else 0.0, f".{digits}g")
+    return text.replace("-", "−", text.startswith("-")) if math.isfinite(value) else "—"
 
 
 def percent(share: float) -> str:
