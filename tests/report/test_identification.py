@@ -111,7 +111,7 @@ def test_correlation_of_a_covariance():
 def test_only_pairs_that_go_together_are_named():
     correlation = np.array([[1, -0.9, 0.2], [-0.9, 1, 0.85], [0.2, 0.85, 1]])
     first, second = page.hard_to_tell_apart(correlation, "abc")
-    assert first.startswith("a and b (−0.9): their sum")
+    assert first.startswith("a and b (-0.9): their sum")
     assert second.startswith("b and c (0.85): their difference")
     assert page.hard_to_tell_apart(np.eye(3), "abc") == []
     assert page.hard_to_tell_apart(np.ones((5, 5)), "abcde")[-1] == "and 2 more pairs"
@@ -120,7 +120,7 @@ def test_only_pairs_that_go_together_are_named():
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (1.23456, "1.235"), (-2.5e-7, "−2.5e-7"), (1.5e12, "1.5e12"), (-3e-17, "0"), (np.nan, "—"),
+        (1.23456, "1.235"), (-2.5e-7, "-2.5e-7"), (1.5e12, "1.5e12"), (-3e-17, "0"), (np.nan, "—"),
         (np.inf, "—"), (0.0, "0"),
     ],
 )  # fmt: skip

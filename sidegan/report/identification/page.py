@@ -51,8 +51,9 @@ def _bar(share: float) -> int:
 
 def number(value: float, digits: int = 4) -> str:
     """A number for people: ``1.234``, ``1.2e-5``, or a dash where there is none."""
-    text = plain(value if abs(value) > _ROUNDING else 0.0, f".{digits}g")
-    return text.replace("-", "−", text.startswith("-")) if math.isfinite(value) else "—"
+    if not math.isfinite(value):
+        return "—"
+    return plain(value if abs(value) > _ROUNDING else 0.0, f".{digits}g")
 
 
 def percent(share: float) -> str:

@@ -1,9 +1,13 @@
 """Files of an identification: tables, a URDF, a verdict for machines and a report for people."""
 
+import json
 import math
+import platform
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
 from torch import Tensor
 
 from sidegan.base.names import folder_name
@@ -14,13 +18,12 @@ from sidegan.identification.score import Score
 from sidegan.identification.trust import certainty
 from sidegan.report.identification.checks import CHECK, write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
-from sidegan.report.identification.mlmodel import MLMODEL, mlmodel_text
 from sidegan.report.identification.page import report_html
 from sidegan.robot import write_mjcf, write_urdf
 
 VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
-_TABLE, _LINKS = "parameters.csv", "links.csv"
+_TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 
@@ -37,7 +40,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
         "description with these links and friction": urdf,
         "the same for MuJoCo, with rotors": mjcf,
         f"the model to use ({identified.use}) as a Python class": _CLASS,
-        "by which MLflow loads it from this folder": MLMODEL,
+        "by which MLflow loads it from this folder": _MLMODEL,
         "check of the recordings": CHECK,
         "verdict for machines": VERDICT,
     }
@@ -49,7 +52,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
-    write_bytes(folder / MLMODEL, mlmodel_text(arm.joint_names, Path(_CLASS).stem).encode())
+    write_bytes(folder / _MLMODEL, _mlmodel(arm.joint_names).encode())
     write_bytes(folder / REPORT, report_html(identified, origin, files).encode())
 
 
@@ -136,3 +139,20 @@ def _numbers(values: Tensor) -> list[float | None]:
 def _number(value: float) -> float | None:
     """None in place of what is not finite, which JSON cannot say."""
     return value if math.isfinite(value) else None
+
+
+def _mlmodel(joint_names: Sequence[str]) -> str:
+    """The file by which MLflow loads the Python class from its folder, as a function of tables."""
+    sides = {"inputs": ("q", "dq", "ddq"), "outputs": ("tau",)}
+    columns = {
+        side: [
+            {"type": "double", "name": f"{x}_{name}", "required": True}
+            for x in letters
+            for name in joint_names
+        ]
+        for side, letters in sides.items()
+    }
+    function = {"loader_module": Path(_CLASS).stem, "code": ".", "data": "."}
+    function |= {"python_version": platform.python_version()}
+    signature = {side: json.dumps(names) for side, names in columns.items()}
+    return yaml.safe_dump({"flavors": {"python_function": function}, "signature": signature}, sort_keys=False)
