@@ -1,8 +1,7 @@
 """ROS 2 bags and MCAP files with `sensor_msgs/JointState`; the only door to rosbags."""
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,33 +51,21 @@ def bag_rows(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Rows, 
         RecordingError: when the bag cannot be read, has no joint states, several topics of them, none of
             the arm's joints, or no positions.
     """
-    with _opened(path) as reader, reading(path, "bag", RecordingError):
-        connections = _connections(path, reader, columns.topic)
-        fields = _fields(path, reader, connections, names)
-        numbers: Any = np.dtype((np.float64, (1 + len(names) * len(fields),)))
-        messages = reader.messages(connections=connections)
-        read = (
-            _row(reader.deserialize(raw, _KIND), received, names, fields) for _, received, raw in messages
-        )
-        table = np.fromiter((row for row in read if row is not None), numbers)
-    time, *values = np.split(table, [1 + len(names) * k for k in range(len(fields))], 1)
-    where = {columns.effort if field == "effort" else field: [field] for field in fields}
-    rows = Rows({"time": time[:, 0], **dict(zip(fields, values))}, np.arange(len(table)) + 1)
-    return rows, {"time": ["time"], **where}
-
-
-@contextmanager
-def _opened(path: Path) -> "Iterator[AnyReader]":
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    with reading(path, "bag", RecordingError):
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        reader.open()
-    try:
-        yield reader
-    finally:
-        reader.close()
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
+        connections = _connections(path, reader, columns.topic)
+        fields = _fields(path, reader, connections, names)
+        numbers: Any = np.dtype((np.float64, (1 + len(names) * len(fields),)))
+        read = ((reader.deserialize(raw, _KIND), at) for _, at, raw in reader.messages(connections))
+        rows = (_row(message, received, names, fields) for message, received in read)
+        table = np.fromiter((row for row in rows if row is not None), numbers)
+    time, *values = np.split(table, [1 + len(names) * k for k in range(len(fields))], 1)
+    where = {columns.effort if field == "effort" else field: [field] for field in fields}
+    found = {"time": time[:, 0], **dict(zip(fields, values))}
+    return Rows(found, np.arange(len(table)) + 1), {"time": ["time"], **where}
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
@@ -102,8 +89,8 @@ def _fields(
 ) -> list[str]:
     """Fields that the first message with all of the arm's joints has values of."""
     seen: set[str] = set()
-    for connection, _, raw in reader.messages(connections=connections):
-        message: Any = reader.deserialize(raw, connection.msgtype)
+    for _, _, raw in reader.messages(connections):
+        message: Any = reader.deserialize(raw, _KIND)
         seen |= set(message.name)
         if set(names) <= set(message.name):
             fields = [field for field in _FIELDS if len(getattr(message, field)) == len(message.name)]

@@ -103,32 +103,28 @@ class CheckedRecording:
 
     def as_json(self) -> dict[str, Any]:
         """All of it but the samples, as plain values."""
-        raw = self.statistics
-        signals = {
-            name: {key: x.tolist() for key, x in signal._asdict().items()}
-            for name, signal in raw.signals.items()
-        }
+        raw, delay, repeated = self.statistics, self.delay, self.repeated
+        same = ("name", "samples", "duration", "jitter", "duplicates")
         reasons = dict(Counter(reason for _, reason in raw.corrupt).most_common())
         return {
-            "name": raw.name,
-            "samples": raw.samples,
-            "duration": raw.duration,
+            **{key: getattr(raw, key) for key in same},
             "rate": 1 / raw.step,
-            "jitter": raw.jitter,
-            "duplicates": raw.duplicates,
             "gaps": [list(gap) for gap in raw.gaps],
             "frozen": [one._asdict() for one in raw.frozen],
             "corrupt": {"count": len(raw.corrupt), "reasons": reasons},
             "corrupt_rows": [list(row) for row in raw.corrupt[:_LISTED]],
-            "signals": signals,
+            "signals": {
+                name: {key: x.tolist() for key, x in one._asdict().items()}
+                for name, one in raw.signals.items()
+            },
             "derived": self.derived,
             "conditioning": {**asdict(self.grid), "statement": self.grid.statement},
             "kept": self.kept,
             "moving": self.moving,
             "sign": self.agreement.sign.tolist(),
             "lag": self.agreement.lag,
-            "delay": None if self.delay is None else self.delay._asdict(),
-            "repetitions": None if self.repeated is None else self.repeated.counts,
+            "delay": None if delay is None else delay._asdict(),
+            "repetitions": None if repeated is None else repeated.counts,
             "noise": None if self.noise is None else self.noise.tolist(),
             "condition": self.excitation.condition_number,
             "excited": self.excitation.rows,

@@ -58,9 +58,8 @@ class Repeated:
     def statement(self) -> str:
         """A sentence on what was found."""
         listed = ", ".join(f"{name} × {count}" for name, count in self.counts.items())
-        return f"found what was sent: {listed}" + (
-            "; repetitions are averaged" if self.noise is not None else ""
-        )
+        averaged = "" if self.noise is None else "; repetitions are averaged"
+        return f"found what was sent: {listed}{averaged}"
 
 
 def sent_files(path: Path) -> list[Path]:
@@ -155,8 +154,7 @@ def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) 
         start = _begun(time, position, sent[k], float(grid[at]))
         for x, length in zip(alike, lengths):  # another one may neither begin nor end within this one
             x[max(0, at - length + 1) : at + lengths[k]] = 0.0
-        whole = start is not None and not ((holes >= start) & (holes < start + sent[k].time[-1])).any()
-        if start is not None and whole:
+        if start is not None and not ((holes >= start) & (holes < start + sent[k].time[-1])).any():
             starts.setdefault(k, []).append(start)
 
 
@@ -182,8 +180,6 @@ def _begun(time: Numbers, position: Numbers, sent: Sent, start: float) -> float 
         error = now - wanted
         off, error = np.abs(error.mean(0)).max(), error - error.mean(0)
         start -= float((error * (rate - rate.mean(0))).sum() / (rate**2).sum())
-    slack = 1 / _RATE
-    inside = time[0] - slack <= start and start + sent.time[-1] <= time[-1] + slack
-    return (
-        min(max(start, float(time[0])), float(time[-1] - sent.time[-1])) if inside and off < _NEAR else None
-    )
+    first, last, slack = float(time[0]), float(time[-1] - sent.time[-1]), 1 / _RATE
+    inside = first - slack <= start <= last + slack
+    return min(max(start, first), last) if inside and off < _NEAR else None
