@@ -14,7 +14,7 @@ import torch
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.viewer import view_of, write_view
-from sidegan.report.viewer.page import script_json, three_js, view_html
+from sidegan.report.viewer.page import three_js, view_html
 from sidegan.report.viewer.surfaces import arm_parts, fewer, packed, region_surface
 from sidegan.robot.looks import Part
 from sidegan.robot.solids import triangles, turned
@@ -94,11 +94,6 @@ def test_names_of_strangers_stay_names(planar, coefficients):
     assert page.tags == plain.tags
     head, _ = unpacked(page)
     assert head["joints"][0] == head["titles"][0] == EVIL
-
-
-def test_json_in_a_script_has_no_markup():
-    text = script_json({"a": EVIL, "b": [1.5, None]})
-    assert not set("<>&") & set(text) and json.loads(text) == {"a": EVIL, "b": [1.5, None]}
 
 
 def test_nothing_comes_from_elsewhere(view, tmp_path):
