@@ -19,7 +19,7 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, tables
-from sidegan.report.figures import Across, Panel
+from sidegan.report.figures import Panel
 from sidegan.report.motion import Bundle
 from sidegan.report.style import colour
 
@@ -161,7 +161,7 @@ def _figures(group: Group) -> dict[str, "Figure"]:
     measured = pd.DataFrame([part.few_seeds for part in group.parts.values()]).mean()
     seeds = {str(key): float(x) for key, x in measured.items()}
     share = [Panel("success", "valid share")]
-    subsets, taught = group.frame("subsets"), Across("seeds", "seeds trained on")
+    subsets, taught = group.frame("subsets"), ("seeds", "seeds trained on")
     return {
         "training": training.figure(group.frame("histories"), seeds, union),
         "nmse": figures.errors(raw),

@@ -63,7 +63,7 @@ def figure(
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
     compared = {SEEDS: seeds | {"success": seeds["valid"]}, "union": union or {}}
     shown = figures.metrics(references=compared)
-    return figures.panels(histories, figures.Across("epoch", "epoch"), shown, "variant", columns=3)
+    return figures.panels(histories, ("epoch", "epoch"), shown, "variant", columns=3)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:

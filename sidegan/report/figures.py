@@ -25,13 +25,6 @@ class Panel(NamedTuple):
     share: bool = False  # of a whole, so that the axis ends at one
 
 
-class Across(NamedTuple):
-    """The column across, and its name for people."""
-
-    key: str
-    label: str
-
-
 def metrics(references: Mapping[str, Mapping[str, float]]) -> list[Panel]:
     """A panel for each metric of a generator, with the values of the sets that it is compared with."""
     panels = []
@@ -43,7 +36,7 @@ def metrics(references: Mapping[str, Mapping[str, float]]) -> list[Panel]:
 
 def panels(
     frame: pd.DataFrame,
-    across: Across,
+    across: tuple[str, str],
     shown: Sequence[Panel],
     group: str,
     columns: int = 2,
@@ -53,21 +46,21 @@ def panels(
 
     Args:
         frame: a row per result.
-        across: the column across.
+        across: the column across, and its name for people.
         shown: the columns up.
         group: the column that tells colours apart.
         columns: panels beside each other.
         markers: a dot at every result.
     """
-    columns = min(columns, len(shown))
+    (key, label), columns = across, min(columns, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
     shades = colours(frame[group].astype(str))
     handles: dict[str, Any] = {}
     for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
-        drawn = frame.dropna(subset=[across.key, panel.key])
+        drawn = frame.dropna(subset=[key, panel.key])
         for name, part in drawn.groupby(group, sort=False):
-            line = part.groupby(across.key)[panel.key].agg(["mean", "min", "max"])
+            line = part.groupby(key)[panel.key].agg(["mean", "min", "max"])
             dots = {"marker": "o", "markersize": 4} if markers or len(line) == 1 else {}
             style: dict[str, Any] = {"color": shades[str(name)]}
             if (line["max"] > line["min"]).any():
@@ -81,7 +74,7 @@ def panels(
         if panel.share:
             axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
         axis.set_title(panel.label, fontsize=10)
-        axis.set_xlabel(across.label, fontsize=9)
+        axis.set_xlabel(label, fontsize=9)
         tidy(axis)
     legend(figure, {name: handles[name] for name in [*shades, *handles] if name in handles})
     return figure

@@ -19,9 +19,6 @@ from sidegan.report import canvas
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
 _ROLES = {"nMSE, training": "#8795a1", "nMSE, validation": "#0b66c3"}
 _JOINTS = ("#0b66c3", "#d9480f", "#1a7f4b", "#8e44ad", "#b26a00", "#0f8b8d", "#c2185b", "#5b6b7b")
-_INK, _LINE, _GRID = "#1c2733", "#b8c2cb", "#e6ebef"
-_WORDS = {"fontsize": 9.5, "color": _INK}
-_STEPS = [1, 2, 5, 10]  # of ticks
 _PIXEL = 1 / 96  # [inch]
 _WIDE, _HALF = 1080, 560  # [px] of a section and of half of it
 _POINTS = 1200  # of a line: as many as a screen can show
@@ -71,10 +68,10 @@ def torques(identified: IdentifiedArm, shown: Predicted) -> Figure:
             ("difference", shown.measured - shown.predicted, RESIDUAL, 0.8),
         ):
             axis.plot(shown.time[kept], values[kept, j], color=colour, linewidth=width, label=label)
-        axis.set_title(title, loc="left", fontsize=9, color=_INK)
-        _style(axis)
+        axis.set_title(title, loc="left", fontsize=9)
         axis.locator_params("y", nbins=5)
-    rows[-1].set_xlabel("time [s]", **_WORDS)
+        axis.set_xlabel("time [s]" if j + 1 == len(titles) else "")
+        _style(axis)
     return _with_legend(figure, rows[0])
 
 
@@ -135,7 +132,7 @@ def friction(identified: IdentifiedArm) -> Figure:
     for j, (axis, title) in enumerate(zip(axes, titles)):
         axis.plot(dq[:, j], rest[:, j], "o", **dots, label="samples")
         axis.plot(velocity[:, j], curve[:, j], color=RESIDUAL, linewidth=1.6, label="identified")
-        axis.set_title(title, fontsize=9, color=_INK)
+        axis.set_title(title, fontsize=9)
         axis.set_xlabel("velocity [rad/s]" if j + columns >= len(titles) else "")
         _style(axis)
     return _with_legend(figure, axes[0])
@@ -151,11 +148,11 @@ def correlations(correlation: Numbers, names: list[str]) -> Figure:
         shades.set_rasterized(True)  # 256 of them
     bar.outline.set_visible(False)
     bar.locator = MaxNLocator(4)
-    bar.ax.tick_params(labelsize=9, labelcolor=_INK, color=_LINE)
+    bar.ax.tick_params(labelsize=9)
     places = range(len(names) if len(names) <= _NAMED else 0)
     axis.set_xticks(places, names[: len(places)], rotation=90)
     axis.set_yticks(places, names[: len(places)])
-    axis.tick_params(length=0, labelsize=6, labelcolor=_INK)
+    axis.tick_params(length=0, labelsize=6)
     axis.spines[:].set_visible(False)
     return figure
 
@@ -190,20 +187,11 @@ def _blank(width: float, height: float) -> Figure:
 
 
 def _style(axis: Axes) -> None:
-    """The look of a plot of lines or bars: a grid and the line of zero, no frame."""
-    axis.grid(color=_GRID, linewidth=0.8)
-    axis.set_axisbelow(True)
-    axis.tick_params(which="both", length=0, labelsize=9, labelcolor=_INK)
-    axis.spines[["left", "right", "top"]].set_visible(False)
-    axis.spines["bottom"].set_color(_LINE)
-    low, high = axis.get_ylim()
-    if low < 0 < high:
-        axis.axhline(0, color=_LINE, linewidth=0.8, zorder=0.9)
+    """The look of a plot of lines or bars."""
+    canvas.tidy(axis)
     axis.margins(x=0)
     for part in (axis.xaxis, axis.yaxis):
-        part.label.set(**_WORDS)
-        if isinstance(locator := part.get_major_locator(), MaxNLocator):
-            locator.set_params(steps=_STEPS)
+        part.label.set_fontsize(9)
 
 
 def _with_legend(figure: Figure, axis: Axes) -> Figure:
