@@ -15,7 +15,6 @@ from sidegan.motion.trajectory import Motion
 if TYPE_CHECKING:
     from sidegan.motion.dynamics import RigidBody
 
-STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
 SAMPLES_AT_ONCE = 4096  # of a piece: their regressor of a 7-joint arm takes 16 MB
 
 
@@ -144,12 +143,11 @@ def measure(
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
     """
-    states, shape = motion[1:], motion.position.shape
+    shape = motion.position.shape
     if not motion.position.numel():
         raise ShapeError(f"motion is {tuple(shape)}: there is nothing to measure")
-    flat = [x.flatten(0, 1) for x in states]
-    torque = torch.cat([body.torque(*part) for part in zip(*(x.split(STATES_AT_ONCE) for x in flat))])
-    exact = Measurements(flat[0], flat[1], flat[2], torque)
+    q, dq, ddq = (x.flatten(0, 1) for x in motion[1:])
+    exact = Measurements(q, dq, ddq, body.torque(q, dq, ddq))
     return exact if noise is None else disturbed(exact, noise, random, shape[0])
 
 

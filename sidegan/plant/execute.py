@@ -18,7 +18,6 @@ from sidegan.robot.mujoco_log import mujoco_logged
 if TYPE_CHECKING:
     import mujoco
 
-_STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
 _POSTURES = 64  # random ones over which a joint's largest inertia is taken
 _OFF_GRID = 1e-3  # share by which a time step may be another: a period may not be a whole number of them
 _AT_THE_LIMIT = 0.999  # of the torque limit
@@ -130,9 +129,8 @@ class Plant:
 
     def _feed_forward(self, reference: Motion) -> Tensor:
         """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
-        parts = zip(*(x.split(_STATES_AT_ONCE) for x in reference[1:]))
-        rigid = torch.cat([self.body.torque(*part) for part in parts])
-        return self.settings.feed_forward * (rigid + self._each("rotor_inertia") * reference.acceleration)
+        rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
+        return self.settings.feed_forward * rigid
 
     def _sensed(self, true: Executed, seed: int | np.random.SeedSequence) -> Executed:
         """Signals as encoders and torque sensors have them; speeds are differences of encoder readings."""

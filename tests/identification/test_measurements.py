@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.identification import Measurements, Noise, measure
-from sidegan.identification.measurements import STATES_AT_ONCE, pieces
+from sidegan.identification.measurements import pieces
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, Trajectory
 from tests.identification.recordings import NOISE, at_once
@@ -80,14 +80,6 @@ def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion, kind):
     alone = (Motion(motion.time, *(x[i : i + 1] for x in motion[1:])) for i in range(2))
     parts = [stack(measure(body, one, noise, random)) for one in alone]
     torch.testing.assert_close(whole, torch.cat(parts, 1), rtol=1e-14, atol=1e-14)
-
-
-def test_inverse_dynamics_are_asked_for_a_bounded_number_of_states(body, monkeypatch):
-    x = torch.linspace(0, 9, STATES_AT_ONCE + 5, dtype=torch.float64)[None, :, None].expand(1, -1, 2)
-    expected, sizes, torque = body.torque(x[0], x[0], x[0]), [], body.torque
-    monkeypatch.setattr(body, "torque", lambda *states: sizes.append(len(states[0])) or torque(*states))
-    torch.testing.assert_close(measure(body, Motion(x[0, :, 0], x, x, x)).torque, expected)
-    assert sizes == [STATES_AT_ONCE, 5]
 
 
 @settings(max_examples=40)
