@@ -70,9 +70,9 @@ def _reliable(group: Group) -> Finding:
 def _vanilla_fails(group: Group) -> Finding:
     curve = by_epoch(group, "vanilla", "success")
     best, end = (_odds(group, x) for x in (curve.max(), curve.iloc[-1]))
-    told = [shares({"vanilla": x}) for x in (best, end)]
+    said = [shares({"vanilla": x}) for x in (best, end)]
     epochs = ", ".join(str(epoch) for epoch in sorted(set(curve.idxmax())))
-    ours = f"at best {told[0]} valid (after epoch {epochs}), at the end {told[1]}"
+    ours = f"at best {said[0]} valid (after epoch {epochs}), at the end {said[1]}"
     return Finding(below(best, logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
 
 

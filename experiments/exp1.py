@@ -98,7 +98,7 @@ def _of_several(effect: pd.Series) -> pd.Series:
 
 
 def _kind(name: str) -> str:
-    """Which of the paper's columns a set belongs to."""
+    """Name of the paper's column that a set belongs to."""
     if name.startswith("long"):
         return "long"
     return "generated" if name in SIDE_GANS else name

@@ -1,4 +1,4 @@
-"""What was measured of one claim in one group of conditions, and the words that say it."""
+"""Findings on one claim in one group of conditions, and their words."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ GANS = ("vanilla", *SIDE_GANS)
 
 @dataclass(frozen=True)
 class Finding:
-    """What was measured of one claim: verdict, evidence in words, numbers for the words of the claim."""
+    """Finding on one claim: verdict, evidence in words, numbers for the words of the claim."""
 
     verdict: str
     ours: str

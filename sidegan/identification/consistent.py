@@ -59,7 +59,7 @@ class Consistent(LeastSquares):
         weights, errors = likelihood(data, self.prior)
         information, moment = data.sums.weighted(weights)
         standard, strength = self.standard(model, information, moment)
-        prior = self._told(model, standard, strength)
+        prior = self._pull_information(model, standard, strength)
         _, inverse = solve(information + prior, moment, 1 / self.prior)
         return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
 
@@ -78,10 +78,10 @@ class Consistent(LeastSquares):
         _log.debug("the description pulls its links with strengths %s", strength)
         return found, strength
 
-    def _told(self, model: TorqueModel, standard: Tensor, strength: Tensor) -> Tensor:
+    def _pull_information(self, model: TorqueModel, standard: Tensor, strength: Tensor) -> Tensor:
         """Information on the model's parameters, (P, P), that the pull adds at parameters (F,).
 
-        It tells of links alone. What it does not tell apart in a link has the spread that the pull leaves.
+        It is on links alone. What the model does not separate in a link has the spread that the pull leaves.
         """
         _, bend = self._distances(model.links_of(standard), model.arm)
         free = torch.full((len(standard) - bend[:, 0].numel(),), self.prior, dtype=torch.float64)
@@ -95,8 +95,8 @@ class Consistent(LeastSquares):
     ) -> Tensor:
         """Strengths (J,) that the samples make most probable, from the parameters (F,) found with others.
 
-        Of a link's parameters, γ are told by the pull and not by the samples; strength · 2 d = γ then says
-        that these are off by what was believed. A link of which little is told is pulled like the others.
+        Of a link's parameters, the pull and not the samples determines γ; strength · 2 d = γ then says
+        that these are off by what was believed. A link that is hardly determined is pulled like the others.
 
         Source: MacKay 1992, Bayesian interpolation, eq. 27; MacKay 1994, Bayesian non-linear modeling, for a
         strength of each group of parameters; with a gamma distribution about the others' strength before.
@@ -107,12 +107,12 @@ class Consistent(LeastSquares):
         both = model.mapping.T @ information @ model.mapping + _FREE * torch.diag(torch.arange(count) >= size)
         both[:size, :size] += pull
         left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
-        told = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
+        determined = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
         usual = strength.log().mean().exp()
-        return ((told + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
+        return ((determined + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
 
     def _distances(self, links: Tensor, arm: Arm) -> tuple[Tensor, Tensor]:
-        """How far links (J, 10) are from where the pull leads, (J,), and second derivatives, (J, 10, 10)."""
+        """Distances of links (J, 10) from where the pull leads, (J,), and second derivatives, (J, 10, 10)."""
         unit, axes = _units(arm), torch.eye(10, dtype=torch.float64).expand(len(links), 10, 10)
         steps = torch.stack([_scaled(axes[:, k], unit) for k in range(10)], 1)  # (J, 10, 4, 4)
         now, nominal = _scaled(links, unit), _scaled(possible_links(arm), unit)
@@ -122,7 +122,7 @@ class Consistent(LeastSquares):
         return distances, torch.einsum("jaxy,jbyx->jab", steps, steps)
 
     def _standard(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
-        """The same with pulls of a strength on each link, (J,)."""
+        """Most likely standard parameters, (F,), with pulls of a strength on each link, (J,)."""
         import cvxpy as cp
 
         unit = _units(model.arm)
@@ -185,7 +185,7 @@ def minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> 
     for scale in _OBJECTIVE_SCALES:
         problem = cp.Problem(cp.Minimize(scale * objective), constraints)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status tells
+            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status has
             try:
                 problem.solve(solver=cp.CLARABEL)
             except cp.error.SolverError as error:

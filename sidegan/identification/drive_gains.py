@@ -58,7 +58,7 @@ def drive_gains(
 ) -> Gains:
     """Torque per current of each joint, from currents recorded without and with a known load.
 
-    Without a known load, currents tell the arm's parameters up to a factor per joint; the load sets it. The
+    Without a known load, currents give the arm's parameters up to a factor per joint; the load sets it. The
     model is i_j = (Y_j θ + y_load,j) / k_j with errors in the currents. Given the gains it is linear in θ,
     and given θ in 1 / k_j; both are found together by Gauss-Newton on the sums over the samples.
 

@@ -35,7 +35,7 @@ class Estimate:
     covariance: Tensor
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     residual_rms: Tensor  # root mean square of τ − Y θ [N·m or N], (J,)
-    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
+    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
     condition: float  # of the weighted, scaled regressor; infinite when a direction is not excited at all
     samples: int  # number of samples of all joints
     reach: Reach  # how far and how fast the joints moved

@@ -27,12 +27,12 @@ def expected_errors(
 ) -> pd.DataFrame:
     """Expected NMSE by weighting and joint; no rows where states are noisy or the recursion forgets.
 
-    The weights of joints are those that the noise alone tells.
+    The weights of joints follow from the noise alone.
 
     Args:
         body: of the arm.
         exact: measurements without noise along each trajectory that is identified from.
-        tests: the same of test trajectories.
+        tests: measurements without noise along each test trajectory.
         settings: the noise, the prior, and whether joints are weighted, too.
     """
     if (settings.noise.state and settings.noise.level) or settings.forgetting < 1:

@@ -18,10 +18,10 @@ _SETTLED = 1e-3  # relative change of a weight that no longer matters
 
 
 class TorqueErrors(NamedTuple):
-    """Errors of the measured torque, as residuals tell them."""
+    """Errors of the measured torque, from residuals."""
 
     variance: Tensor  # of each joint [N²·m² or N²], (J,)
-    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
+    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
 
 
 class Fit(NamedTuple):
@@ -29,16 +29,16 @@ class Fit(NamedTuple):
 
     parameters: Tensor  # θ, (P,)
     # of the weighted information and the prior, (P, P): the P matrix of recursive least squares; as in the
-    # paper it tells where the samples were, not how large their errors are
+    # paper it follows from where the samples were, not from how large their errors are
     inverse: Tensor
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     prior: Tensor  # information that did not come from the samples, (P, P)
     standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them
-    errors: TorqueErrors | None = None  # where they are not those that the residuals of these parameters tell
+    errors: TorqueErrors | None = None  # where they are not those of these parameters' residuals
 
 
 def flat(count: int, least: float) -> Tensor:
-    """Information (P, P) of a prior that tells as little of each parameter."""
+    """Information (P, P) of a prior that is as weak on each parameter."""
     return least * torch.eye(count, dtype=torch.float64)
 
 

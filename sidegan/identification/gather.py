@@ -15,7 +15,7 @@ _KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB 
 
 
 class Reach(NamedTuple):
-    """How far and how fast each joint moved, (J,) each."""
+    """Range and speed of each joint's motion, (J,) each."""
 
     lowest: Tensor  # position [rad or m]
     highest: Tensor  # position [rad or m]
@@ -29,7 +29,7 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True)
 class Gathered:
-    """What a walk through the samples leaves, from which every method fits its parameters."""
+    """Sums over samples, and a share of these, from which every method fits its parameters."""
 
     model: TorqueModel  # whose parameters are looked for
     sums: Sums  # over all samples

@@ -64,11 +64,11 @@ class Measurements:
 
     @property
     def inputs(self) -> tuple[Tensor, ...]:
-        """What a model's regressor is of: the states, and the sign where there is one."""
+        """Inputs of a model's regressor: the states, and the sign where there is one."""
         return self.states if self.sign is None else (*self.states, self.sign)
 
     def copy(self) -> "Measurements":
-        """The same in memory of their own, so that what they were cut from can go."""
+        """A copy in memory of its own, so that the recording it was cut from can go."""
         return Measurements(*(x.clone() for _, x in self._named()))
 
     def _named(self) -> list[tuple[str, Tensor]]:
@@ -80,10 +80,10 @@ Samples: TypeAlias = Measurements | Iterable[Measurements]
 
 
 def pieces(measurements: Samples) -> Iterator[Measurements]:
-    """The same samples in pieces of which no one reaches over the end of a recording.
+    """Pieces of measurements, none of which reaches over the end of a recording.
 
     Raises:
-        ShapeError: when something among the measurements is none.
+        ShapeError: when something else is among the measurements.
     """
     for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
         if not isinstance(recording, Measurements):

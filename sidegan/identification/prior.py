@@ -1,4 +1,4 @@
-"""What an arm's description says about its parameters before anything is measured."""
+"""Prior knowledge of an arm's parameters, from its description."""
 
 import torch
 from torch import Tensor
@@ -47,7 +47,7 @@ def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
 
 
 def likelihood(data: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:
-    """Weights (J,) with which equations count as much as they tell, beside other knowledge; torque errors."""
+    """Weights (J,) of equations beside prior knowledge, by size and correlation of the torque's errors."""
     first = reweighted(data.sums, 1 / prior)
     errors = torque_errors(data, first)
     return first.weights / errors.inflation.sqrt(), errors

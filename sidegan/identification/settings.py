@@ -56,7 +56,7 @@ class ReplicationSettings:
 
 @dataclass(frozen=True)
 class KnownLoad:
-    """What an arm carries, in the frame of the last link that moves."""
+    """A known load of an arm, in the frame of the last link that moves."""
 
     mass: NonNegative  # [kg]
     centre: list[float]  # of mass [m]
@@ -118,7 +118,7 @@ class GoalSettings:
 
 @dataclass(frozen=True)
 class EstimationSettings:
-    """How parameters are estimated from recordings."""
+    """Estimation of parameters from recordings."""
 
     method: Literal["ols", "weighted", "rls"]
     settings: dict[str, float] | None  # of the method

@@ -1,4 +1,4 @@
-"""Least squares on sums: what samples tell about linear parameters, in bounded memory."""
+"""Least squares on sums: all that samples say about linear parameters, in bounded memory."""
 
 from typing import NamedTuple
 
@@ -75,7 +75,7 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
 
 
 def finite(sums: Sums) -> Sums:
-    """The same sums, or a ShapeError when one of them is not finite."""
+    """These sums; a ShapeError when one of them is not finite."""
     if not all(x.isfinite().all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"

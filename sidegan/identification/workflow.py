@@ -112,7 +112,7 @@ def _require_enough(model: TorqueModel, samples: list[Measurements]) -> None:
 def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Tensor]:
     """NMSE of each half of the recordings by the other, (J,), of the chosen method and the consistent one.
 
-    Nothing where a half tells too little.
+    Empty where a half determines too little.
     """
     try:
         halves = halves_of(samples)

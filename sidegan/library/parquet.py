@@ -25,7 +25,7 @@ MARGIN = "margin_"  # begins the names of the columns of margins
 
 @dataclass(frozen=True)
 class Family:
-    """What all trajectories of a library share, and what the metadata of its file hold."""
+    """Properties that all trajectories of a library share: the metadata of its file."""
 
     robot: str
     digest: str

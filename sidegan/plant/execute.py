@@ -1,4 +1,4 @@
-"""Executing a motion: servos, physics, and what the sensors make of it."""
+"""Execution of a motion: servos, physics and sensors."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -24,7 +24,7 @@ _AT_THE_LIMIT = 0.999  # of the torque limit
 
 
 class Executed(NamedTuple):
-    """What was recorded: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
+    """Recorded signals: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
 
     time: Tensor
     position: Tensor
@@ -69,7 +69,7 @@ class Plant:
         return mujoco_model(self.arm, self.settings, *self.gains)
 
     def execute(self, motion: Motion, seed: int | np.random.SeedSequence) -> Executed:
-        """What the sensors recorded of a motion, or of several executed one after another.
+        """Sensors' signals of a motion, or of several executed one after another.
 
         Args:
             motion: states (B, T, J) at the plant's rate (``Trajectory.times(settings.rate)``); with
@@ -83,7 +83,7 @@ class Plant:
         return self._sensed(self.follow(motion), seed)
 
     def follow(self, motion: Motion) -> Executed:
-        """The true signals of a motion that is executed: what the sensors would see without errors.
+        """True signals of a motion that is executed, without the sensors' errors.
 
         Arguments and errors are those of ``execute``.
         """

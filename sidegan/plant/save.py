@@ -1,4 +1,4 @@
-"""What was executed, as the files in which recordings come."""
+"""Executed motions as files of recordings."""
 
 from collections.abc import Sequence
 from pathlib import Path
