@@ -16,6 +16,7 @@ from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import scaled_inverse
 
 BIASED = "bias dominates"
 
@@ -121,20 +122,6 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
     return Lacks(tuple(one for found, _ in each for one in found), (error.square().mean(0) / usual).sqrt())
 
 
-def turned(matrix: Tensor, weights: Tensor, moments: Tensor) -> Tensor:
-    """What torques that a model lacks make of least squares' parameters, (P, J, K).
-
-    Args:
-        matrix: Σ w YᵀY, what was believed before included, (P, P).
-        weights: of each joint's equations, (J,).
-        moments: Σ Yᵀ b of K torques b of each joint, (J, P, K).
-    """
-    unit = matrix.diagonal().clamp_min(torch.finfo(torch.float64).tiny).sqrt()
-    inverse = torch.linalg.pinv(matrix / unit[:, None] / unit, rtol=_ROUNDING, hermitian=True)
-    weighted = (weights[:, None, None] * moments).transpose(0, 1) / unit[:, None, None]
-    return torch.einsum("pq,qjk->pjk", inverse, weighted) / unit[:, None, None]
-
-
 @dataclass(frozen=True)
 class _Sums:
     """Products of the forms with the model's columns and with the residuals."""
@@ -149,7 +136,8 @@ class _Sums:
         """Sums over the samples."""
         information, weights = estimate.sums.information, estimate.weights.square()
         moments, along, across, right, energy = _products(model, estimate, samples)
-        wrong = turned(torch.einsum("j,jpq->pq", weights, information), weights, moments)
+        inverse = scaled_inverse(estimate.information, _ROUNDING)
+        wrong = torch.einsum("pq,j,jqk->pjk", inverse, weights, moments)
         crossed = torch.einsum("jpk,pjl->jkl", moments, wrong)
         kept = torch.einsum("pjk,jpq,qjl->jkl", wrong, information, wrong)
         left = across - torch.einsum("pjk,jp->jk", wrong, along)
@@ -175,9 +163,7 @@ class _Sums:
     def _reached(self, joint: int, forms: list[int]) -> tuple[float, Tensor]:
         """Squares of the residuals that forms explain, and how much there is of each."""
         normal, right = self.normal[joint][forms][:, forms], self.right[joint][forms]
-        unit = normal.diagonal().clamp_min(torch.finfo(torch.float64).tiny).sqrt()
-        inverse = torch.linalg.pinv(normal / unit[:, None] / unit, rtol=_LOST, hermitian=True)
-        amounts = inverse @ (right / unit) / unit
+        amounts = scaled_inverse(normal, _LOST) @ right
         return float(amounts @ right), amounts
 
 

@@ -108,6 +108,13 @@ def rows_of(information: Tensor, moment: Tensor) -> tuple[Tensor, Tensor]:
     return root[:, None] * vectors.T * scale, vectors.T @ (moment / scale) / root
 
 
+def scaled_inverse(information: Tensor, rtol: float) -> Tensor:
+    """Pseudo-inverse (P, P) of information with columns scaled to one length, in the parameters' units."""
+    scale = _scale(information)
+    inverse = torch.linalg.pinv(information / scale[:, None] / scale, rtol=rtol, hermitian=True)
+    return inverse / scale[:, None] / scale
+
+
 def condition(information: Tensor) -> float:
     """Condition number of a regressor with columns scaled to one length, from YᵀY (P, P).
 
