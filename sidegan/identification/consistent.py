@@ -12,10 +12,11 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import Fit, LeastSquares
+from sidegan.identification.accuracy import torque_errors
+from sidegan.identification.fit import Fit, LeastSquares, reweighted
 from sidegan.identification.gather import Gathered
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import likelihood, scales
+from sidegan.identification.prior import scales
 from sidegan.identification.sums import rows_of, solve
 from sidegan.robot import Arm, possible_links
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
@@ -56,7 +57,9 @@ class Consistent(LeastSquares):
     def fit(self, data: Gathered) -> Fit:
         """Most likely parameters of an arm that can exist, with links and terms as ``standard``."""
         model = data.model
-        weights, errors = likelihood(data, self.prior)
+        first = reweighted(data.sums, 1 / self.prior)
+        errors = torque_errors(data, first)
+        weights = first.weights / errors.inflation.sqrt()  # with which samples count beside the pull
         information, moment = data.sums.weighted(weights)
         standard, strength = self.standard(model, information, moment)
         prior = self._pull_information(model, standard, strength)

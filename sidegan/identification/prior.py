@@ -3,9 +3,6 @@
 import torch
 from torch import Tensor
 
-from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import TorqueErrors, reweighted
-from sidegan.identification.gather import Gathered
 from sidegan.identification.model import TorqueModel
 from sidegan.robot import Arm, possible_links
 
@@ -44,10 +41,3 @@ def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
     places = torch.arange(model.rigid, model.count)
     out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
     return out
-
-
-def likelihood(data: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:
-    """Weights (J,) of equations beside prior knowledge, by size and correlation of the torque's errors."""
-    first = reweighted(data.sums, 1 / prior)
-    errors = torque_errors(data, first)
-    return first.weights / errors.inflation.sqrt(), errors
