@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError
 from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, LeastSquares, reweighted
+from sidegan.identification.fit import Fit, reweighted
 from sidegan.identification.gather import Gathered
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import scales
@@ -35,7 +35,7 @@ _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Consistent(LeastSquares):
+class Consistent:
     """The most likely parameters of an arm that can exist.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
@@ -53,6 +53,7 @@ class Consistent(LeastSquares):
     strength: float | None
     margin: float  # smallest eigenvalue of a pseudo-inertia in the link's typical mass and length
     total_mass: float | None  # of all links together [kg]; free when None
+    prior: float = 1e6  # P₀ = prior · I of what neither samples nor pull determine
 
     def fit(self, data: Gathered) -> Fit:
         """Most likely parameters of an arm that can exist, with links and terms as ``standard``."""

@@ -1,4 +1,4 @@
-"""Weighted least squares on sums: equal weights, one per joint, recursive."""
+"""Weighted and recursive least squares on sums."""
 
 import math
 from dataclasses import dataclass
@@ -100,47 +100,24 @@ def least_residual(sums: Sums) -> Tensor:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Least squares with equal weights; directions that no sample excites stay at zero."""
+    """Recursive least squares of all joints alike, or with joint j's equations over the size of its residual.
 
-    prior: float = 1e6
+    Directions that no sample excites stay at zero.
 
-    def __post_init__(self) -> None:
-        _require_positive("prior", self.prior)
-
-    def fit(self, data: Gathered) -> Fit:
-        """Parameters of least squares."""
-        return recursive(data.sums, data.samples, self.prior)
-
-
-@dataclass(frozen=True)
-class Weighted(LeastSquares):
-    """Least squares with joint j's equations over the size of its residual, repeated until that settles.
-
-    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS).
+    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS), for the weights.
     """
 
-    def fit(self, data: Gathered) -> Fit:
-        """Parameters of largest likelihood for Gaussian errors with a variance per joint."""
-        return recursive(data.sums, data.samples, self.prior, weighted=True)
-
-
-@dataclass(frozen=True)
-class Recursive(LeastSquares):
-    """Recursive least squares: samples of age k count forgetting^k as much."""
-
-    forgetting: float = 1.0
+    prior: float = 1e6  # P₀ = prior · I
+    forgetting: float = 1.0  # samples of age k count forgetting^k as much
     weighted: bool = False
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_positive("forgetting", self.forgetting, 1.0)
+        for name, most in (("prior", math.inf), ("forgetting", 1.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 < value <= most):
+                upto = "" if math.isinf(most) else f" up to {most:g}"
+                raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters after the last sample."""
         return recursive(data.sums, data.samples, self.prior, self.forgetting, self.weighted)
-
-
-def _require_positive(name: str, value: float, most: float = math.inf) -> None:
-    if not (math.isfinite(value) and 0 < value <= most):
-        upto = f" up to {most:g}" if math.isfinite(most) else ""
-        raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
