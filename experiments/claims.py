@@ -13,7 +13,7 @@ import pandas as pd
 
 from experiments import claims_identification, claims_training
 from experiments.artifacts import SEEDS, Group
-from experiments.finding import SIDE_GANS, Finding
+from experiments.finding import SIDE_GANS, Judgement
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
 
@@ -36,7 +36,7 @@ class Claim(NamedTuple):
     paper: str
     criterion: str
     why: str
-    findings: dict[str, Finding]  # by group of conditions
+    findings: dict[str, Judgement]  # by group of conditions
 
 
 def claims(groups: Mapping[str, Group]) -> list[Claim]:
@@ -52,8 +52,8 @@ def claims(groups: Mapping[str, Group]) -> list[Claim]:
     return judged
 
 
-def _found(key: str, group: Group) -> Finding:
-    """Finding on a claim; of one about what is added to the seeds, also where nothing is."""
+def _found(key: str, group: Group) -> Judgement:
+    """Judgement of a claim; of one about what is added to the seeds, also where nothing is."""
     finding, barren = CRITERIA[key](group), barren_variants(group)
     if key in _SAMPLES and set(SIDE_GANS) <= set(barren):
         return replace(finding, ours=f"{finding.ours}; no sample of the SIDE-GANs' is valid at the end")
@@ -93,7 +93,7 @@ def findings(judged: list[Claim]) -> pd.DataFrame:
     return pd.DataFrame(rows).set_index("Claim")
 
 
-def signed(finding: Finding) -> str:
+def signed(finding: Judgement) -> str:
     """A verdict with its sign."""
     return f"{_SIGNS[finding.verdict]} {finding.verdict}"
 
