@@ -73,10 +73,10 @@ class Consistent:
         Links and terms are in ``TorqueModel.standard_names``' order, (F,); strengths are (J,).
         """
         strength = torch.full((model.joints,), self.strength or 1.0, dtype=torch.float64)
-        found = self._standard(model, information, moment, strength)
+        found = self._solved(model, information, moment, strength)
         for _ in range(_ROUNDS if self.strength is None else 0):
             before, strength = strength, self._most_probable(model, information, found, strength)
-            found = self._standard(model, information, moment, strength)
+            found = self._solved(model, information, moment, strength)
             if ((strength / before).log().abs() < math.log(_SETTLED)).all():
                 break
         _log.debug("the description pulls its links with strengths %s", strength)
@@ -125,13 +125,13 @@ class Consistent:
         steps = torch.linalg.solve(now[:, None], steps)
         return distances, torch.einsum("jaxy,jbyx->jab", steps, steps)
 
-    def _standard(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
+    def _solved(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
         """Most likely standard parameters, (F,), with pulls of a strength on each link, (J,)."""
         import cvxpy as cp
 
         unit = _units(model.arm)
         links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
-        standard = _standard(links, unit, model)
+        standard = _expression(links, unit, model)
         rows, right = rows_of(information, moment)
         misfit = cp.sum_squares((rows @ model.mapping).numpy() @ standard - right.numpy()) / 2
         nominal = _scaled(possible_links(model.arm), unit).numpy()
@@ -171,7 +171,7 @@ def _scaled(links: Tensor, unit: Tensor) -> Tensor:
     return pseudo_inertia(links) * inverse[:, :, None] * inverse[:, None]
 
 
-def _standard(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
+def _expression(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
     """Standard parameters, (F,), linear in scaled pseudo-inertias, and with variables for the terms."""
     import cvxpy as cp
 

@@ -59,7 +59,7 @@ class Plant:
 
         A joint that alone moves its largest inertia has the bandwidth and damping ratio of the settings.
         """
-        inertia = self._largest_inertia() + self._each("rotor_inertia")
+        inertia = self.largest_inertia() + self._each("rotor_inertia")
         speed = 2 * np.pi * self._each("bandwidth")
         return inertia * speed**2, 2 * inertia * speed * self._each("damping_ratio")
 
@@ -173,7 +173,7 @@ class Plant:
             f"{self.settings.tolerance:g} rad off its reference{hint}"
         )
 
-    def _largest_inertia(self) -> Tensor:
+    def largest_inertia(self) -> Tensor:
         """Largest diagonal element of the mass matrix over random postures, (J,)."""
         arm = self.arm
         random = torch.Generator().manual_seed(0)

@@ -92,7 +92,7 @@ class VariedPlant:
         self.true = replace(arm, inertial_parameters=own)
         top = arm.velocity_limit.numpy()
         self.law = Law.drawn(form, settings.friction, self.scale, top, random)
-        largest = Plant(arm, IDEAL)._largest_inertia().numpy()
+        largest = Plant(arm, IDEAL).largest_inertia().numpy()
         steep = (1 + settings.friction.stribeck + settings.friction.asymmetry) * self.law.coulomb
         slope = steep / settings.friction.width + self.law.viscous
         self.rotor = np.maximum(settings.rotor * largest, _STIFF * slope / settings.rate)
