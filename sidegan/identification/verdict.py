@@ -61,9 +61,7 @@ class Trust:
     # where it is not known
     mass: tuple[float, float] | None = None
     doubts: tuple[str, ...] = ()  # what of the description and the torques cannot both be right
-    turned: str | None = (
-        None  # the same of gravity, with what another one would give; None: it is as described
-    )
+    other_gravity: str | None = None  # sentence on one that explains the torques better
     implausible: tuple[Finding, ...] = ()  # of the consistent model's links
 
     @property
@@ -82,12 +80,10 @@ class Trust:
         groups: dict[object, list[Finding]] = {}
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
-        grave = [any(one.level == BAD for one in group) for group in groups.values()]
-        texts = [self._said(group) for group in groups.values()]
-        ordered = [text for bad in (True, False) for text, is_bad in zip(texts, grave) if is_bad == bad]
-        return [*(self._said([one]) for one in self.causes), *ordered]
+        gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
+        return [self._sentence(group) for group in [*([one] for one in self.causes), *gravest_first]]
 
-    def _said(self, group: list[Finding]) -> str:
+    def _sentence(self, group: list[Finding]) -> str:
         """Findings about the arm, or all about one joint, in a sentence."""
         texts, joint = "; ".join(one.text for one in group), group[0].joint
         return texts if joint is None else f"{self.joint(joint)}: {texts}"
@@ -132,8 +128,8 @@ class Trust:
 
 
 def _doubts(trust: Trust) -> Iterator[Finding]:
-    if trust.turned is not None:
-        yield Finding(BAD, trust.turned)
+    if trust.other_gravity is not None:
+        yield Finding(BAD, trust.other_gravity)
     yield from (Finding(USABLE, doubt) for doubt in trust.doubts)
 
 
