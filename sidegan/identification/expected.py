@@ -54,9 +54,7 @@ def torque_variance(noise: Noise, torque: Tensor) -> Tensor:
     """Variance of the noise on the torque of one trajectory, (S, J); a third is that of U(−1, 1)."""
     if not noise.torque:
         return torch.zeros_like(torque)
-    multiplicative = noise.kind == "multiplicative"
-    scale = torque if multiplicative else torque.std(0, correction=0).expand_as(torque)
-    return (noise.level * scale).square() / 3
+    return (noise.size(torque[None])[0].square() / 3).expand_as(torque)
 
 
 def _noise_sums(model: TorqueModel, exact: Sequence[Measurements], noise: Noise) -> Sums:

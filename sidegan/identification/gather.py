@@ -56,7 +56,7 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
         reach = [torch.stack([*reach, moved]).amax(0)]
         samples += len(part)
         if number % stride == 0:
-            kept.append(part.copy())
+            kept.append(part)
         if len(kept) > _KEPT:
             kept, stride = kept[::2], 2 * stride
     if not samples:

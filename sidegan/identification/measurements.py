@@ -67,10 +67,6 @@ class Measurements:
         """Inputs of a model's regressor: the states, and the sign where there is one."""
         return self.states if self.sign is None else (*self.states, self.sign)
 
-    def copy(self) -> "Measurements":
-        """A copy in memory of its own, so that the recording it was cut from can go."""
-        return Measurements(*(x.clone() for _, x in self._named()))
-
     def _named(self) -> list[tuple[str, Tensor]]:
         named = [(field.name, getattr(self, field.name)) for field in fields(self)]
         return [(name, x) for name, x in named if x is not None]
@@ -123,10 +119,9 @@ class Noise:
         """Whether nothing is noisy."""
         return not self.level or not (self.torque or self.state)
 
-    def add(self, x: Tensor, draw: Tensor) -> Tensor:
-        """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""
-        scale = x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True)
-        return x + self.level * scale * draw
+    def size(self, x: Tensor) -> Tensor:
+        """Largest noise on clean signals (B, T, J)."""
+        return self.level * (x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True))
 
 
 def measure(
@@ -160,5 +155,5 @@ def disturbed(
     draws = torch.from_numpy(draw).to(exact.torque).unbind(1)
     signals = [x.unflatten(0, (batch, count)) for x in (*exact.states, exact.torque)]
     noisy = (noise.state, noise.state, noise.state, noise.torque)
-    signals = [noise.add(x, d) if some else x for x, d, some in zip(signals, draws, noisy)]
+    signals = [x + noise.size(x) * d if some else x for x, d, some in zip(signals, draws, noisy)]
     return Measurements(*(x.flatten(0, 1) for x in signals))
