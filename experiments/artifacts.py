@@ -1,4 +1,4 @@
-"""What the experiments show, read from a run's artifacts as frames; nothing else here opens an artifact."""
+"""Frames of a run's artifacts, which the experiments show; nothing else here opens an artifact."""
 
 import math
 from collections import defaultdict
@@ -36,7 +36,7 @@ _OF_FIRST = {"subsets"}  # frames of the first condition of a group alone
 
 @dataclass(frozen=True)
 class Artifacts:
-    """What was made for one task, read when it is first needed.
+    """Artifacts of one task, read when they are first needed.
 
     Attributes:
         task: the settings and where their artifacts are.
@@ -144,11 +144,11 @@ class Artifacts:
         return self.task.load(selection(self.task, pool))
 
     def report(self, artifact: Artifact) -> Report:
-        """Report of an artifact, with what it took."""
+        """Report of an artifact, with its costs."""
         return self.task.report(artifact) | self.costs(artifact)
 
     def costs(self, artifact: Artifact) -> Report:
-        """What making an artifact took; not a number where that was not kept."""
+        """Costs of making an artifact; not a number where they were not kept."""
         return defaultdict(lambda: math.nan, self.task.store.costs(artifact))
 
     def seconds(self, artifact: Artifact) -> float:
@@ -173,7 +173,7 @@ class Group:
 
     Attributes:
         name: of the group, for people.
-        parts: what was made under each of its conditions, by name.
+        parts: artifacts of each of its conditions, by name.
     """
 
     name: str
@@ -181,13 +181,13 @@ class Group:
 
     @property
     def first(self) -> Artifacts:
-        """What was made under its first condition."""
+        """Artifacts of its first condition."""
         return next(iter(self.parts.values()))
 
     _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over the conditions in which it is made, each told by ``seed_set``."""
+        """A frame of ``Artifacts`` over the conditions that make it, with their names as ``seed_set``."""
         if name not in self._frames:
             parts = list(self.parts.items())[: 1 if name in _OF_FIRST else None]
             frames = [getattr(part, name).assign(seed_set=condition) for condition, part in parts]
@@ -204,7 +204,7 @@ class Group:
 
 
 def comparison(task: Task) -> dict[str, Group]:
-    """What was made under every condition that the page compares, by group."""
+    """Artifacts of every condition that the page compares, by group."""
     own = task.cfg.condition.name
     tasks = [task if name == own else task.under(name) for name in task.cfg.conditions or [own]]
     groups: dict[str, Group] = {}

@@ -7,13 +7,13 @@ import pandas as pd
 
 from experiments import exp2
 from experiments.artifacts import Group
-from experiments.finding import GANS, SIDE_GANS, Finding, listed, ratios
+from experiments.finding import GANS, SIDE_GANS, Judgement, listed, ratios
 from experiments.verdicts import REPEAT, SEED_SET, TRAINING, above, by_set, log_ratio, not_below, together
 
 _LEVELS = [SEED_SET, TRAINING, REPEAT]
 
 
-def _short_beat_long(group: Group, frame: str) -> Finding:
+def _short_beat_long(group: Group, frame: str) -> Judgement:
     """Whether the seeds' error is below that of every reading of the single long trajectory."""
     nmse, cfg = _table1(group, frame), group.first.cfg
     effects = {
@@ -25,10 +25,12 @@ def _short_beat_long(group: Group, frame: str) -> Finding:
         "period": cfg.long.period,
         "count": cfg.selection.count,
     }
-    return Finding(_all_above(effects), f"error of the long one over the seeds': {ratios(effects)}", numbers)
+    return Judgement(
+        _all_above(effects), f"error of the long one over the seeds': {ratios(effects)}", numbers
+    )
 
 
-def _generated_beat_seeds(group: Group, frame: str) -> Finding:
+def _generated_beat_seeds(group: Group, frame: str) -> Judgement:
     """Whether the error of seeds and generated ones is below that of the seeds."""
     nmse = _table1(group, frame)
     effects = {n: log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
@@ -37,45 +39,45 @@ def _generated_beat_seeds(group: Group, frame: str) -> Finding:
         sure = _table1(group, "expected")
         over_all = {n: log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
         ours += f"; expected over all noise: {ratios(over_all)}"
-    return Finding(_all_above(effects), ours, {"count": group.first.cfg.selection.count})
+    return Judgement(_all_above(effects), ours, {"count": group.first.cfg.selection.count})
 
 
-def _generated_improve(group: Group) -> Finding:
+def _generated_improve(group: Group) -> Judgement:
     gains = {n: _gain(group, n, min) for n in GANS}
-    return Finding(_all_above(gains), f"[%] {listed(gains)}")
+    return Judgement(_all_above(gains), f"[%] {listed(gains)}")
 
 
-def _more_than_vanilla(group: Group) -> Finding:
+def _more_than_vanilla(group: Group) -> Judgement:
     vanilla = _gain(group, "vanilla", min)
     gains = {n: _gain(group, n, min) - vanilla for n in SIDE_GANS}
-    return Finding(_all_above(gains), f"[percentage points] {listed(gains)}")
+    return Judgement(_all_above(gains), f"[percentage points] {listed(gains)}")
 
 
-def _eigen_best(group: Group) -> Finding:
+def _eigen_best(group: Group) -> Judgement:
     more = _gain(group, "eigen", min) - _gain(group, "diagonal", min)
-    return Finding(above(more), f"[percentage points over diagonal] {listed({'eigen': more})}")
+    return Judgement(above(more), f"[percentage points over diagonal] {listed({'eigen': more})}")
 
 
-def _not_replaced(group: Group) -> Finding:
+def _not_replaced(group: Group) -> Judgement:
     gains = {n: _gain(group, n, max) for n in GANS}
     most = max(group.first.cfg.replication.replicas)
-    return Finding(_all_above(gains), f"[%] {listed(gains)}", {"most": most})
+    return Judgement(_all_above(gains), f"[%] {listed(gains)}", {"most": most})
 
 
-def _not_less(group: Group) -> Finding:
+def _not_less(group: Group) -> Judgement:
     replicas = group.first.cfg.replication.replicas
     change = {n: _gain(group, n, max) - _gain(group, n, min) for n in GANS}
     verdict = together(map(not_below, change.values()))
-    return Finding(verdict, f"[percentage points, ×{max(replicas)} − ×{min(replicas)}] {listed(change)}")
+    return Judgement(verdict, f"[percentage points, ×{max(replicas)} − ×{min(replicas)}] {listed(change)}")
 
 
-def _smallest_norm(group: Group) -> Finding:
+def _smallest_norm(group: Group) -> Judgement:
     """Whether eigen's covariance norm is below that of every other set of Table III."""
     facts = group.frame("whole_facts")
     per_sample = facts.assign(covariance_norm=facts.covariance_norm * facts.samples)
     effects, otherwise = _over_eigen(group, facts), _all_above(_over_eigen(group, per_sample))
     ours = f"theirs over eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
-    return Finding(_all_above(effects), ours)
+    return Judgement(_all_above(effects), ours)
 
 
 def _over_eigen(group: Group, frame: pd.DataFrame) -> dict[str, pd.Series]:
@@ -102,7 +104,7 @@ def _gain(group: Group, name: str, which: Callable[[list[int]], int]) -> pd.Seri
     return part.groupby(_LEVELS).improvement.mean()
 
 
-CRITERIA: dict[str, Callable[[Group], Finding]] = {
+CRITERIA: dict[str, Callable[[Group], Judgement]] = {
     "short_beat_long": partial(_short_beat_long, frame="errors"),
     "generated_beat_seeds": partial(_generated_beat_seeds, frame="errors"),
     "real_short_beat_long": partial(_short_beat_long, frame="plant"),

@@ -102,7 +102,7 @@ def described(artifacts: Artifacts) -> str:
 
 
 def checked(groups: Groups) -> dict[str, list[str]]:
-    """What counts as valid, and the groups in which it does."""
+    """Definitions of valid, each with the groups that use it."""
     words: dict[str, list[str]] = {}
     for name, group in groups.items():
         words.setdefault(group.first.task.constraints.described(), []).append(name)

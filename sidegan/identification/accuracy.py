@@ -1,4 +1,4 @@
-"""How wrong estimated parameters may be: the size of the torque's errors, and how they repeat themselves."""
+"""Errors of estimated parameters, from the size of the torque's errors and their correlation over time."""
 
 from collections.abc import Iterable
 from functools import reduce
@@ -45,7 +45,7 @@ def covariance_of(sums: Sums, fit: Fit, errors: TorqueErrors) -> Tensor:
 
 
 def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
-    """How many samples tell as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
+    """Samples that weigh as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
 
     The residuals come in pieces (S, J) without gaps. The sum over lags ends before the first one without a
     positive correlation. Where a correlation swings below zero later, as after a low-pass, that is too much

@@ -1,4 +1,4 @@
-"""Weighted least squares on sums: equal weights, one per joint, recursive."""
+"""Weighted and recursive least squares on sums."""
 
 import math
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ _SETTLED = 1e-3  # relative change of a weight that no longer matters
 
 
 class TorqueErrors(NamedTuple):
-    """Errors of the measured torque, as residuals tell them."""
+    """Errors of the measured torque, from residuals."""
 
     variance: Tensor  # of each joint [N²·m² or N²], (J,)
-    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
+    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
 
 
 class Fit(NamedTuple):
@@ -29,16 +29,16 @@ class Fit(NamedTuple):
 
     parameters: Tensor  # θ, (P,)
     # of the weighted information and the prior, (P, P): the P matrix of recursive least squares; as in the
-    # paper it tells where the samples were, not how large their errors are
+    # paper it follows from where the samples were, not from how large their errors are
     inverse: Tensor
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     prior: Tensor  # information that did not come from the samples, (P, P)
     standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them
-    errors: TorqueErrors | None = None  # where they are not those that the residuals of these parameters tell
+    errors: TorqueErrors | None = None  # where they are not those of these parameters' residuals
 
 
 def flat(count: int, least: float) -> Tensor:
-    """Information (P, P) of a prior that tells as little of each parameter."""
+    """Information (P, P) of a prior that is as weak on each parameter."""
     return least * torch.eye(count, dtype=torch.float64)
 
 
@@ -100,47 +100,24 @@ def least_residual(sums: Sums) -> Tensor:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Least squares with equal weights; directions that no sample excites stay at zero."""
+    """Recursive least squares of all joints alike, or with joint j's equations over the size of its residual.
 
-    prior: float = 1e6
+    Directions that no sample excites stay at zero.
 
-    def __post_init__(self) -> None:
-        _require_positive("prior", self.prior)
-
-    def fit(self, data: Gathered) -> Fit:
-        """Parameters of least squares."""
-        return recursive(data.sums, data.samples, self.prior)
-
-
-@dataclass(frozen=True)
-class Weighted(LeastSquares):
-    """Least squares with joint j's equations over the size of its residual, repeated until that settles.
-
-    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS).
+    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS), for the weights.
     """
 
-    def fit(self, data: Gathered) -> Fit:
-        """Parameters of largest likelihood for Gaussian errors with a variance per joint."""
-        return recursive(data.sums, data.samples, self.prior, weighted=True)
-
-
-@dataclass(frozen=True)
-class Recursive(LeastSquares):
-    """Recursive least squares: samples of age k count forgetting^k as much."""
-
-    forgetting: float = 1.0
+    prior: float = 1e6  # P₀ = prior · I
+    forgetting: float = 1.0  # samples of age k count forgetting^k as much
     weighted: bool = False
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_positive("forgetting", self.forgetting, 1.0)
+        for name, most in (("prior", math.inf), ("forgetting", 1.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 < value <= most):
+                upto = "" if math.isinf(most) else f" up to {most:g}"
+                raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters after the last sample."""
         return recursive(data.sums, data.samples, self.prior, self.forgetting, self.weighted)
-
-
-def _require_positive(name: str, value: float, most: float = math.inf) -> None:
-    if not (math.isfinite(value) and 0 < value <= most):
-        upto = f" up to {most:g}" if math.isfinite(most) else ""
-        raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")

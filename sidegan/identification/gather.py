@@ -15,7 +15,7 @@ _KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB 
 
 
 class Reach(NamedTuple):
-    """How far and how fast each joint moved, (J,) each."""
+    """Range and speed of each joint's motion, (J,) each."""
 
     lowest: Tensor  # position [rad or m]
     highest: Tensor  # position [rad or m]
@@ -29,7 +29,7 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True)
 class Gathered:
-    """What a walk through the samples leaves, from which every method fits its parameters."""
+    """Sums over samples, and a share of these, from which every method fits its parameters."""
 
     model: TorqueModel  # whose parameters are looked for
     sums: Sums  # over all samples
@@ -56,7 +56,7 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
         reach = [torch.stack([*reach, moved]).amax(0)]
         samples += len(part)
         if number % stride == 0:
-            kept.append(part.copy())
+            kept.append(part)
         if len(kept) > _KEPT:
             kept, stride = kept[::2], 2 * stride
     if not samples:

@@ -34,7 +34,7 @@ class IdentifiedArm:
     trained: dict[str, Score]  # errors of each method on what it was identified from
     trust: Trust  # whether to trust the model to use
     use: str  # method of that model: the consistent one, unless the chosen one predicts clearly better
-    unseen: dict[str, Tensor]  # nMSE (J,) by which that was decided; empty where halves tell too little
+    unseen: dict[str, Tensor]  # nMSE (J,) by which that was decided; empty where halves determine too little
     unseen_kind: str  # ``kind``, or halves by each other where nothing was held out
 
     @property
@@ -88,13 +88,13 @@ class IdentifiedArm:
 
     @cached_property
     def lacks(self) -> Lacks:
-        """Torques that the model lacks, told from the residuals of the chosen method."""
+        """Torques that the model lacks, from the residuals of the chosen method."""
         return lacks(self.model, self.chosen, measurements_of(self.training))
 
     @property
     def left_over(self) -> list[str]:
-        """What is left of the torques, a sentence for each joint that lacks something."""
-        return self.lacks.said(self.joint_names, self.trust.torque_deviation)
+        """Torques that are left over, a sentence for each joint that lacks something."""
+        return self.lacks.sentences(self.joint_names, self.trust.torque_deviation)
 
     @property
     def helpful_motions(self) -> list[str]:

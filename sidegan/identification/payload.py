@@ -1,4 +1,4 @@
-"""What an arm carries, from recordings without and with it: mass, centre of mass and inertia, with errors."""
+"""The load of an arm, from recordings without and with it: mass, centre of mass, inertia, with errors."""
 
 from dataclasses import dataclass
 from itertools import chain
@@ -20,8 +20,8 @@ from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, about_the_centre
 
 LOAD = len(LINK_PARAMETERS)  # parameters of what is fixed to the last link, the last ones of the model
 _LEAST = 1e-6  # information on each parameter beside the samples'
-_LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples do not tell
-_STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples do not tell
+_LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
+_STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
 _MARGIN = 1e-4  # smallest eigenvalue of the load's pseudo-inertia in its typical mass and length
 _CLEAR = 3.0  # deviations from which a mass is one
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
@@ -29,9 +29,9 @@ VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  #
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """What an arm carries, rigidly fixed to its last link."""
+    """A load that is rigidly fixed to an arm's last link."""
 
-    link: str  # in whose frame it is told
+    link: str  # in whose frame its parameters are
     estimate: Tensor  # its parameters in Pinocchio's order, as least squares gives them, (10,)
     covariance: Tensor  # of their errors, (10, 10)
     body: Tensor  # the most probable ones of a body that can exist, (10,)
@@ -63,7 +63,7 @@ def values_of(parameters: Tensor) -> Tensor:
 
 
 def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> Payload:
-    """What is carried in the runs with a load and not in those without.
+    """Load of the runs with one, beside those without.
 
     The arm's parameters are unknown too, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
 

@@ -1,4 +1,4 @@
-"""How well parameters predict torques, on samples that come in pieces."""
+"""Errors of predicted torques."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -56,7 +55,7 @@ class ReplicationSettings:
 
 @dataclass(frozen=True)
 class KnownLoad:
-    """What an arm carries, in the frame of the last link that moves."""
+    """A known load of an arm, in the frame of the last link that moves."""
 
     mass: NonNegative  # [kg]
     centre: list[float]  # of mass [m]
@@ -75,12 +74,11 @@ class KnownLoad:
         """
         if not self.mass > 0:
             raise ConfigError("load.mass is 0, expected the mass of the known load [kg]")
-        import pinocchio
-
-        xx, xy, yy, xz, yz, zz = self.inertia or [0.0] * 6
-        about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        load = pinocchio.Inertia(self.mass, np.array(self.centre), about)
-        return torch.from_numpy(load.toDynamicParameters())
+        c = torch.tensor(self.centre, dtype=torch.float64)
+        about = self.mass * (c @ c * torch.eye(3, dtype=torch.float64) - torch.outer(c, c))
+        own = torch.tensor(self.inertia or [0.0] * 6, dtype=torch.float64)
+        moved = own + about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        return torch.cat([torch.tensor([self.mass], dtype=torch.float64), self.mass * c, moved])
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,7 @@ class GoalSettings:
 
 @dataclass(frozen=True)
 class EstimationSettings:
-    """How parameters are estimated from recordings."""
+    """Estimation of parameters from recordings."""
 
     method: Literal["ols", "weighted", "rls"]
     settings: dict[str, float] | None  # of the method

@@ -28,7 +28,7 @@ from sidegan.identification.sums import Sums, no_sums
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
-Family: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
+MotionSet: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
 Progress: TypeAlias = Callable[[int, int], None]
 
 _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
@@ -37,8 +37,8 @@ _TRAJECTORIES_AT_ONCE = 10
 
 def compare(
     body: RigidBody,
-    sets: Mapping[str, Family],
-    tests: Family,
+    sets: Mapping[str, MotionSet],
+    tests: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
     progress: Progress | None = None,
@@ -70,7 +70,7 @@ def compare(
     return results, facts
 
 
-def expected(body: RigidBody, family: Family, tests: Family, settings: StudySettings) -> pd.DataFrame:
+def expected(body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings) -> pd.DataFrame:
     """NMSE of a set that ``compare`` finds on average over noise draws, as of ``expected_errors``."""
     exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
     return expected_errors(body, exact, truth, settings)
@@ -78,7 +78,7 @@ def expected(body: RigidBody, family: Family, tests: Family, settings: StudySett
 
 def measured_sums(
     body: RigidBody,
-    family: Family,
+    family: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
     progress: Progress | None = None,
@@ -103,7 +103,7 @@ def measured_sums(
 
 
 def combined(
-    body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: Family, settings: StudySettings
+    body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """NMSE of every set, weighting and joint, and the covariance norm and number of samples of every set.
 
@@ -126,7 +126,7 @@ def combined(
 
 def _measured(
     body: RigidBody,
-    family: Family,
+    family: MotionSet,
     rate: float,
     noise: Noise | None = None,
     random: np.random.Generator | None = None,
@@ -142,7 +142,7 @@ def _measured(
 class _Judge:
     """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
 
-    def __init__(self, body: RigidBody, tests: Family, settings: StudySettings, keys: list[str]) -> None:
+    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings, keys: list[str]) -> None:
         self.model, self._settings, self._keys = TorqueModel(body, RIGID), settings, keys
         self._truth = list(_measured(body, tests, settings.rate))
         self._results, self._facts = list[tuple[object, ...]](), list[tuple[object, ...]]()
@@ -166,7 +166,7 @@ class _Judge:
         )
 
 
-def _stacked_condition(body: RigidBody, family: Family) -> float:
+def _stacked_condition(body: RigidBody, family: MotionSet) -> float:
     """Condition number of YᵀY over all trajectories of a set."""
     trajectory, coefficients = family
     samples = max(round(trajectory.period * _RATE), 4 * trajectory.harmonics)

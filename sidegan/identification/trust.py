@@ -1,4 +1,4 @@
-"""Whether to trust an identified model: what it predicts, what it cannot tell, and what to do about it."""
+"""Quality of an identified model: its errors, its uncertain parameters, and the description beside it."""
 
 import torch
 from torch import Tensor
@@ -21,7 +21,7 @@ def trust(
     validation: Samples | None = None,
     folds: Score | None = None,
 ) -> Trust:
-    """Whether an estimate of a model can be trusted, and why.
+    """Quality of an estimate of a model, from which its verdict follows.
 
     Recordings that were held out are a list, as they are read twice.
 

@@ -112,7 +112,7 @@ def _require_enough(model: TorqueModel, samples: list[Measurements]) -> None:
 def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Tensor]:
     """NMSE of each half of the recordings by the other, (J,), of the chosen method and the consistent one.
 
-    Nothing where a half tells too little.
+    Empty where a half determines too little.
     """
     try:
         halves = halves_of(samples)
@@ -132,13 +132,13 @@ def _causes(found: IdentifiedArm, error_under: Callable[[Tensor], float]) -> dic
     )  # links whose mass torques tell
     segments = [segment for recording in found.training for segment in recording.segments]
     agreement = agreement_of(model.body, segments)
-    turned = agreement.gravity(model.arm)
-    if turned is not None:
+    gravity = agreement.gravity(model.arm)
+    if gravity is not None:
         error = shown(error_under(agreement.load.gravity))
-        turned += f"; mean nMSE would be {error} then, it is {shown(found.trust.judged.nmse_mean)}"
+        gravity += f"; mean nMSE would be {error} then, it is {shown(found.trust.judged.nmse_mean)}"
     return {
         "mass": (float(links[weighed, 0].sum()), float(model.arm.inertial_parameters[weighed, 0].sum())),
         "doubts": tuple(agreement.doubts(model.arm)),
-        "turned": turned,
+        "other_gravity": gravity,
         "implausible": tuple(one for one in implausible_links(model.arm, links) if weighed[one.joint]),
     }

@@ -174,7 +174,7 @@ BOUNDARIES = [
     (errors(0.04, 0.04) | {"nominal_score": score_of(0.041, 0.041)}, USABLE, "no " + NOMINAL),
     (errors(0.04, 0.04) | {"nominal_score": score_of(0.039, 0.039)}, USABLE, NOMINAL),
     ({"doubts": ("torques are 0.25 times",)}, USABLE, "^torques are"),
-    ({"turned": "gravity acts along +z"}, BAD, "^gravity acts"),
+    ({"other_gravity": "gravity acts along +z"}, BAD, "^gravity acts"),
     ({"implausible": (Finding(USABLE, "weighs 99 kg", 1),)}, USABLE, r"^joint 2 \(elbow\): weighs 99 kg"),
     ({"estimate": lambda x: replace(x, condition=99.0)}, GOOD, "no condition number"),
     ({"estimate": lambda x: replace(x, condition=101.0)}, USABLE, "condition number 101"),

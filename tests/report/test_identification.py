@@ -70,8 +70,8 @@ def test_words_from_outside_run_nothing(html, read):
 
 def test_what_there_is_nothing_to_say_of_is_left_out(identified, monkeypatch):
     monkeypatch.setattr(plots, "_RECORDINGS", 1)
-    turned = replace(identified.trust, turned="gravity is another one")
-    text = Page(report_html(replace(identified, trust=turned, tests=identified.trained), ORIGIN, {})).text
+    pulled = replace(identified.trust, other_gravity="gravity is another one")
+    text = Page(report_html(replace(identified, trust=pulled, tests=identified.trained), ORIGIN, {})).text
     assert "nMSE, validation" not in text
     assert "1 more recordings are not shown" in text and "Use none of these models" in text
 

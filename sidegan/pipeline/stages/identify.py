@@ -172,8 +172,8 @@ def _digest(path: Path) -> str:
 
 
 def _check(task: Task) -> None:
-    if told := tell_doubtful(recorded_arm(task)):
-        log.warning("%s; identification starts from the nearest that can be", told)
+    if doubtful := tell_doubtful(recorded_arm(task)):
+        log.warning("%s; identification starts from the nearest that can be", doubtful)
 
 
 STAGE = Stage(lambda task: [model(task)], _show, _check)

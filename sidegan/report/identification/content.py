@@ -50,7 +50,7 @@ def advice(identified: IdentifiedArm) -> str:
 
 def _use(identified: IdentifiedArm) -> str:
     use, method, trust = identified.use, identified.chosen.method, identified.trust
-    if trust.turned:
+    if trust.other_gravity:
         return "Use none of these models: their links are what makes up for a gravity that is another one."
     if not trust.judged.nmse_mean < 1:
         return "Use none of these models: none predicts better than the mean torque does."
@@ -77,7 +77,7 @@ def _use(identified: IdentifiedArm) -> str:
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """Motions to record next, a sentence each; the command designs them."""
-    if identified.trust.turned:
+    if identified.trust.other_gravity:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
     same = "more motion of the same kind leaves the bias as it is"
     asked = [f"record {motion}: {same}" for motion in identified.helpful_motions]
