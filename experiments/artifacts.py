@@ -1,4 +1,4 @@
-"""What the experiments show, read from a run's artifacts as frames; nothing else here opens an artifact."""
+"""Frames of a run's artifacts, which the experiments show; nothing else here opens an artifact."""
 
 import math
 from collections import defaultdict
@@ -19,7 +19,7 @@ from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
-from sidegan.pipeline.stages.pools import RANDOM, SEEDS, pools
+from sidegan.pipeline.stages.pools import SEEDS, pools
 from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
@@ -27,9 +27,7 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, surrogates
-from sidegan.pipeline.task import EXPECTED, FACTS, LIBRARY, Task
-
-__all__ = ["LIBRARY", "RANDOM", "SEEDS", "Artifacts", "Report"]
+from sidegan.pipeline.task import EXPECTED, FACTS, Task
 
 Report = dict[str, Any]
 
@@ -38,7 +36,7 @@ _OF_FIRST = {"subsets"}  # frames of the first condition of a group alone
 
 @dataclass(frozen=True)
 class Artifacts:
-    """What was made for one task, read when it is first needed.
+    """Artifacts of one task, read when they are first needed.
 
     Attributes:
         task: the settings and where their artifacts are.
@@ -100,8 +98,7 @@ class Artifacts:
     def subsets(self) -> pd.DataFrame:
         """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
         sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
-        parts = ((size, on_subset(self.task, size)) for size in sizes)
-        return pd.concat([self._histories(part).assign(seeds=n) for n, part in parts])
+        return pd.concat([self._histories(on_subset(self.task, n)).assign(seeds=n) for n in sizes])
 
     @cached_property
     def generators(self) -> pd.DataFrame:
@@ -118,9 +115,8 @@ class Artifacts:
     @cached_property
     def longs(self) -> dict[str, tuple[Report, Library]]:
         """Report and library of every single long trajectory."""
-        return {
-            f"long-{h}": self._with_library(long_trajectory(self.task, h)) for h in self.cfg.long.harmonics
-        }
+        made = {f"long-{h}": long_trajectory(self.task, h) for h in self.cfg.long.harmonics}
+        return {name: (self.report(one), self.task.load(one)) for name, one in made.items()}
 
     @property
     def seed_seconds(self) -> float:
@@ -148,11 +144,11 @@ class Artifacts:
         return self.task.load(selection(self.task, pool))
 
     def report(self, artifact: Artifact) -> Report:
-        """Report of an artifact, with what it took."""
+        """Report of an artifact, with its costs."""
         return self.task.report(artifact) | self.costs(artifact)
 
     def costs(self, artifact: Artifact) -> Report:
-        """What making an artifact took; not a number where that was not kept."""
+        """Costs of making an artifact; not a number where they were not kept."""
         return defaultdict(lambda: math.nan, self.task.store.costs(artifact))
 
     def seconds(self, artifact: Artifact) -> float:
@@ -160,20 +156,15 @@ class Artifacts:
         return float(self.costs(artifact)["seconds"])
 
     def _histories(self, task: Task) -> pd.DataFrame:
-        parts = [
-            self._history(generator(task, name, k, variant)).assign(variant=name, training=k)
-            for name, variant in task.cfg.gan.items()
-            for k in task.cfg.trainings
-        ]
+        parts = []
+        for name, variant in task.cfg.gan.items():
+            for k in task.cfg.trainings:
+                artifact = generator(task, name, k, variant)
+                rows = pd.DataFrame(task.history(artifact)).astype(float)
+                rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
+                kept = rows.epoch == task.report(artifact)["kept_epoch"]
+                parts.append(rows.assign(kept=kept, variant=name, training=k))
         return pd.concat(parts, ignore_index=True)
-
-    def _history(self, artifact: Artifact) -> pd.DataFrame:
-        rows = pd.DataFrame(self.task.history(artifact)).astype(float)
-        rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
-        return rows.assign(kept=rows.epoch == self.task.report(artifact)["kept_epoch"])
-
-    def _with_library(self, artifact: Artifact) -> tuple[Report, Library]:
-        return self.report(artifact), self.task.load(artifact)
 
 
 @dataclass(frozen=True)
@@ -182,7 +173,7 @@ class Group:
 
     Attributes:
         name: of the group, for people.
-        parts: what was made under each of its conditions, by name.
+        parts: artifacts of each of its conditions, by name.
     """
 
     name: str
@@ -190,16 +181,16 @@ class Group:
 
     @property
     def first(self) -> Artifacts:
-        """What was made under its first condition."""
+        """Artifacts of its first condition."""
         return next(iter(self.parts.values()))
 
     _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over the conditions in which it is made, each told by ``seed_set``."""
+        """A frame of ``Artifacts`` over the conditions that make it, with their names as ``seed_set``."""
         if name not in self._frames:
-            made = self.parts if name not in _OF_FIRST else dict([next(iter(self.parts.items()))])
-            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in made.items()]
+            parts = list(self.parts.items())[: 1 if name in _OF_FIRST else None]
+            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in parts]
             self._frames[name] = pd.concat(frames, ignore_index=True)
         return self._frames[name]
 
@@ -213,7 +204,7 @@ class Group:
 
 
 def comparison(task: Task) -> dict[str, Group]:
-    """What was made under every condition that the page compares, by group."""
+    """Artifacts of every condition that the page compares, by group."""
     own = task.cfg.condition.name
     tasks = [task if name == own else task.under(name) for name in task.cfg.conditions or [own]]
     groups: dict[str, Group] = {}

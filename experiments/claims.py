@@ -13,7 +13,7 @@ import pandas as pd
 
 from experiments import claims_identification, claims_training
 from experiments.artifacts import SEEDS, Group
-from experiments.finding import SIDE_GANS, Finding
+from experiments.finding import SIDE_GANS, Judgement
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
 
@@ -22,7 +22,7 @@ _PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
 CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
 # Claims about what valid generated trajectories add to the seeds.
 _ADDED = {"diverse_union", "generated_beat_seeds", "real_generated_beat_seeds", "smallest_norm"}
-_ADDED |= set(claims_identification.OF_WHOLE_SETS)
+_ADDED |= {"generated_improve", "more_than_vanilla", "eigen_best", "not_replaced", "not_less"}
 # Claims about samples as they come.
 _SAMPLES = {"vanilla_first", "fitter", "inertial", "diverse_diagonals", "few_seeds_excite", "faster"}
 
@@ -36,7 +36,7 @@ class Claim(NamedTuple):
     paper: str
     criterion: str
     why: str
-    findings: dict[str, Finding]  # by group of conditions
+    findings: dict[str, Judgement]  # by group of conditions
 
 
 def claims(groups: Mapping[str, Group]) -> list[Claim]:
@@ -52,8 +52,8 @@ def claims(groups: Mapping[str, Group]) -> list[Claim]:
     return judged
 
 
-def _found(key: str, group: Group) -> Finding:
-    """What was measured of a claim; of one about what is added to the seeds, also where nothing is."""
+def _found(key: str, group: Group) -> Judgement:
+    """Judgement of a claim; of one about what is added to the seeds, also where nothing is."""
     finding, barren = CRITERIA[key](group), barren_variants(group)
     if key in _SAMPLES and set(SIDE_GANS) <= set(barren):
         return replace(finding, ours=f"{finding.ours}; no sample of the SIDE-GANs' is valid at the end")
@@ -83,7 +83,7 @@ def table(judged: list[Claim]) -> pd.DataFrame:
 
 
 def findings(judged: list[Claim]) -> pd.DataFrame:
-    """What every verdict rests on: its criterion, and what each group measured."""
+    """Grounds of every verdict: its criterion, and what each group measured."""
     rows = [
         {"Claim": claim.text, "Criterion": claim.criterion}
         | {name: f"{signed(finding)}: {finding.ours}" for name, finding in claim.findings.items()}
@@ -93,13 +93,13 @@ def findings(judged: list[Claim]) -> pd.DataFrame:
     return pd.DataFrame(rows).set_index("Claim")
 
 
-def signed(finding: Finding) -> str:
+def signed(finding: Judgement) -> str:
     """A verdict with its sign."""
     return f"{_SIGNS[finding.verdict]} {finding.verdict}"
 
 
 def counted(verdicts: Iterable[str]) -> str:
-    """How many claims hold and how many do not, in words."""
+    """Numbers of claims that hold and that do not, in words."""
     counts = Counter(verdicts)
     parts = {verdict: counts[verdict] for verdict in _SIGNS if counts[verdict]}
     return ", ".join(f"{n} {_PLURAL.get(v, v) if n > 1 else v}" for v, n in parts.items())

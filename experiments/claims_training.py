@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from scipy.special import logit
 from experiments.artifacts import Group
 from experiments.finding import (
     SIDE_GANS,
-    Finding,
+    Judgement,
     against,
     at,
     by_epoch,
@@ -49,30 +50,30 @@ _LATE = 40  # epochs after which the paper compares
 _ORDERS = 1e4  # times faster that are four orders of magnitude
 
 
-def _predictor(group: Group) -> Finding:
+def _predictor(group: Group) -> Judgement:
     accuracy = group.predictor("accuracy_paper")
     truth = {name: _odds(group, at(group, name, "success", _LATE)) for name in SIDE_GANS}
     ours = (
         f"{accuracy.mean():.1%} on held-out seeds and faulty samples; truly valid of what it then accepts: "
     )
     verdict = HOLDS if (accuracy >= _ACCURATE).all() else NOT
-    return Finding(verdict, ours + shares(truth), {"accurate": _ACCURATE})
+    return Judgement(verdict, ours + shares(truth), {"accurate": _ACCURATE})
 
 
-def _reliable(group: Group) -> Finding:
+def _reliable(group: Group) -> Judgement:
     early = {name: _odds(group, at(group, name, "success", EARLY, EARLY)) for name in SIDE_GANS}
     ours = f"{shares(early)} valid after {EARLY} epochs"
     verdict = together(above(x, logit(RELIABLE)) for x in early.values())
-    return Finding(verdict, ours, {"epochs": EARLY, "reliable": RELIABLE})
+    return Judgement(verdict, ours, {"epochs": EARLY, "reliable": RELIABLE})
 
 
-def _vanilla_fails(group: Group) -> Finding:
+def _vanilla_fails(group: Group) -> Judgement:
     curve = by_epoch(group, "vanilla", "success")
     best, end = (_odds(group, x) for x in (curve.max(), curve.iloc[-1]))
-    told = [shares({"vanilla": x}) for x in (best, end)]
+    said = [shares({"vanilla": x}) for x in (best, end)]
     epochs = ", ".join(str(epoch) for epoch in sorted(set(curve.idxmax())))
-    ours = f"at best {told[0]} valid (after epoch {epochs}), at the end {told[1]}"
-    return Finding(below(best, logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
+    ours = f"at best {said[0]} valid (after epoch {epochs}), at the end {said[1]}"
+    return Judgement(below(best, logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
 
 
 def _odds(group: Group, success: pd.Series) -> pd.Series:
@@ -80,21 +81,9 @@ def _odds(group: Group, success: pd.Series) -> pd.Series:
     return log_odds(success, group.first.cfg.scale.evaluation)
 
 
-def _vanilla_first(group: Group) -> Finding:
-    return _against_vanilla(group, "condition", below, 1, EARLY)
-
-
-def _fitter(group: Group) -> Finding:
-    return _against_vanilla(group, "condition", above, _LATE)
-
-
-def _more_diverse(group: Group) -> Finding:
-    return _against_vanilla(group, "distance", below, _LATE)
-
-
 def _against_vanilla(
     group: Group, key: str, judge: Callable[[pd.Series], str], first: int, last: int | None = None
-) -> Finding:
+) -> Judgement:
     """Vanilla's metric over the SIDE-GANs', of all samples and of the valid alone, in the same epochs."""
     everything, valid = (_gains(group, one, first, last) for one in (key, f"{key}_valid"))
     found = over_both(everything, valid, judge)
@@ -108,7 +97,7 @@ def _gains(group: Group, key: str, first: int, last: int | None = None) -> dict[
     return {name: vanilla - np.log(at(group, name, key, first, last)) for name in SIDE_GANS}
 
 
-def _traded(group: Group) -> Finding:
+def _traded(group: Group) -> Judgement:
     early = {n: _odds(group, at(group, n, "success", EARLY, EARLY)) for n in SIDE_GANS}
     late = {n: _odds(group, at(group, n, "success", _TRADING)) for n in SIDE_GANS}
     lost = {n: above(early[n] - late[n]) for n in SIDE_GANS}
@@ -124,10 +113,10 @@ def _traded(group: Group) -> Finding:
     ours += f"of all samples {ratios(gained)}, of the valid alone {ratios(of_valid)}"
     if other != verdict:
         ours += f", by which the verdict would be: {other}"
-    return Finding(verdict, ours, {"epochs": EARLY})
+    return Judgement(verdict, ours, {"epochs": EARLY})
 
 
-def _comparable(group: Group) -> Finding:
+def _comparable(group: Group) -> Judgement:
     effects = {
         f"{name}, {key}": against(at(group, name, key, _LATE), group.seeds(key))
         for name in SIDE_GANS
@@ -136,50 +125,50 @@ def _comparable(group: Group) -> Finding:
     verdict = together(above(x, np.log(_COMPARABLE)) for x in effects.values())
     distance = {n: against(at(group, n, "distance", _LATE), group.seeds("distance")) for n in SIDE_GANS}
     ours = f"shares of the seeds': {ratios(effects)}; mean distance: {ratios(distance)}"
-    return Finding(verdict, ours, {"comparable": _COMPARABLE, "late": _LATE})
+    return Judgement(verdict, ours, {"comparable": _COMPARABLE, "late": _LATE})
 
 
-def _inertial(group: Group) -> Finding:
+def _inertial(group: Group) -> Judgement:
     effects = {n: -x for n, x in _gains(group, "distance_diagonal", 1).items()}
     verdict = together(map(not_below, effects.values()))
-    return Finding(verdict, f"over vanilla's, all epochs: {ratios(effects)}")
+    return Judgement(verdict, f"over vanilla's, all epochs: {ratios(effects)}")
 
 
-def _diverse_diagonals(group: Group) -> Finding:
+def _diverse_diagonals(group: Group) -> Judgement:
     seeds = group.seeds("distance_diagonal")
     effects = {n: against(at(group, n, "distance_diagonal", _LATE), seeds) for n in SIDE_GANS}
     verdict = together(above(x, np.log(_MORE)) for x in effects.values())
-    return Finding(verdict, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
+    return Judgement(verdict, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
 
 
-def _diverse_union(group: Group) -> Finding:
+def _diverse_union(group: Group) -> Judgement:
     frame, effects = group.frame("generators"), {}
     for name in SIDE_GANS:
         part = frame[frame.name == name].set_index([SEED_SET, TRAINING]).union_distance_diagonal
         effects[name] = against(part.astype(float), group.seeds("distance_diagonal"))
-    return Finding(together(above(x) for x in effects.values()), f"of the seeds': {ratios(effects)}")
+    return Judgement(together(above(x) for x in effects.values()), f"of the seeds': {ratios(effects)}")
 
 
-def _density_fails(group: Group) -> Finding:
+def _density_fails(group: Group) -> Judgement:
     share = float(group.first.density.sort_values("bandwidth").success.iloc[-1])
     measured = proportion(share, group.first.cfg.discussion.draws)
-    return Finding(beside(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
+    return Judgement(beside(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
 
 
-def _few_seeds_fail(group: Group) -> Finding:
+def _few_seeds_fail(group: Group) -> Judgement:
     kept, smallest = _few(group, "success")
     odds = {n: _odds(group, x) for n, x in kept.items()}
     verdict = together(below(x, logit(_FEW)) for x in odds.values())
-    return Finding(verdict, f"{shares(odds)} valid", {"seeds": smallest, "few": _FEW})
+    return Judgement(verdict, f"{shares(odds)} valid", {"seeds": smallest, "few": _FEW})
 
 
-def _few_seeds_excite(group: Group) -> Finding:
+def _few_seeds_excite(group: Group) -> Judgement:
     condition, smallest = _few(group, "condition")
     random = pd.Series({one: float(part.random["condition"]) for one, part in group.parts.items()})
     effects = {n: against(x, random) for n, x in condition.items()}
     seeds = {n: against(x, group.seeds("condition")) for n, x in condition.items()}
     ours = f"cond(YᵀY) over that of random valid ones: {ratios(effects)}; over the seeds': {ratios(seeds)}"
-    return Finding(together(map(below, effects.values())), ours, {"seeds": smallest})
+    return Judgement(together(map(below, effects.values())), ours, {"seeds": smallest})
 
 
 def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
@@ -191,39 +180,39 @@ def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
     return {n: kept[kept.variant == n][key] for n in SIDE_GANS}, smallest
 
 
-def _faster(group: Group) -> Finding:
+def _faster(group: Group) -> Judgement:
     seed, one = group.first.seed_seconds, group.first.speed["generation_seconds"]
     if np.isnan(seed):
         return unknown()
     return _measured(seed / one, _ORDERS, f"{seconds(one)} against {seconds(seed)} ({seed / one:,.0f} ×)")
 
 
-def _checked(group: Group) -> Finding:
+def _checked(group: Group) -> Judgement:
     rate = group.first.speed["valid_per_second"]
     return _measured(rate, 1 / PAPER["seconds"]["checked"], f"{plain(rate)} /s")
 
 
-def _grows(group: Group) -> Finding:
+def _grows(group: Group) -> Judgement:
     exponent = group.first.speed["growth"]
     return _measured(
         exponent, 3.0, f"cost of an evaluation grows with the {exponent:.2f}th power of its length"
     )
 
 
-def _measured(value: float, enough: float, text: str) -> Finding:
+def _measured(value: float, enough: float, text: str) -> Judgement:
     if np.isnan(value):
         return unknown()
-    return Finding(HOLDS if value > enough else NOT, text)
+    return Judgement(HOLDS if value > enough else NOT, text)
 
 
-CRITERIA: dict[str, Callable[[Group], Finding]] = {
+CRITERIA: dict[str, Callable[[Group], Judgement]] = {
     "predictor": _predictor,
     "reliable": _reliable,
     "vanilla_fails": _vanilla_fails,
-    "vanilla_first": _vanilla_first,
-    "fitter": _fitter,
+    "vanilla_first": partial(_against_vanilla, key="condition", judge=below, first=1, last=EARLY),
+    "fitter": partial(_against_vanilla, key="condition", judge=above, first=_LATE),
     "traded": _traded,
-    "more_diverse": _more_diverse,
+    "more_diverse": partial(_against_vanilla, key="distance", judge=below, first=_LATE),
     "comparable": _comparable,
     "inertial": _inertial,
     "diverse_diagonals": _diverse_diagonals,

@@ -24,7 +24,7 @@ def seed_sets(artifacts: Mapping[str, Artifacts]) -> pd.DataFrame:
 
 
 def seed_facts(artifacts: Artifacts) -> dict[str, float]:
-    """Numbers by which two seed sets can be told apart."""
+    """Numbers in which two seed sets differ."""
     library = artifacts.task.load(seed_set(artifacts.task))
     c, margin = library.coefficients.numpy(), library.margins["position"].numpy()
     on_box = np.abs(c) > (1 - _ON_BOX) * np.abs(c).max()
@@ -48,7 +48,7 @@ def densities(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def longs(artifacts: Artifacts) -> pd.DataFrame:
-    """How the single long trajectories were reached, for people."""
+    """Search for the single long trajectories, for people."""
     reports = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in artifacts.longs.items()}
     table = tables.formatted(pd.DataFrame(reports).T, COLUMNS["long"], NOT_MEASURED)
     return table.rename_axis("single long trajectory")

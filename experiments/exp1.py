@@ -14,15 +14,12 @@ from experiments.finding import SIDE_GANS, words
 from experiments.pages import leave
 from experiments.verdicts import CONFIDENCE, TRAINING, by_set, interval, log_ratio
 from experiments.words import PAPER
-from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 EXPECTED, EXPECTED_WEIGHTED = "Simulator, expected", "Simulator, weighted, expected"
 PLANT, PLANT_WEIGHTED = "MuJoCo plants", "MuJoCo plants, weighted"
-RAW, RAW_PLANT = "exp1.parquet", "plant.parquet"
-
 
 collect = Artifacts
 
@@ -30,8 +27,6 @@ collect = Artifacts
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Table I, what stands behind it, and its figures."""
     config, raw = artifacts.cfg, artifacts.errors
-    write_parquet(folder / RAW, tables.arrow(raw))
-    write_parquet(folder / RAW_PLANT, tables.arrow(artifacts.plant))
     trainings = len(config.trainings)
     over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
     over += f" and {trainings} trainings" if trainings > 1 else ""
@@ -98,7 +93,7 @@ def _of_several(effect: pd.Series) -> pd.Series:
 
 
 def _kind(name: str) -> str:
-    """Which of the paper's columns a set belongs to."""
+    """Name of the paper's column that a set belongs to."""
     if name.startswith("long"):
         return "long"
     return "generated" if name in SIDE_GANS else name

@@ -12,13 +12,9 @@ from experiments.pages import leave
 from experiments.verdicts import levels
 from experiments.words import PAPER
 from sidegan.base.names import plain
-from sidegan.base.storage import write_parquet
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
-
-RAW, NORMS = "exp2.parquet", "covariance.parquet"
-
 
 collect = Artifacts
 
@@ -26,8 +22,6 @@ collect = Artifacts
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Tables II and III, unweighted as in the paper and weighted."""
     config, results = artifacts.cfg, artifacts.whole_errors
-    write_parquet(folder / RAW, tables.arrow(results))
-    write_parquet(folder / NORMS, tables.arrow(artifacts.whole_facts))
     noise = config.replication.noise
     setting = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
     spread = "mean ± standard deviation over joints"

@@ -1,4 +1,4 @@
-"""What was measured of one claim in one group of conditions, and the words that say it."""
+"""Findings on one claim in one group of conditions, and their words."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -16,17 +16,17 @@ GANS = ("vanilla", *SIDE_GANS)
 
 
 @dataclass(frozen=True)
-class Finding:
-    """What was measured of one claim: verdict, evidence in words, numbers for the words of the claim."""
+class Judgement:
+    """Judgement of one claim: verdict, evidence in words, numbers for the words of the claim."""
 
     verdict: str
     ours: str
     numbers: dict[str, Any] = field(default_factory=dict)
 
 
-def unknown() -> Finding:
+def unknown() -> Judgement:
     """Nothing was measured."""
-    return Finding(UNKNOWN, UNKNOWN)
+    return Judgement(UNKNOWN, UNKNOWN)
 
 
 def by_epoch(group: Group, variant: str, key: str) -> pd.DataFrame:
@@ -68,7 +68,7 @@ def over_both(
     everything: Mapping[str, pd.Series],
     valid: Mapping[str, pd.Series],
     judge: Callable[[pd.Series], str],
-) -> Finding:
+) -> Judgement:
     """A verdict on ratios over all samples, and over the valid alone in its evidence.
 
     Args:
@@ -82,7 +82,7 @@ def over_both(
     ours = f"of all samples {ratios(everything)}; of the valid alone {ratios(known)}"
     if other != verdict:
         ours += f", by which the verdict would be: {other}"
-    return Finding(verdict, ours)
+    return Judgement(verdict, ours)
 
 
 def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:

@@ -1,4 +1,4 @@
-"""How the results of an experiment are left and recorded: tables and figures alone, or a page of them."""
+"""Results of an experiment as files and records: tables and figures alone, or a page of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 @dataclass(frozen=True)
 class Page:
-    """What a page is made from.
+    """Content of a page.
 
     Attributes:
         name: of the page, of its template and of the folder of its tables and figures.

@@ -19,8 +19,8 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, motion, tables
-from sidegan.report.figures import Across, Panel
-from sidegan.report.pose import Bundle, film, scene
+from sidegan.report.figures import Panel
+from sidegan.report.motion import Bundle
 from sidegan.report.style import colour
 
 if TYPE_CHECKING:  # slow to import
@@ -102,7 +102,7 @@ def described(artifacts: Artifacts) -> str:
 
 
 def checked(groups: Groups) -> dict[str, list[str]]:
-    """What counts as valid, and the groups in which it does."""
+    """Definitions of valid, each with the groups that use it."""
     words: dict[str, list[str]] = {}
     for name, group in groups.items():
         words.setdefault(group.first.task.constraints.described(), []).append(name)
@@ -161,7 +161,7 @@ def _figures(group: Group) -> dict[str, "Figure"]:
     measured = pd.DataFrame([part.few_seeds for part in group.parts.values()]).mean()
     seeds = {str(key): float(x) for key, x in measured.items()}
     share = [Panel("success", "valid share")]
-    subsets, taught = group.frame("subsets"), Across("seeds", "seeds trained on")
+    subsets, taught = group.frame("subsets"), ("seeds", "seeds trained on")
     return {
         "training": training.figure(group.frame("histories"), seeds, union),
         "nmse": figures.errors(raw),
@@ -184,9 +184,9 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
         for name, bundle in sets.items()
     ]
     return {
-        "traces": motion.paths(scene(task.arm, traces)),
-        "stacked": motion.paths(scene(task.arm, stacked)),
-        "snapshots": motion.snapshots(film(task.arm, family, generated[:1])),
+        "traces": motion.paths(task.arm, traces),
+        "stacked": motion.paths(task.arm, stacked),
+        "snapshots": motion.snapshots(task.arm, family, generated[:1]),
     }
 
 

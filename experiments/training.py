@@ -12,14 +12,12 @@ import pandas as pd
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
 from experiments.verdicts import levels
-from sidegan.base.storage import write_parquet
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
-RAW = "training.parquet"
 RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
 EARLY = 10  # epochs after which the paper says so
 
@@ -30,7 +28,6 @@ collect = Artifacts
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Draw, write and record the figure and the tables behind it."""
     histories, cfg = artifacts.histories, artifacts.cfg
-    write_parquet(folder / RAW, tables.arrow(histories))
     over = f"{len(cfg.trainings)} trainings, {cfg.scale.evaluation} samples per epoch"
     shown = {
         "generators": (
@@ -63,7 +60,7 @@ def figure(
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
     compared = {SEEDS: seeds | {"success": seeds["valid"]}, "union": union or {}}
     shown = figures.metrics(references=compared)
-    return figures.panels(histories, figures.Across("epoch", "epoch"), shown, "variant", columns=3)
+    return figures.panels(histories, ("epoch", "epoch"), shown, "variant", columns=3)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:

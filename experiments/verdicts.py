@@ -44,7 +44,7 @@ class Interval(NamedTuple):
 
 
 def levels(frame: pd.DataFrame, *more: str) -> list[str]:
-    """The columns that tell single trainings, and others after them, as far as a frame has them."""
+    """Columns that identify single trainings, and others after them, as far as a frame has them."""
     return [key for key in (SEED_SET, TRAINING, *more) if key in frame]
 
 
@@ -148,7 +148,7 @@ def _matched(values: pd.Series, other: pd.Series) -> pd.Series:
 
 
 def _units(values: pd.Series) -> list[list[str]]:
-    """The levels that single trainings and single noise draws are told by, as far as an effect has them."""
+    """Levels that identify single trainings and single noise draws, as far as an effect has them."""
     names = set(values.index.names)
     shared = [SEED_SET] if SEED_SET in names else []
     return [[*shared, level] for level in (TRAINING, REPEAT) if level in names]

@@ -22,7 +22,7 @@ DOORS = {
     "hydra": {"pipeline", "run"},
     "omegaconf": {"pipeline", "run"},
     "matplotlib": {"report"},
-    "trimesh": {"robot"},
+    "trimesh": {"robot", "report"},
     "numba": {"motion"},
     "mujoco": {"plant", "robot"},
     "xacrodoc": {"robot"},

@@ -83,11 +83,5 @@ def _shortest(arm: Arm, change: Tensor, use: float) -> float:
 
 
 def _quintic(arm: Arm, ends: Tensor, duration: float) -> Course:
-    s = torch.linspace(0, 1, _POINTS + 1, dtype=torch.float64)[:, None]
-    change = ends[1] - ends[0]
-    rise = 10 * s**3 - 15 * s**4 + 6 * s**5
-    rate = (30 * s**2 - 60 * s**3 + 30 * s**4) / duration
-    growth = (60 * s - 180 * s**2 + 120 * s**3) / duration**2
-    return Course(
-        arm.joint_names, s[:, 0] * duration, ends[0] + rise * change, rate * change, growth * change
-    )
+    rest, time = torch.zeros_like(ends), torch.tensor([0.0, duration], dtype=torch.float64)
+    return Course(arm.joint_names, time, ends, rest, rest).sampled(_POINTS / duration)

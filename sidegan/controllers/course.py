@@ -1,9 +1,9 @@
-"""What a controller is asked to follow: joint positions with their derivatives, over time."""
+"""Motions that a controller is asked to follow: joint positions with their derivatives, over time."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import scipy  # its parts are imported when they are used
 import torch
 from torch import Tensor
 
@@ -15,16 +15,8 @@ from sidegan.motion.trajectory import Motion, Trajectory
 # draws straight lines within 1.3 % of it: (2π/20)² / 8.
 POINTS = 20
 
-# Quintics over [0, 1], coefficients of s⁰ … s⁵, each with one unit among its position at 0 and at 1, its
-# velocity at 0 and at 1, and its acceleration at 0 and at 1.
-_HERMITE = (
-    (1.0, 0.0, 0.0, -10.0, 15.0, -6.0),
-    (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),
-    (0.0, 1.0, 0.0, -6.0, 8.0, -3.0),
-    (0.0, 0.0, 0.0, -4.0, 7.0, -3.0),
-    (0.0, 0.0, 0.5, -1.5, 1.5, -0.5),
-    (0.0, 0.0, 0.0, 0.5, -1.0, 0.5),
-)
+STATES = ("position", "velocity", "acceleration")
+_MET = 1e-4  # [rad or m] between the end of one course and the start of the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +31,7 @@ class Course:
 
     def __post_init__(self) -> None:
         wanted = len(self.time), len(self.joint_names)
-        for name in ("position", "velocity", "acceleration"):
+        for name in STATES:
             if getattr(self, name).shape != wanted:
                 raise ShapeError(f"{name} is {tuple(getattr(self, name).shape)}, expected {wanted}")
         if len(self.time) < 2 or float(self.time[0]) != 0 or not (self.time.diff() > 0).all():
@@ -62,43 +54,28 @@ class Course:
         return self._drawn(times)[0]
 
     def sampled(self, rate: float) -> "Course":
-        """The same motion with points at a rate [Hz], on the quintics that join the points; 20 at least."""
+        """This motion with points at a rate [Hz], on the quintics that join the points; 20 at least."""
         count = max(POINTS, round(self.duration * rate))
         times = torch.linspace(0, self.duration, count + 1, dtype=torch.float64)
         return Course(self.joint_names, times, *self._drawn(times))
 
     def _drawn(self, times: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Position, velocity and acceleration at times [s], (N, J) each."""
-        k = (torch.searchsorted(self.time, times, right=True) - 1).clamp(0, len(self.time) - 2)
-        h = (self.time[k + 1] - self.time[k])[:, None]
-        s = (times - self.time[k])[:, None] / h
-        q, v, a = self.position, self.velocity, self.acceleration
-        parts = torch.stack([q[k], q[k + 1], v[k] * h, v[k + 1] * h, a[k] * h**2, a[k + 1] * h**2])
-        powers = torch.tensor(_HERMITE, dtype=torch.float64)  # (6 parts, 6 powers of s)
-        drawn = []
-        for order in range(3):
-            basis = torch.zeros(6, *s.shape, dtype=torch.float64)
-            for power in range(order, 6):
-                factor = math.prod(range(power - order + 1, power + 1))
-                basis += (factor * powers[:, power])[:, None, None] * s ** (power - order)
-            drawn.append((basis * parts).sum(0) / h**order)
-        return drawn[0], drawn[1], drawn[2]
+        states = torch.stack([self.position, self.velocity, self.acceleration], 1).numpy()
+        curve = scipy.interpolate.BPoly.from_derivatives(self.time.numpy(), states)
+        position, velocity, acceleration = (torch.from_numpy(curve(times.numpy(), k)) for k in range(3))
+        return position, velocity, acceleration
 
     def slowed(self, speed: float) -> "Course":
-        """The same path at a share of the speed: velocities × speed, accelerations × speed².
+        """This path at a share of the speed: velocities × speed, accelerations × speed².
 
         Raises:
             ShapeError: when the share is not above 0 and up to 1.
         """
         if not 0 < speed <= 1:
             raise ShapeError(f"speed is {speed}, expected a share above 0 and up to 1")
-        return Course(
-            self.joint_names,
-            self.time / speed,
-            self.position,
-            speed * self.velocity,
-            speed**2 * self.acceleration,
-        )
+        rates = speed * self.velocity, speed**2 * self.acceleration
+        return Course(self.joint_names, self.time / speed, self.position, *rates)
 
     def then(self, other: "Course", pause: float = 0.0) -> "Course":
         """This course, a pause at rest [s], and another that starts where this one ends.
@@ -112,14 +89,8 @@ class Course:
         start = self.time[-1] + pause
         begin = int(pause == 0)  # the shared point of rest is kept once
         time = torch.cat([self.time, start + other.time[begin:]])
-        parts = (
-            torch.cat([getattr(self, name), getattr(other, name)[begin:]])
-            for name in ("position", "velocity", "acceleration")
-        )
-        return Course(self.joint_names, time, *parts)
-
-
-_MET = 1e-4  # [rad or m] between the end of one course and the start of the next
+        states = (torch.cat([getattr(self, name), getattr(other, name)[begin:]]) for name in STATES)
+        return Course(self.joint_names, time, *states)
 
 
 def knots(trajectory: Trajectory) -> Tensor:

@@ -1,6 +1,5 @@
 """The files of a set of trajectories, one for each controller that was asked for."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from torch import Tensor
@@ -32,16 +31,28 @@ def deliver(
         StorageError: when a file cannot be written.
     """
     digits, pause, joints = len(str(len(c))), settings.pause or 0.0, constraints.arm.joint_names
-    names = [f"{k + 1:0{digits}}" for k in range(len(c))]
 
     def courses(times: Tensor) -> dict[str, Course]:
-        each = (Course.of(joints, trajectory.roll_out(one[None], times)) for one in c)
-        return {name: course.slowed(settings.speed) for name, course in zip(names, each)}
+        """Each trajectory with points at these times [s], by its number."""
+        each = [Course.of(joints, trajectory.roll_out(one[None], times)).slowed(settings.speed) for one in c]
+        return {f"{k + 1:0{digits}}": course for k, course in enumerate(each)}
 
     points, ways = courses(knots(trajectory)), _ways(constraints, trajectory, settings)
-    fine = courses(trajectory.times(settings.rate / settings.speed)) if "csv" in settings.formats else {}
-    fine = fine | {name: way.sampled(settings.rate) for name, way in ways.items()}
-    _write(settings.formats, (points, fine, ways), pause, folder)
+    if "csv" in settings.formats:
+        fine = courses(trajectory.times(settings.rate / settings.speed))
+        fine |= {_ALL: run_of([*fine.values()], pause)}
+        fine |= {name: way.sampled(settings.rate) for name, way in ways.items()}
+        for name, course in fine.items():
+            write_bytes(folder / f"{name}.csv", csv_text(course).encode())
+    if "ros2" in settings.formats:
+        for name, course in (points | ways).items():
+            write_bytes(folder / f"{name}.yaml", goal_text(course).encode())
+    if "mcap" in settings.formats:
+        named = {f"trajectory_{name}": one for name, one in points.items()} | ways
+        write_mcap(named, folder / f"{_ALL}.mcap")
+    if "urscript" in settings.formats:
+        for name, course in (points | ways | {_ALL: run_of([*points.values()], pause)}).items():
+            write_bytes(folder / f"{name}.script", script_text(course, f"excite_{name}").encode())
 
 
 def _ways(constraints: Constraints, trajectory: Trajectory, settings: Delivery) -> dict[str, Course]:
@@ -51,23 +62,3 @@ def _ways(constraints: Constraints, trajectory: Trajectory, settings: Delivery) 
     home = tuple(trajectory.home or ())
     ends = {"approach": (settings.start, home), "return": (home, settings.start)}
     return {name: approach(constraints, *both, settings.careful) for name, both in ends.items()}
-
-
-def _write(
-    formats: Sequence[str], courses: tuple[dict[str, Course], ...], pause: float, folder: Path
-) -> None:
-    """Write courses of few points, of many, and the ways to home and back."""
-    points, fine, ways = courses
-    if "csv" in formats:
-        in_a_row = run_of([one for name, one in fine.items() if name not in ways], pause)
-        for name, course in (fine | {_ALL: in_a_row}).items():
-            write_bytes(folder / f"{name}.csv", csv_text(course).encode())
-    if "ros2" in formats:
-        for name, course in (points | ways).items():
-            write_bytes(folder / f"{name}.yaml", goal_text(course).encode())
-    if "mcap" in formats:
-        named = {f"trajectory_{name}": one for name, one in points.items()} | ways
-        write_mcap(named, folder / f"{_ALL}.mcap")
-    if "urscript" in formats:
-        for name, course in (points | ways | {_ALL: run_of([*points.values()], pause)}).items():
-            write_bytes(folder / f"{name}.script", script_text(course, f"excite_{name}").encode())

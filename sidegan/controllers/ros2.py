@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from sidegan.base.storage import replacing
-from sidegan.controllers.course import Course
+from sidegan.controllers.course import STATES, Course
 from sidegan.errors import StorageError
 
 _KEYS = ("positions", "velocities", "accelerations")
@@ -26,7 +26,7 @@ def goal_text(course: Course) -> str:
     """
     names = yaml.safe_dump([*course.joint_names], default_flow_style=True, width=math.inf, allow_unicode=True)
     lines = ["trajectory:", f"  joint_names: {names.strip()}", "  points:"]
-    states = (getattr(course, name).tolist() for name in ("position", "velocity", "acceleration"))
+    states = (getattr(course, name).tolist() for name in STATES)
     for time, *values in zip(course.time.tolist(), *states):  # twenty times as fast as PyYAML
         duration = ", ".join(f"{unit}: {amount}" for unit, amount in _duration(time).items())
         rows = [f"{key}: [{', '.join(map(_number, row))}]" for key, row in zip(_KEYS, values)]
@@ -63,7 +63,7 @@ def _message(types: Mapping[str, Any], course: Course) -> Any:
     stamp, duration = types["builtin_interfaces/msg/Time"], types["builtin_interfaces/msg/Duration"]
     header = types["std_msgs/msg/Header"](stamp(0, 0), "")
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
-    values = zip(*(getattr(course, name).numpy() for name in ("position", "velocity", "acceleration")))
+    values = zip(*(getattr(course, name).numpy() for name in STATES))
     points = [
         point(*states, states[0][:0], duration(**_duration(time)))
         for time, states in zip(course.time.tolist(), values)

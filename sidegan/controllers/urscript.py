@@ -1,5 +1,7 @@
 """A course as a program for Universal Robots' controllers."""
 
+import re
+
 import torch
 
 from sidegan.controllers.course import Course
@@ -26,27 +28,27 @@ def script_text(course: Course, name: str) -> str:
     """
     if len(course.joint_names) != SCRIPTED:
         raise ShapeError(f"URScript moves {SCRIPTED} joints, the course has {len(course.joint_names)}")
-    title = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
+    title = re.sub("[^a-zA-Z0-9]", "_", name)
     points = _resampled(course)
-    start = _list(points[0])
-    lines = [
-        f"def {title}():",
-        f"  start = {start}",
-        "  at = get_actual_joint_positions()",
-        "  k = 0",
-        "  while k < 6:",
-        f"    if norm(at[k] - start[k]) > {_AWAY}:",
-        '      popup("The arm is not at the first point of the trajectory.", error=True, blocking=True)',
-        "      halt",
-        "    end",
-        "    k = k + 1",
-        "  end",
-        f"  movej(start, {_APPROACH})",
-    ]
     servo = f"0, 0, {_PERIOD}, {_LOOKAHEAD}, {_GAIN}"
-    lines += [f"  servoj({_list(point)}, {servo})" for point in points]
-    lines += ["  stopj(2.0)", "end", f"{title}()"]
-    return "\n".join(lines) + "\n"
+    steps = "\n".join(f"  servoj({_list(point)}, {servo})" for point in points)
+    return f"""def {title}():
+  start = {_list(points[0])}
+  at = get_actual_joint_positions()
+  k = 0
+  while k < {SCRIPTED}:
+    if norm(at[k] - start[k]) > {_AWAY}:
+      popup("The arm is not at the first point of the trajectory.", error=True, blocking=True)
+      halt
+    end
+    k = k + 1
+  end
+  movej(start, {_APPROACH})
+{steps}
+  stopj(2.0)
+end
+{title}()
+"""
 
 
 def _resampled(course: Course) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""How wrong estimated parameters may be: the size of the torque's errors, and how they repeat themselves."""
+"""Errors of estimated parameters, from the size of the torque's errors and their correlation over time."""
 
 from collections.abc import Iterable
 from functools import reduce
@@ -16,23 +16,17 @@ _MOST_SPENT = 0.5  # of the samples may count as spent on parameters; beyond, th
 _LAGS = 0.25  # of a piece: longer ones have too few pairs
 
 
-def torque_errors(
-    data: Gathered, fit: Fit, variance: Tensor | None = None, limit: Tensor | None = None
-) -> TorqueErrors:
+def torque_errors(data: Gathered, fit: Fit) -> TorqueErrors:
     """Size and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, as parameters were chosen to make them so: the parameters' share of
-    each joint's samples is taken off. A variance that is known already is given, (J,). Residuals beyond
-    a limit, (J,), do not count as such.
+    each joint's samples is taken off.
     """
     sums = data.sums
-    limit = torch.full_like(fit.weights, torch.inf) if limit is None else limit
-    residuals = (residual_of(data.model, x, fit.parameters).clamp(-limit, limit) for x in data.kept)
-    inflation = inflation_of(residuals)
-    if variance is None:
-        share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
-        spent = fit.weights.square() * share * inflation
-        variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
+    inflation = inflation_of(residual_of(data.model, x, fit.parameters) for x in data.kept)
+    share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
+    spent = fit.weights.square() * share * inflation
+    variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
     return TorqueErrors(variance, inflation)
 
 
@@ -51,7 +45,7 @@ def covariance_of(sums: Sums, fit: Fit, errors: TorqueErrors) -> Tensor:
 
 
 def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
-    """How many samples tell as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
+    """Samples that weigh as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
 
     The residuals come in pieces (S, J) without gaps. The sum over lags ends before the first one without a
     positive correlation. Where a correlation swings below zero later, as after a low-pass, that is too much

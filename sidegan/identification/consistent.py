@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import Fit
+from sidegan.identification.accuracy import torque_errors
+from sidegan.identification.fit import Fit, reweighted
 from sidegan.identification.gather import Gathered
-from sidegan.identification.linear import Ols
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import likelihood, scales
+from sidegan.identification.prior import scales
 from sidegan.identification.sums import rows_of, solve
 from sidegan.robot import Arm, possible_links
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
@@ -35,7 +35,7 @@ _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Consistent(Ols):
+class Consistent:
     """The most likely parameters of an arm that can exist.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
@@ -53,14 +53,17 @@ class Consistent(Ols):
     strength: float | None
     margin: float  # smallest eigenvalue of a pseudo-inertia in the link's typical mass and length
     total_mass: float | None  # of all links together [kg]; free when None
+    prior: float = 1e6  # P₀ = prior · I of what neither samples nor pull determine
 
     def fit(self, data: Gathered) -> Fit:
         """Most likely parameters of an arm that can exist, with links and terms as ``standard``."""
         model = data.model
-        weights, errors = likelihood(data, self.prior)
+        first = reweighted(data.sums, 1 / self.prior)
+        errors = torque_errors(data, first)
+        weights = first.weights / errors.inflation.sqrt()  # with which samples count beside the pull
         information, moment = data.sums.weighted(weights)
         standard, strength = self.standard(model, information, moment)
-        prior = self._told(model, standard, strength)
+        prior = self._pull_information(model, standard, strength)
         _, inverse = solve(information + prior, moment, 1 / self.prior)
         return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
 
@@ -70,19 +73,19 @@ class Consistent(Ols):
         Links and terms are in ``TorqueModel.standard_names``' order, (F,); strengths are (J,).
         """
         strength = torch.full((model.joints,), self.strength or 1.0, dtype=torch.float64)
-        found = self._standard(model, information, moment, strength)
+        found = self._solved(model, information, moment, strength)
         for _ in range(_ROUNDS if self.strength is None else 0):
             before, strength = strength, self._most_probable(model, information, found, strength)
-            found = self._standard(model, information, moment, strength)
+            found = self._solved(model, information, moment, strength)
             if ((strength / before).log().abs() < math.log(_SETTLED)).all():
                 break
         _log.debug("the description pulls its links with strengths %s", strength)
         return found, strength
 
-    def _told(self, model: TorqueModel, standard: Tensor, strength: Tensor) -> Tensor:
+    def _pull_information(self, model: TorqueModel, standard: Tensor, strength: Tensor) -> Tensor:
         """Information on the model's parameters, (P, P), that the pull adds at parameters (F,).
 
-        It tells of links alone. What it does not tell apart in a link has the spread that the pull leaves.
+        It is on links alone. What the model does not separate in a link has the spread that the pull leaves.
         """
         _, bend = self._distances(model.links_of(standard), model.arm)
         free = torch.full((len(standard) - bend[:, 0].numel(),), self.prior, dtype=torch.float64)
@@ -96,8 +99,8 @@ class Consistent(Ols):
     ) -> Tensor:
         """Strengths (J,) that the samples make most probable, from the parameters (F,) found with others.
 
-        Of a link's parameters, γ are told by the pull and not by the samples; strength · 2 d = γ then says
-        that these are off by what was believed. A link of which little is told is pulled like the others.
+        Of a link's parameters, the pull and not the samples determines γ; strength · 2 d = γ then says
+        that these are off by what was believed. A link that is hardly determined is pulled like the others.
 
         Source: MacKay 1992, Bayesian interpolation, eq. 27; MacKay 1994, Bayesian non-linear modeling, for a
         strength of each group of parameters; with a gamma distribution about the others' strength before.
@@ -108,12 +111,12 @@ class Consistent(Ols):
         both = model.mapping.T @ information @ model.mapping + _FREE * torch.diag(torch.arange(count) >= size)
         both[:size, :size] += pull
         left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
-        told = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
+        determined = 10 - (left @ pull).diagonal().view(-1, 10).sum(1)
         usual = strength.log().mean().exp()
-        return ((told + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
+        return ((determined + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
 
     def _distances(self, links: Tensor, arm: Arm) -> tuple[Tensor, Tensor]:
-        """How far links (J, 10) are from where the pull leads, (J,), and second derivatives, (J, 10, 10)."""
+        """Distances of links (J, 10) from where the pull leads, (J,), and second derivatives, (J, 10, 10)."""
         unit, axes = _units(arm), torch.eye(10, dtype=torch.float64).expand(len(links), 10, 10)
         steps = torch.stack([_scaled(axes[:, k], unit) for k in range(10)], 1)  # (J, 10, 4, 4)
         now, nominal = _scaled(links, unit), _scaled(possible_links(arm), unit)
@@ -122,13 +125,13 @@ class Consistent(Ols):
         steps = torch.linalg.solve(now[:, None], steps)
         return distances, torch.einsum("jaxy,jbyx->jab", steps, steps)
 
-    def _standard(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
-        """The same with pulls of a strength on each link, (J,)."""
+    def _solved(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
+        """Most likely standard parameters, (F,), with pulls of a strength on each link, (J,)."""
         import cvxpy as cp
 
         unit = _units(model.arm)
         links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
-        standard = _standard(links, unit, model)
+        standard = _expression(links, unit, model)
         rows, right = rows_of(information, moment)
         misfit = cp.sum_squares((rows @ model.mapping).numpy() @ standard - right.numpy()) / 2
         nominal = _scaled(possible_links(model.arm), unit).numpy()
@@ -168,7 +171,7 @@ def _scaled(links: Tensor, unit: Tensor) -> Tensor:
     return pseudo_inertia(links) * inverse[:, :, None] * inverse[:, None]
 
 
-def _standard(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
+def _expression(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
     """Standard parameters, (F,), linear in scaled pseudo-inertias, and with variables for the terms."""
     import cvxpy as cp
 
@@ -186,7 +189,7 @@ def minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> 
     for scale in _OBJECTIVE_SCALES:
         problem = cp.Problem(cp.Minimize(scale * objective), constraints)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status tells
+            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status has
             try:
                 problem.solve(solver=cp.CLARABEL)
             except cp.error.SolverError as error:

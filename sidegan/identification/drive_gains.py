@@ -8,9 +8,9 @@ from torch import Tensor
 
 from sidegan.errors import ConfigError, RecordingError, ShapeError
 from sidegan.identification.accuracy import inflation_of
-from sidegan.identification.loaded import LOAD, gathered
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
+from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.sums import Sums, solve
 from sidegan.robot import Arm
 
@@ -58,7 +58,7 @@ def drive_gains(
 ) -> Gains:
     """Torque per current of each joint, from currents recorded without and with a known load.
 
-    Without a known load, currents tell the arm's parameters up to a factor per joint; the load sets it. The
+    Without a known load, currents give the arm's parameters up to a factor per joint; the load sets it. The
     model is i_j = (Y_j θ + y_load,j) / k_j with errors in the currents. Given the gains it is linear in θ,
     and given θ in 1 / k_j; both are found together by Gauss-Newton on the sums over the samples.
 
@@ -81,7 +81,7 @@ def drive_gains(
     sums, effect = parts[0].sums.plus(parts[1].sums), parts[1].sums.information[:, -1, -1]
     if silent := model.arm.named(effect <= _SILENT * effect.max()):
         raise ConfigError(f"the load has no effect on {silent}: what its drive gives cannot be told")
-    system = _solved(sums, model.joints)
+    system = _solved(sums)
     whole = torch.cat([system.parameters, torch.ones(1, dtype=torch.float64)])
     residuals = chain.from_iterable(
         (x.torque - system.inverse_gains * (part.model.regressor(*x.inputs) @ whole) for x in part.kept)
@@ -109,33 +109,37 @@ def _refuse_unseen(squares: Tensor) -> None:
         )
 
 
-def _solved(sums: Sums, joints: int) -> "_System":
-    """The equations at the gains and parameters that solve them."""
-    system = _System(sums, *_start(sums))
+def _solved(sums: Sums) -> "_System":
+    """The equations at the gains and parameters that solve them; no step leads uphill."""
+    system, joints = _System(sums, *_start(sums)), len(sums.energy)
     for _ in range(_REPETITIONS):
         step, _ = solve(system.normal, system.gradient, _LEAST)
-        change = _damped(system, step)
-        system = _System(sums, system.inverse_gains + change[-joints:], system.parameters + change[:-joints])
-        if (change[-joints:] / system.inverse_gains).abs().max() < _SETTLED:
+        now = system.cost(0 * step)
+        for _ in range(_HALVINGS):
+            if system.cost(step) <= now * (1 + _SETTLED):
+                break
+            step = step / 2
+        system = _System(sums, *system.after(step))
+        if (step[-joints:] / system.inverse_gains).abs().max() < _SETTLED:
             break
     return system
 
 
 def _start(sums: Sums) -> tuple[Tensor, Tensor]:
     """Inverse gains and parameters from k_j i_j − Y_j θ = y_load: linear, but biased by noisy currents."""
-    joints, count = sums.moment.shape
-    normal = torch.zeros(count - 1 + joints, count - 1 + joints, dtype=torch.float64)
-    normal[: count - 1, : count - 1] = sums.information[:, :-1, :-1].sum(0)
-    normal[: count - 1, count - 1 :] = -sums.moment[:, :-1].T
-    normal[count - 1 :, : count - 1] = -sums.moment[:, :-1]
-    normal[count - 1 :, count - 1 :] = torch.diag(sums.energy)
-    right = torch.cat([-sums.information[:, :-1, -1].sum(0), sums.moment[:, -1]])
-    found, _ = solve(normal, right, _LEAST)
-    return 1 / found[count - 1 :], found[: count - 1]
+    count = sums.moment.shape[1] - 1
+    own, load = sums.information[:, :-1, :-1].sum(0), sums.information[:, :-1, -1].sum(0)
+    side = -sums.moment[:, :-1]
+    normal = torch.cat([torch.cat([own, side.T], 1), torch.cat([side, torch.diag(sums.energy)], 1)])
+    found, _ = solve(normal, torch.cat([-load, sums.moment[:, -1]]), _LEAST)
+    return 1 / found[count:], found[:count]
 
 
 class _System:
-    """Gauss-Newton's equations at some inverse gains (J,) and parameters (P,), from sums of [Y, y_load]."""
+    """Gauss-Newton's equations at some inverse gains (J,) and parameters (P,), from sums of [Y, y_load].
+
+    Steps are of the parameters, then of the inverse gains, (P + J,).
+    """
 
     def __init__(self, sums: Sums, inverse_gains: Tensor, parameters: Tensor) -> None:
         self._sums, self.inverse_gains, self.parameters = sums, inverse_gains, parameters
@@ -150,23 +154,16 @@ class _System:
         pull = torch.einsum("j,jp->p", w * k, sums.moment[:, :-1] - k[:, None] * reach[:, :-1])
         self.gradient = torch.cat([pull, w * (match - k * power)])
 
+    def after(self, step: Tensor) -> tuple[Tensor, Tensor]:
+        """Inverse gains and parameters after a step."""
+        count = len(self.parameters)
+        return self.inverse_gains + step[count:], self.parameters + step[:count]
+
     def cost(self, step: Tensor) -> float:
         """Weighted squares of the currents' residuals after a step, with the weights of before."""
-        joints = len(self.inverse_gains)
-        after = self._squares(self.inverse_gains + step[-joints:], self.parameters + step[:-joints])
-        return float(self.weights @ after)
+        return float(self.weights @ self._squares(*self.after(step)))
 
     def _squares(self, k: Tensor, x: Tensor) -> Tensor:
         sums, whole = self._sums, torch.cat([x, torch.ones(1, dtype=torch.float64)])
         found = sums.energy - 2 * k * (sums.moment @ whole) + k.square() * (sums.information @ whole @ whole)
         return torch.maximum(found, _ROUNDING * sums.energy)
-
-
-def _damped(system: _System, step: Tensor) -> Tensor:
-    """The step, shortened until it does not lead uphill."""
-    now = system.cost(torch.zeros_like(step))
-    for _ in range(_HALVINGS):
-        if system.cost(step) <= now * (1 + _SETTLED):
-            break
-        step = step / 2
-    return step

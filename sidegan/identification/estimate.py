@@ -1,29 +1,25 @@
 """One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.consistent import Consistent
+from sidegan.identification.fit import LeastSquares
 from sidegan.identification.gather import Reach, gather
-from sidegan.identification.linear import Essential, Ols, Recursive, Weighted
 from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.robust import Huber
 from sidegan.identification.sums import Sums, condition
 
-METHODS: dict[str, type[Ols]] = {
-    "ols": Ols,
-    "weighted": Weighted,
-    "huber": Huber,
-    "rls": Recursive,
-    "essential": Essential,
-    "consistent": Consistent,
+# Methods by name: a class, and the settings that the name stands for.
+METHODS: dict[str, tuple[type[LeastSquares | Consistent], dict[str, Any]]] = {
+    "ols": (LeastSquares, {}),
+    "weighted": (LeastSquares, {"weighted": True}),
+    "rls": (LeastSquares, {}),
+    "consistent": (Consistent, {}),
 }
 
 
@@ -39,7 +35,7 @@ class Estimate:
     covariance: Tensor
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     residual_rms: Tensor  # root mean square of τ − Y θ [N·m or N], (J,)
-    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
+    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
     condition: float  # of the weighted, scaled regressor; infinite when a direction is not excited at all
     samples: int  # number of samples of all joints
     reach: Reach  # how far and how fast the joints moved
@@ -54,9 +50,8 @@ class Estimate:
 
     @property
     def relative_deviation(self) -> Tensor:
-        """Standard deviation over the parameter's size, (P,); zero for one that was dropped."""
-        size = self.parameters.abs()
-        return torch.where(self.deviation > 0, self.deviation / size, torch.zeros_like(size))
+        """Standard deviation over the parameter's size, (P,)."""
+        return self.deviation / self.parameters.abs()
 
     @property
     def information(self) -> Tensor:
@@ -72,25 +67,20 @@ class Estimate:
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
 
-    Samples are of one recording, several, or a stream of them in the order of time. They are read in pieces,
-    so memory does not grow with their number. All methods but huber read them once and take a stream as well.
+    Samples are of one recording, several, or a stream of them in the order of time. They are read once and in
+    pieces, so memory does not grow with their number.
 
     Raises:
-        ConfigError: when the method or a setting is unknown or impossible, or a stream is read again.
+        ConfigError: when the method or a setting is unknown or impossible.
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    names = [f.name for f in fields(METHODS[method])]
+    kind, usual = METHODS[method]
+    names = [f.name for f in fields(kind)]
     if unknown := [name for name in settings if name not in names]:
         raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
-    estimator = METHODS[method](**settings)
-    if estimator.rereads and isinstance(measurements, Iterator):
-        once = ", ".join(name for name, kind in METHODS.items() if not kind.rereads)
-        raise ConfigError(
-            f"{method} reads the samples several times, and a stream can be read once: give a list of "
-            f"recordings, or choose one of {once}"
-        )
-    data = gather(model, measurements, estimator.forgetting)
+    estimator = kind(**usual | settings)
+    data = gather(model, measurements, settings.get("forgetting", 1.0))
     fit, sums = estimator.fit(data), data.sums
     errors = fit.errors or torque_errors(data, fit)
     return Estimate(

@@ -27,12 +27,12 @@ def expected_errors(
 ) -> pd.DataFrame:
     """Expected NMSE by weighting and joint; no rows where states are noisy or the recursion forgets.
 
-    The weights of joints are those that the noise alone tells.
+    The weights of joints follow from the noise alone.
 
     Args:
         body: of the arm.
         exact: measurements without noise along each trajectory that is identified from.
-        tests: the same of test trajectories.
+        tests: measurements without noise along each test trajectory.
         settings: the noise, the prior, and whether joints are weighted, too.
     """
     if (settings.noise.state and settings.noise.level) or settings.forgetting < 1:
@@ -54,9 +54,7 @@ def torque_variance(noise: Noise, torque: Tensor) -> Tensor:
     """Variance of the noise on the torque of one trajectory, (S, J); a third is that of U(−1, 1)."""
     if not noise.torque:
         return torch.zeros_like(torque)
-    multiplicative = noise.kind == "multiplicative"
-    scale = torque if multiplicative else torque.std(0, correction=0).expand_as(torque)
-    return (noise.level * scale).square() / 3
+    return (noise.size(torque[None])[0].square() / 3).expand_as(torque)
 
 
 def _noise_sums(model: TorqueModel, exact: Sequence[Measurements], noise: Noise) -> Sums:

@@ -1,12 +1,14 @@
-"""Weighted least squares on sums, and what a method hands back."""
+"""Weighted and recursive least squares on sums."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification.gather import Gathered
 from sidegan.identification.sums import Sums, solve
 
 _LEAST_RESIDUAL = 1e-6  # of a joint's torque: near what the sums resolve, and less than any sensor does
@@ -16,10 +18,10 @@ _SETTLED = 1e-3  # relative change of a weight that no longer matters
 
 
 class TorqueErrors(NamedTuple):
-    """Errors of the measured torque, as residuals tell them."""
+    """Errors of the measured torque, from residuals."""
 
     variance: Tensor  # of each joint [N²·m² or N²], (J,)
-    inflation: Tensor  # how many samples tell as much as one independent one, (J,)
+    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
 
 
 class Fit(NamedTuple):
@@ -27,23 +29,16 @@ class Fit(NamedTuple):
 
     parameters: Tensor  # θ, (P,)
     # of the weighted information and the prior, (P, P): the P matrix of recursive least squares; as in the
-    # paper it tells where the samples were, not how large their errors are
+    # paper it follows from where the samples were, not from how large their errors are
     inverse: Tensor
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     prior: Tensor  # information that did not come from the samples, (P, P)
     standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them
-    errors: TorqueErrors | None = None  # where they are not those that the residuals of these parameters tell
-
-
-def positive(name: str, value: float, most: float = math.inf) -> None:
-    """Refuse a setting that is not a finite number above zero and up to ``most``."""
-    if not (math.isfinite(value) and 0 < value <= most):
-        upto = f" up to {most:g}" if math.isfinite(most) else ""
-        raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
+    errors: TorqueErrors | None = None  # where they are not those of these parameters' residuals
 
 
 def flat(count: int, least: float) -> Tensor:
-    """Information (P, P) of a prior that tells as little of each parameter."""
+    """Information (P, P) of a prior that is as weak on each parameter."""
     return least * torch.eye(count, dtype=torch.float64)
 
 
@@ -101,3 +96,28 @@ def least_residual(sums: Sums) -> Tensor:
     if not torque.max() > 0:
         raise ShapeError("all torques are zero: their residuals give no weights")
     return _LEAST_RESIDUAL * torch.where(torque > 0, torque, torque.max())
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Recursive least squares of all joints alike, or with joint j's equations over the size of its residual.
+
+    Directions that no sample excites stay at zero.
+
+    Source: Gautier 1997, Dynamic identification of robots with power model (IDIM-WLS), for the weights.
+    """
+
+    prior: float = 1e6  # P₀ = prior · I
+    forgetting: float = 1.0  # samples of age k count forgetting^k as much
+    weighted: bool = False
+
+    def __post_init__(self) -> None:
+        for name, most in (("prior", math.inf), ("forgetting", 1.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 < value <= most):
+                upto = "" if math.isinf(most) else f" up to {most:g}"
+                raise ConfigError(f"{name} is {value}, expected a finite number above zero{upto}")
+
+    def fit(self, data: Gathered) -> Fit:
+        """Parameters after the last sample."""
+        return recursive(data.sums, data.samples, self.prior, self.forgetting, self.weighted)

@@ -15,7 +15,7 @@ _KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB 
 
 
 class Reach(NamedTuple):
-    """How far and how fast each joint moved, (J,) each."""
+    """Range and speed of each joint's motion, (J,) each."""
 
     lowest: Tensor  # position [rad or m]
     highest: Tensor  # position [rad or m]
@@ -29,14 +29,13 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True)
 class Gathered:
-    """What a walk through the samples leaves, from which every method fits its parameters."""
+    """Sums over samples, and a share of these, from which every method fits its parameters."""
 
     model: TorqueModel  # whose parameters are looked for
     sums: Sums  # over all samples
     kept: list[Measurements]  # pieces spread evenly over the samples, each without gaps
     samples: int  # number of samples of all joints
     reach: Reach  # of the joints in them
-    source: Samples  # the measurements, which some methods walk through again
 
 
 def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
@@ -57,13 +56,13 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
         reach = [torch.stack([*reach, moved]).amax(0)]
         samples += len(part)
         if number % stride == 0:
-            kept.append(part.copy())
+            kept.append(part)
         if len(kept) > _KEPT:
             kept, stride = kept[::2], 2 * stride
     if not samples:
         raise ShapeError("there are no samples to identify from")
     down, up, fastest = reach[0]
-    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest), measurements)
+    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest))
 
 
 def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:

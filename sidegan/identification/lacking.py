@@ -1,4 +1,4 @@
-"""What a model lacks, told from residuals: how much of them is no noise, of which kind, what it makes wrong.
+"""Torques that a model lacks, from its residuals: their kinds, sizes, and the errors that they make.
 
 A torque b that a model lacks turns least squares' parameters by B b, so that b − Y B b is what it leaves in
 the residuals, and the same at other states is the error that it makes there. More motion of the same kind
@@ -16,6 +16,7 @@ from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import scaled_inverse
 
 BIASED = "bias dominates"
 
@@ -24,7 +25,7 @@ _CHANCE = 4.0  # times what noise alone would explain: less is no finding
 _LEAST = 0.05  # share of a joint's residuals that a kind explains at least
 _MOST = 3  # kinds of one joint
 _ROUNDING = 1e-10
-_LOST = 1e-6  # of what forms leave of one another: they are told apart above that
+_LOST = 1e-6  # of what forms leave of one another: they are separate above that
 
 
 class Kind(NamedTuple):
@@ -32,7 +33,7 @@ class Kind(NamedTuple):
 
     name: str
     forms: tuple[int, ...]  # of ``unmodelled``
-    motion: str  # that tells it, of a joint
+    motion: str  # that shows it, of a joint
 
 
 KINDS = (
@@ -69,16 +70,16 @@ class Lack(NamedTuple):
 
 @dataclass(frozen=True)
 class Lacks:
-    """What a model lacks."""
+    """Torques that a model lacks."""
 
     found: tuple[Lack, ...]  # by joints, of each joint the one that explains most first
     error: Tensor  # that it makes at usual states, root mean square over each joint's usual torque, (J,)
 
     def of(self, joint: int) -> list[Lack]:
-        """What one joint shows."""
+        """Kinds of one joint."""
         return [one for one in self.found if one.joint == joint]
 
-    def said(self, names: Sequence[str], noise: Tensor) -> list[str]:
+    def sentences(self, names: Sequence[str], noise: Tensor) -> list[str]:
         """A sentence for each joint that lacks something, beside the error that noise makes, (J,)."""
         sentences = []
         for j, name in enumerate(names):
@@ -103,7 +104,7 @@ class Lacks:
 
 
 def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
-    """What the residuals of an estimate show of torques that its model lacks.
+    """Torques that an estimate's model lacks, as its residuals show them.
 
     A kind counts where it explains several times as much of them as noise of their size and correlation
     would let it by chance. The samples, which are read once, are those of the estimate.
@@ -121,23 +122,9 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
     return Lacks(tuple(one for found, _ in each for one in found), (error.square().mean(0) / usual).sqrt())
 
 
-def turned(matrix: Tensor, weights: Tensor, moments: Tensor) -> Tensor:
-    """What torques that a model lacks make of least squares' parameters, (P, J, K).
-
-    Args:
-        matrix: Σ w YᵀY, what was believed before included, (P, P).
-        weights: of each joint's equations, (J,).
-        moments: Σ Yᵀ b of K torques b of each joint, (J, P, K).
-    """
-    unit = matrix.diagonal().clamp_min(torch.finfo(torch.float64).tiny).sqrt()
-    inverse = torch.linalg.pinv(matrix / unit[:, None] / unit, rtol=_ROUNDING, hermitian=True)
-    weighted = (weights[:, None, None] * moments).transpose(0, 1) / unit[:, None, None]
-    return torch.einsum("pq,qjk->pjk", inverse, weighted) / unit[:, None, None]
-
-
 @dataclass(frozen=True)
 class _Sums:
-    """What the residuals tell of the forms."""
+    """Products of the forms with the model's columns and with the residuals."""
 
     turned: Tensor  # B: parameters that a unit of each form turns into, (P, J, K)
     normal: Tensor  # products of what the forms of a joint leave there, (J, K, K)
@@ -149,7 +136,8 @@ class _Sums:
         """Sums over the samples."""
         information, weights = estimate.sums.information, estimate.weights.square()
         moments, along, across, right, energy = _products(model, estimate, samples)
-        wrong = turned(torch.einsum("j,jpq->pq", weights, information), weights, moments)
+        inverse = scaled_inverse(estimate.information, _ROUNDING)
+        wrong = torch.einsum("pq,j,jqk->pjk", inverse, weights, moments)
         crossed = torch.einsum("jpk,pjl->jkl", moments, wrong)
         kept = torch.einsum("pjk,jpq,qjl->jkl", wrong, information, wrong)
         left = across - torch.einsum("pjk,jp->jk", wrong, along)
@@ -175,9 +163,7 @@ class _Sums:
     def _reached(self, joint: int, forms: list[int]) -> tuple[float, Tensor]:
         """Squares of the residuals that forms explain, and how much there is of each."""
         normal, right = self.normal[joint][forms][:, forms], self.right[joint][forms]
-        unit = normal.diagonal().clamp_min(torch.finfo(torch.float64).tiny).sqrt()
-        inverse = torch.linalg.pinv(normal / unit[:, None] / unit, rtol=_LOST, hermitian=True)
-        amounts = inverse @ (right / unit) / unit
+        amounts = scaled_inverse(normal, _LOST) @ right
         return float(amounts @ right), amounts
 
 
@@ -199,7 +185,7 @@ def _products(model: TorqueModel, estimate: Estimate, samples: Samples) -> list[
 
 
 def _forms(model: TorqueModel, estimate: Estimate, y: Tensor, part: Measurements) -> Tensor:
-    """What the model may lack at samples with a regressor, (S, J, K)."""
+    """Forms that the model may lack at samples with a regressor, (S, J, K)."""
     rigid = y[..., : model.rigid] @ estimate.parameters[: model.rigid]
     return unmodelled(part.position.double(), part.velocity.double(), rigid, _scale(estimate))
 

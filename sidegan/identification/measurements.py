@@ -15,7 +15,6 @@ from sidegan.motion.trajectory import Motion
 if TYPE_CHECKING:
     from sidegan.motion.dynamics import RigidBody
 
-STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
 SAMPLES_AT_ONCE = 4096  # of a piece: their regressor of a 7-joint arm takes 16 MB
 
 
@@ -65,12 +64,8 @@ class Measurements:
 
     @property
     def inputs(self) -> tuple[Tensor, ...]:
-        """What a model's regressor is of: the states, and the sign where there is one."""
+        """Inputs of a model's regressor: the states, and the sign where there is one."""
         return self.states if self.sign is None else (*self.states, self.sign)
-
-    def copy(self) -> "Measurements":
-        """The same in memory of their own, so that what they were cut from can go."""
-        return Measurements(*(x.clone() for _, x in self._named()))
 
     def _named(self) -> list[tuple[str, Tensor]]:
         named = [(field.name, getattr(self, field.name)) for field in fields(self)]
@@ -81,10 +76,10 @@ Samples: TypeAlias = Measurements | Iterable[Measurements]
 
 
 def pieces(measurements: Samples) -> Iterator[Measurements]:
-    """The same samples in pieces of which no one reaches over the end of a recording.
+    """Pieces of measurements, none of which reaches over the end of a recording.
 
     Raises:
-        ShapeError: when something among the measurements is none.
+        ShapeError: when something else is among the measurements.
     """
     for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
         if not isinstance(recording, Measurements):
@@ -124,10 +119,9 @@ class Noise:
         """Whether nothing is noisy."""
         return not self.level or not (self.torque or self.state)
 
-    def add(self, x: Tensor, draw: Tensor) -> Tensor:
-        """Noisy signals (B, T, J) from clean ones and a draw of U(−1, 1)."""
-        scale = x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True)
-        return x + self.level * scale * draw
+    def size(self, x: Tensor) -> Tensor:
+        """Largest noise on clean signals (B, T, J)."""
+        return self.level * (x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True))
 
 
 def measure(
@@ -144,12 +138,11 @@ def measure(
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
     """
-    states, shape = motion[1:], motion.position.shape
+    shape = motion.position.shape
     if not motion.position.numel():
         raise ShapeError(f"motion is {tuple(shape)}: there is nothing to measure")
-    flat = [x.flatten(0, 1) for x in states]
-    torque = torch.cat([body.torque(*part) for part in zip(*(x.split(STATES_AT_ONCE) for x in flat))])
-    exact = Measurements(flat[0], flat[1], flat[2], torque)
+    q, dq, ddq = (x.flatten(0, 1) for x in motion[1:])
+    exact = Measurements(q, dq, ddq, body.torque(q, dq, ddq))
     return exact if noise is None else disturbed(exact, noise, random, shape[0])
 
 
@@ -162,5 +155,5 @@ def disturbed(
     draws = torch.from_numpy(draw).to(exact.torque).unbind(1)
     signals = [x.unflatten(0, (batch, count)) for x in (*exact.states, exact.torque)]
     noisy = (noise.state, noise.state, noise.state, noise.torque)
-    signals = [noise.add(x, d) if some else x for x, d, some in zip(signals, draws, noisy)]
+    signals = [x + noise.size(x) * d if some else x for x, d, some in zip(signals, draws, noisy)]
     return Measurements(*(x.flatten(0, 1) for x in signals))

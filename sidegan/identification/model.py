@@ -1,4 +1,4 @@
-"""What torque is explained with: rigid-body base parameters, rotor inertias and friction, linear in all."""
+"""The model of an arm's torque: rigid-body base parameters, rotor inertias and friction, linear in all."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "
 
 @dataclass(frozen=True)
 class Terms:
-    """What a joint's torque has beside rigid bodies."""
+    """Terms of a joint's torque beside rigid bodies."""
 
     rotor_inertia: bool  # Ia · ddq, where the rigid bodies do not explain it already
     viscous: bool  # fv · dq
@@ -44,7 +44,7 @@ class Terms:
     def signals(
         self, dq: Tensor, ddq: Tensor, stribeck: Tensor | None, sign: Tensor | None = None
     ) -> list[Tensor]:
-        """What the parameters of each term in use are multiplied with, (S, J) each, at velocities (S, J).
+        """Columns of each term in use, (S, J) each, at velocities (S, J).
 
         Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None; the Stribeck term
         has a velocity per joint, (J,).
@@ -89,11 +89,12 @@ class TorqueModel:
     """
 
     def __init__(
-        self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | None = None
+        self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | Tensor | None = None
     ) -> None:
         self.body, self.terms, self.kinds = body, terms, terms.kinds
         joints, rigid = body.joints, len(body.base.values)
-        self.stribeck = torch.tensor(velocities or (), dtype=torch.float64) if terms.stribeck else None
+        given = () if velocities is None else velocities
+        self.stribeck = torch.as_tensor(given, dtype=torch.float64) if terms.stribeck else None
         if self.stribeck is not None and len(self.stribeck) != joints:
             raise ConfigError(f"there are {len(self.stribeck)} Stribeck velocities, expected {joints}")
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
@@ -127,7 +128,7 @@ class TorqueModel:
 
     @cached_property
     def formulas(self) -> list[str]:
-        """What each parameter is made of, such as "Izz6 + Iyy7 + 0.0061 m7", (P,)."""
+        """Formula of each parameter, such as "Izz6 + Iyy7 + 0.0061 m7", (P,)."""
         return [formula(row, self.standard_names) for row in self.mapping]
 
     @cached_property
@@ -140,7 +141,7 @@ class TorqueModel:
         return standard[: 10 * self.joints].reshape(-1, 10)
 
     def standard_slice(self, term: str) -> slice:
-        """Where a term's J parameters are among the standard ones."""
+        """Places of a term's J parameters among the standard ones."""
         start = (10 + self.kinds.index(term)) * self.joints
         return slice(start, start + self.joints)
 

@@ -1,4 +1,4 @@
-"""What an arm carries, from recordings without and with it: mass, centre of mass and inertia, with errors."""
+"""The load of an arm, from recordings without and with it: mass, centre of mass, inertia, with errors."""
 
 from dataclasses import dataclass
 from itertools import chain
@@ -11,16 +11,17 @@ from sidegan.errors import InfeasibleError
 from sidegan.identification.accuracy import covariance_of, inflation_of
 from sidegan.identification.consistent import minimise
 from sidegan.identification.fit import TorqueErrors, reweighted
-from sidegan.identification.gather import residual_of
-from sidegan.identification.loaded import LOAD, gathered
+from sidegan.identification.gather import Gathered, gather, residual_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import rows_of, solve
+from sidegan.motion.dynamics import LINK_PARAMETERS
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, about_the_centre
 
+LOAD = len(LINK_PARAMETERS)  # parameters of what is fixed to the last link, the last ones of the model
 _LEAST = 1e-6  # information on each parameter beside the samples'
-_LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples do not tell
-_STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples do not tell
+_LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
+_STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
 _MARGIN = 1e-4  # smallest eigenvalue of the load's pseudo-inertia in its typical mass and length
 _CLEAR = 3.0  # deviations from which a mass is one
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
@@ -28,9 +29,9 @@ VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  #
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """What an arm carries, rigidly fixed to its last link."""
+    """A load that is rigidly fixed to an arm's last link."""
 
-    link: str  # in whose frame it is told
+    link: str  # in whose frame its parameters are
     estimate: Tensor  # its parameters in Pinocchio's order, as least squares gives them, (10,)
     covariance: Tensor  # of their errors, (10, 10)
     body: Tensor  # the most probable ones of a body that can exist, (10,)
@@ -62,7 +63,7 @@ def values_of(parameters: Tensor) -> Tensor:
 
 
 def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> Payload:
-    """What is carried in the runs with a load and not in those without.
+    """Load of the runs with one, beside those without.
 
     The arm's parameters are unknown too, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
 
@@ -112,3 +113,41 @@ def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
     if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         raise InfeasibleError(f"there is no body that explains the load: {status}")
     return torch.from_numpy(np.asarray(x.value, dtype=np.float64))
+
+
+class Loaded:
+    """A model of an arm with columns behind it for what is fixed to its last link, zero where nothing is.
+
+    Args:
+        model: of the arm.
+        carried: whether the load is.
+        known: parameters of a known load, (10,), whose torque is a single column then; None: ten columns.
+    """
+
+    kinds = ("load",)  # a model with more than rigid base parameters
+
+    def __init__(self, model: TorqueModel, carried: bool, known: Tensor | None = None) -> None:
+        self.arm_model, self._carried, self._known = model, carried, known
+        self.joints, self.arm = model.joints, model.arm
+        more = [f"load {name}" for name in LINK_PARAMETERS] if known is None else ["load"]
+        self.names = [*model.names, *more]
+        self.count = len(self.names)
+
+    def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
+        """Regressor, (S, J, P + 10) or (S, J, P + 1), of states (S, J)."""
+        load = self.arm_model.body.regressor(q, dq, ddq)[..., -LOAD:]
+        if self._known is not None:
+            load = (load @ self._known.to(q))[..., None]
+        return torch.cat([self.arm_model.regressor(q, dq, ddq, sign), load * float(self._carried)], 2)
+
+
+def gathered(
+    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], known: Tensor | None = None
+) -> list[Gathered]:
+    """Sums over runs without and with the load, of one set of parameters.
+
+    Raises:
+        ShapeError: when there are no samples, or they do not fit the model.
+    """
+    runs = ((unloaded, False), (loaded, True))
+    return [gather(Loaded(model, carried, known), samples) for samples, carried in runs]  # type: ignore[arg-type]

@@ -1,11 +1,8 @@
-"""What an arm's description says about its parameters before anything is measured."""
+"""Prior knowledge of an arm's parameters, from its description."""
 
 import torch
 from torch import Tensor
 
-from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import TorqueErrors, reweighted
-from sidegan.identification.gather import Gathered
 from sidegan.identification.model import TorqueModel
 from sidegan.robot import Arm, possible_links
 
@@ -44,10 +41,3 @@ def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
     places = torch.arange(model.rigid, model.count)
     out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
     return out
-
-
-def likelihood(data: Gathered, prior: float) -> tuple[Tensor, TorqueErrors]:
-    """Weights (J,) with which equations count as much as they tell, beside other knowledge; torque errors."""
-    first = reweighted(data.sums, 1 / prior)
-    errors = torque_errors(data, first)
-    return first.weights / errors.inflation.sqrt(), errors

@@ -1,4 +1,4 @@
-"""How well parameters predict torques, on samples that come in pieces."""
+"""Errors of predicted torques."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -47,21 +47,15 @@ def score(model: TorqueModel, parameters: Tensor, measurements: Samples) -> Scor
     """
     if parameters.shape != (len(model.names),):
         raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {len(model.names)}")
-    squares = mean = spread = torch.zeros(model.joints, dtype=torch.float64)
-    largest, samples = 0.0, 0
-    for part in pieces(measurements):
-        tau = part.torque.double()
-        squares = squares + residual_of(model, part, parameters).square().sum(0)
-        shift, count = tau.mean(0) - mean, samples + len(part)  # variances of pieces are joined: Chan 1979
-        spread = spread + tau.var(0, correction=0) * len(part) + shift**2 * (samples * len(part) / count)
-        mean = mean + shift * len(part) / count
-        largest, samples = max(largest, float(tau.abs().max())), count
-    if not samples:
+    parts = [(part.torque.double(), residual_of(model, part, parameters)) for part in pieces(measurements)]
+    if not sum(len(torque) for torque, _ in parts):
         raise ShapeError("there are no samples to test with")
-    constant = ((spread / samples).sqrt() <= _CONSTANT * largest).nonzero()[:, 0]
+    torque, residual = (torch.cat(x) for x in zip(*parts))
+    variance, squares = torque.var(0, correction=0), residual.square().mean(0)
+    constant = (variance.sqrt() <= _CONSTANT * torque.abs().max()).nonzero()[:, 0]
     if len(constant):
         raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")
-    return Score(squares / spread, (squares / samples).sqrt())
+    return Score(squares / variance, squares.sqrt())
 
 
 def score_of_sums(sums: Sums, parameters: Tensor) -> Score:

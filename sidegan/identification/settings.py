@@ -55,7 +55,7 @@ class ReplicationSettings:
 
 @dataclass(frozen=True)
 class KnownLoad:
-    """What an arm carries, in the frame of the last link that moves."""
+    """A known load of an arm, in the frame of the last link that moves."""
 
     mass: NonNegative  # [kg]
     centre: list[Number]  # of mass [m]
@@ -116,12 +116,10 @@ class GoalSettings:
 
 @dataclass(frozen=True)
 class EstimationSettings:
-    """How parameters are estimated from recordings."""
+    """Estimation of parameters from recordings."""
 
-    method: Literal["ols", "weighted", "huber", "rls", "essential"]
+    method: Literal["ols", "weighted", "rls"]
     settings: dict[str, Number] | None  # of the method
     strength: Positive | None  # of the pull towards the description; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]
-    library: str | None  # of trajectories to recommend from
-    recommend: Count

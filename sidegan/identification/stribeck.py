@@ -7,10 +7,9 @@ import torch
 from torch import Tensor
 
 from sidegan.identification.fit import reweighted
-from sidegan.identification.linear import restricted
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.sums import Sums, sums_of
+from sidegan.identification.sums import Sums, solve, sums_of
 
 _STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.4)  # velocities [rad/s or m/s] that the term's is chosen from
 _LEAST = 1e-6  # information on each parameter beside the samples'
@@ -49,5 +48,8 @@ def _with_stribeck(model: TorqueModel, part: Measurements) -> Tensor:
 def _misfit(sums: Sums, weights: Tensor, model: TorqueModel, chosen: Sequence[int]) -> float:
     """Weighted squares of the residuals with one candidate per joint."""
     behind = [model.count + k * model.joints + joint for joint, k in enumerate(chosen)]
-    fit = restricted(sums, weights, torch.tensor([*range(model.count), *behind]), _LEAST)
-    return float(weights.square() @ sums.squares(fit.parameters))
+    kept = torch.tensor([*range(model.count), *behind])
+    information, moment = sums.weighted(weights)
+    parameters = torch.zeros_like(moment)
+    parameters[kept], _ = solve(information[kept[:, None], kept], moment[kept], _LEAST)
+    return float(weights.square() @ sums.squares(parameters))

@@ -18,7 +18,7 @@ from torch import Tensor
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ConfigError
 from sidegan.identification.expected import expected_errors
-from sidegan.identification.fit import Fit, recursive
+from sidegan.identification.fit import recursive
 from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
 from sidegan.identification.model import RIGID, TorqueModel
@@ -28,7 +28,7 @@ from sidegan.identification.sums import Sums, no_sums
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
-Family: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
+MotionSet: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
 Progress: TypeAlias = Callable[[int, int], None]
 
 _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
@@ -37,8 +37,8 @@ _TRAJECTORIES_AT_ONCE = 10
 
 def compare(
     body: RigidBody,
-    sets: Mapping[str, Family],
-    tests: Family,
+    sets: Mapping[str, MotionSet],
+    tests: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
     progress: Progress | None = None,
@@ -50,37 +50,35 @@ def compare(
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
-        condition of the stacked YᵀY, duration [s], samples).
+        samples, condition of the stacked YᵀY, duration [s]).
     """
-    judge, results, facts = _Judge(body, tests, settings), [], []
-    children = random.spawn(settings.repeats)
+    judge = _Judge(body, tests, settings, ["set", "repeat"])
+    children, stacked = random.spawn(settings.repeats), {}
     for done, (name, family) in enumerate(sets.items()):
-        stacked, duration = _stacked_condition(body, family), family[0].period * len(family[1])
+        stacked[name] = _stacked_condition(body, family), family[0].period * len(family[1])
         exact = list(_measured(body, family, settings.rate))
         for repeat, child in enumerate(children):
             generator = np.random.default_rng(child)
             noisy = (disturbed(one, settings.noise, generator) for one in exact)
             data = gather(judge.model, noisy, settings.forgetting)
-            rows, norm = judge.of(data.sums, data.samples)
-            results += [(name, repeat, *row) for row in rows]
-            facts.append((name, repeat, norm, stacked, duration, data.samples))
+            judge.identify((name, repeat), data.sums, data.samples)
             if progress is not None:
                 progress(done * settings.repeats + repeat + 1, len(sets) * settings.repeats)
-    return (
-        pd.DataFrame(results, columns=["set", "repeat", "weighted", "joint", "nmse"]),
-        pd.DataFrame(facts, columns=["set", "repeat", "covariance_norm", "condition", "duration", "samples"]),
-    )
+    results, facts = judge.frames()
+    columns = pd.DataFrame([stacked[name] for name in facts["set"]], columns=["condition", "duration"])
+    facts[["condition", "duration"]] = columns
+    return results, facts
 
 
-def expected(body: RigidBody, family: Family, tests: Family, settings: StudySettings) -> pd.DataFrame:
-    """What NMSE of a set ``compare`` finds on average over noise draws, as ``expected_errors`` has it."""
+def expected(body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings) -> pd.DataFrame:
+    """NMSE of a set that ``compare`` finds on average over noise draws, as of ``expected_errors``."""
     exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
     return expected_errors(body, exact, truth, settings)
 
 
 def measured_sums(
     body: RigidBody,
-    family: Family,
+    family: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
     progress: Progress | None = None,
@@ -92,7 +90,7 @@ def measured_sums(
     generator, count = np.random.default_rng(random), len(family[1])
     model = TorqueModel(body, RIGID)
     if not count:
-        return no_sums(model.joints, len(model.names))
+        return no_sums(model.joints, model.count)
 
     def data() -> Iterator[Measurements]:
         parts = _measured(body, family, settings.rate, settings.noise, generator, _TRAJECTORIES_AT_ONCE)
@@ -105,7 +103,7 @@ def measured_sums(
 
 
 def combined(
-    body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: Family, settings: StudySettings
+    body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """NMSE of every set, weighting and joint, and the covariance norm and number of samples of every set.
 
@@ -119,22 +117,16 @@ def combined(
     """
     if settings.forgetting < 1:
         raise ConfigError(f"sums cannot be added with forgetting factor {settings.forgetting}, expected 1")
-    judge, results, facts = _Judge(body, tests, settings), [], []
+    judge = _Judge(body, tests, settings, ["set"])
     for name, parts in sets.items():
         sums = reduce(Sums.plus, parts)
-        samples = round(float(sums.weight))
-        rows, norm = judge.of(sums, samples)
-        results += [(name, *row) for row in rows]
-        facts.append((name, norm, samples))
-    return (
-        pd.DataFrame(results, columns=["set", "weighted", "joint", "nmse"]),
-        pd.DataFrame(facts, columns=["set", "covariance_norm", "samples"]),
-    )
+        judge.identify((name,), sums, round(float(sums.weight)))
+    return judge.frames()
 
 
 def _measured(
     body: RigidBody,
-    family: Family,
+    family: MotionSet,
     rate: float,
     noise: Noise | None = None,
     random: np.random.Generator | None = None,
@@ -148,33 +140,34 @@ def _measured(
 
 
 class _Judge:
-    """Identification from sums, and errors of it on the exact torques of test trajectories."""
+    """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
 
-    def __init__(self, body: RigidBody, tests: Family, settings: StudySettings) -> None:
-        self.model, self._settings = TorqueModel(body, RIGID), settings
+    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings, keys: list[str]) -> None:
+        self.model, self._settings, self._keys = TorqueModel(body, RIGID), settings, keys
         self._truth = list(_measured(body, tests, settings.rate))
+        self._results, self._facts = list[tuple[object, ...]](), list[tuple[object, ...]]()
 
-    def of(self, sums: Sums, samples: int) -> tuple[list[tuple[bool, str, float]], float]:
-        """Weighting, joint and nMSE, with equal weights and where set with one per joint; covariance norm."""
-        rows, fits = [], _fits(sums, samples, self._settings)
-        for weighted, fit in fits.items():
+    def identify(self, key: tuple[object, ...], sums: Sums, samples: int) -> None:
+        """Rows of identification with equal weights, and where set with one per joint."""
+        settings = self._settings
+        for weighted in (False, True) if settings.weighted else (False,):
+            fit = recursive(sums, samples, settings.prior, settings.forgetting, weighted)
             errors = score(self.model, fit.parameters, self._truth).nmse.tolist()
-            rows += [(weighted, joint, x) for joint, x in zip(self.model.arm.joint_names, errors)]
-        return rows, _norm(fits[False])
+            self._results += [(*key, weighted, *row) for row in zip(self.model.arm.joint_names, errors)]
+            if not weighted:
+                norm = torch.linalg.vector_norm(fit.inverse.diagonal())
+                self._facts.append((*key, float(norm), samples))
+
+    def frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """All rows: errors, and norms ‖diag P‖ with equal weights."""
+        return (
+            pd.DataFrame(self._results, columns=[*self._keys, "weighted", "joint", "nmse"]),
+            pd.DataFrame(self._facts, columns=[*self._keys, "covariance_norm", "samples"]),
+        )
 
 
-def _fits(sums: Sums, samples: int, settings: StudySettings) -> dict[bool, Fit]:
-    """Recursive least squares with equal weights (False), and where set with one per joint (True)."""
-    wanted = (False, True) if settings.weighted else (False,)
-    return {w: recursive(sums, samples, settings.prior, settings.forgetting, w) for w in wanted}
-
-
-def _norm(fit: Fit) -> float:
-    """‖diag P‖."""
-    return float(torch.linalg.vector_norm(fit.inverse.diagonal()))
-
-
-def _stacked_condition(body: RigidBody, family: Family) -> float:
+def _stacked_condition(body: RigidBody, family: MotionSet) -> float:
+    """Condition number of YᵀY over all trajectories of a set."""
     trajectory, coefficients = family
     samples = max(round(trajectory.period * _RATE), 4 * trajectory.harmonics)
     grams = gram(body, trajectory, coefficients, samples)

@@ -1,4 +1,4 @@
-"""Least squares on sums: what samples tell about linear parameters, in bounded memory."""
+"""Least squares on sums: all that samples say about linear parameters, in bounded memory."""
 
 from typing import NamedTuple
 
@@ -75,7 +75,7 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
 
 
 def finite(sums: Sums) -> Sums:
-    """The same sums, or a ShapeError when one of them is not finite."""
+    """These sums; a ShapeError when one of them is not finite."""
     if not all(x.isfinite().all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"
@@ -106,6 +106,13 @@ def rows_of(information: Tensor, moment: Tensor) -> tuple[Tensor, Tensor]:
     kept = eigenvalues > _floor(eigenvalues)
     root, vectors = eigenvalues[kept].sqrt(), vectors[:, kept]
     return root[:, None] * vectors.T * scale, vectors.T @ (moment / scale) / root
+
+
+def scaled_inverse(information: Tensor, rtol: float) -> Tensor:
+    """Pseudo-inverse (P, P) of information with columns scaled to one length, in the parameters' units."""
+    scale = _scale(information)
+    inverse = torch.linalg.pinv(information / scale[:, None] / scale, rtol=rtol, hermitian=True)
+    return inverse / scale[:, None] / scale
 
 
 def condition(information: Tensor) -> float:

@@ -1,4 +1,4 @@
-"""Whether to trust an identified model: what it predicts, what it cannot tell, and what to do about it."""
+"""Quality of an identified model: its errors, its uncertain parameters, and the description beside it."""
 
 import torch
 from torch import Tensor
@@ -9,13 +9,10 @@ from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score, score, score_of_sums
 from sidegan.identification.sums import solve
-from sidegan.identification.verdict import NextRuns, Trust
-from sidegan.motion.trajectory import Trajectory
+from sidegan.identification.verdict import Trust
 
 _LEAST = 1e-6  # information on each term beside the samples'
 _EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than this share of a joint's torque
-_STATES_AT_ONCE = 4096
-_GRAMS_AT_ONCE = 256
 
 
 def trust(
@@ -23,15 +20,10 @@ def trust(
     estimate: Estimate,
     validation: Samples | None = None,
     folds: Score | None = None,
-    grams: Tensor | None = None,
-    samples_each: int = 1000,
-    count: int = 5,
 ) -> Trust:
-    """Whether an estimate of a model can be trusted, and why.
+    """Quality of an estimate of a model, from which its verdict follows.
 
-    Recordings that were held out are a list, as they are read twice. With the information ``grams`` of
-    trajectories that could be run next, (N, P, P) of ``grams_of``, some are recommended, of which each gives
-    so many samples.
+    Recordings that were held out are a list, as they are read twice.
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
@@ -46,10 +38,6 @@ def trust(
     validated = None
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
-    runs = None
-    if grams is not None:
-        targets = torch.where(effect > _EFFECT, per_unit, 0.0) if weak else per_unit
-        runs = most_informative(estimate, grams, targets, samples_each, count)
     return Trust(
         arm=model.arm,
         estimate=estimate,
@@ -60,7 +48,6 @@ def trust(
         effect=effect,
         torque_deviation=torque_deviation,
         weak=tuple(estimate.names[i] for i in weak),
-        next_runs=runs,
     )
 
 
@@ -86,59 +73,6 @@ def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
     return nominal
 
 
-def grams_of(
-    model: TorqueModel, estimate: Estimate, trajectory: Trajectory, c: Tensor, samples: int = 80
-) -> Tensor:
-    """Information per sample on a model's parameters that trajectories give, (N, P, P).
-
-    The trajectories have coefficients [rad/s], (N, J, H, 2), and are looked at at so many time points; the
-    estimate's errors say how much each joint's torque tells, and how many samples count as one.
-    """
-    trajectory.check(c)
-    times, weights = trajectory.grid(samples), certainty(estimate)
-    grams = []
-    for part in c.split(max(1, _STATES_AT_ONCE // samples)):
-        states = [x.flatten(0, 1) for x in trajectory.roll_out(part, times)[1:]]
-        y = (model.regressor(*states) * weights[:, None]).reshape(len(part), -1, model.count)
-        grams.append(y.mT @ y / samples)
-    return torch.cat(grams)
-
-
 def certainty(estimate: Estimate) -> Tensor:
     """One over the deviation that a sample's error would have if samples were independent, (J,)."""
     return 1 / (estimate.residual_rms * estimate.inflation.sqrt())
-
-
-def most_informative(
-    estimate: Estimate, grams: Tensor, effects: Tensor, samples: int, count: int
-) -> NextRuns:
-    """The greedy pick of trajectories by what is left of the parameters' variances after running them.
-
-    Args:
-        estimate: what is known so far.
-        grams: of the candidates, from ``grams_of``, (N, P, P).
-        effects: how much each parameter matters per unit, (P,); zero for those that are certain enough.
-        samples: number that running one trajectory gives.
-        count: of picks; a trajectory may be picked again, as running it again helps too.
-    """
-    scale = estimate.deviation.clamp_min(torch.finfo(torch.float64).tiny)
-    outer = scale[:, None] * scale
-    information = torch.linalg.pinv(estimate.covariance / outer, hermitian=True)
-    targets = torch.diag(effects * scale)[:, effects > 0]
-    now, indices, shares = _variance(information[None], targets)[0], [], []
-    for _ in range(count):
-        parts = grams.split(_GRAMS_AT_ONCE)
-        left = [_variance(information + samples * part * outer, targets) for part in parts]
-        variances = torch.cat(left)
-        best = int(variances.argmin())
-        information = information + samples * grams[best] * outer
-        indices.append(best)
-        shares.append(float(variances[best] / now))
-    return NextRuns(torch.tensor(indices), torch.tensor(shares, dtype=torch.float64))
-
-
-def _variance(information: Tensor, targets: Tensor) -> Tensor:
-    """Sum over targets t of tᵀ information⁻¹ t, (N,)."""
-    factor = torch.linalg.cholesky(information)
-    half = torch.linalg.solve_triangular(factor, targets.expand(len(information), -1, -1), upper=False)
-    return half.square().sum((1, 2))

@@ -40,17 +40,9 @@ _NOTABLE = 0.02  # of the arm's mass that a link's is looked at from
 _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
 
 
-class NextRuns(NamedTuple):
-    """Trajectories to run, the most useful one first."""
-
-    indices: Tensor  # among the candidates, (count,)
-    # of the weak parameters, summed in units of their effect, over what it is now, after each run, (count,)
-    variance: Tensor
-
-
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """What is known about the quality of an identified model, and what follows from it."""
+    """Quality of an identified model, and the verdict that follows from it."""
 
     arm: Arm  # the arm that was identified
     estimate: Estimate  # its parameters
@@ -65,14 +57,11 @@ class Trust:
     # limits, (J,)
     torque_deviation: Tensor
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
-    next_runs: NextRuns | None  # what to run next; None without candidates
-    # mass [kg] of the links whose mass some torque tells, of the consistent model and of the description;
-    # None where it is not known
+    # mass [kg] of the links that some torque depends on, of the consistent model and of the description; None
+    # where it is not known
     mass: tuple[float, float] | None = None
     doubts: tuple[str, ...] = ()  # what of the description and the torques cannot both be right
-    turned: str | None = (
-        None  # the same of gravity, with what another one would give; None: it is as described
-    )
+    other_gravity: str | None = None  # sentence on one that explains the torques better
     implausible: tuple[Finding, ...] = ()  # of the consistent model's links
 
     @property
@@ -83,7 +72,7 @@ class Trust:
 
     @property
     def reasons(self) -> list[str]:
-        """Why, with the names of joints: causes, then all of one joint together, the gravest first."""
+        """Reasons of the verdict: causes, then all about one joint together, the gravest first."""
         if not self.findings:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
             right = "; the description is right: its own links predict as well" if self.described else ""
@@ -91,24 +80,22 @@ class Trust:
         groups: dict[object, list[Finding]] = {}
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
-        grave = [any(one.level == BAD for one in group) for group in groups.values()]
-        texts = [self._said(group) for group in groups.values()]
-        ordered = [text for bad in (True, False) for text, is_bad in zip(texts, grave) if is_bad == bad]
-        return [*(self._said([one]) for one in self.causes), *ordered]
+        gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
+        return [self._sentence(group) for group in [*([one] for one in self.causes), *gravest_first]]
 
-    def _said(self, group: list[Finding]) -> str:
+    def _sentence(self, group: list[Finding]) -> str:
         """Findings about the arm, or all about one joint, in a sentence."""
         texts, joint = "; ".join(one.text for one in group), group[0].joint
         return texts if joint is None else f"{self.joint(joint)}: {texts}"
 
     @cached_property
     def findings(self) -> list[Finding]:
-        """What keeps the model from being good."""
+        """Findings that keep the model from being good."""
         return [*self.causes, *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
 
     @property
     def causes(self) -> list[Finding]:
-        """What is wrong with the torques or the description, which the rest may follow from."""
+        """Faults of the torques or the description, which the rest may follow from."""
         return [*_doubts(self), *_scale(self), *self.implausible]
 
     @property
@@ -130,19 +117,19 @@ class Trust:
 
     @property
     def where(self) -> str:
-        """What these errors are of."""
+        """Data of these errors, for people."""
         if self.validation is not None:
             return "validation data"
         return "training data" if self.folds is None else "each recording by the others"
 
     def joint(self, j: int) -> str:
-        """What to call joint j."""
+        """Number and name of joint j."""
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
 def _doubts(trust: Trust) -> Iterator[Finding]:
-    if trust.turned is not None:
-        yield Finding(BAD, trust.turned)
+    if trust.other_gravity is not None:
+        yield Finding(BAD, trust.other_gravity)
     yield from (Finding(USABLE, doubt) for doubt in trust.doubts)
 
 
@@ -218,7 +205,7 @@ def _negative(trust: Trust) -> Iterator[Finding]:
 
 
 def _advice(trust: Trust, j: int) -> str:
-    """How to excite a joint better than it was; nothing where something else is to be mended first."""
+    """Advice on exciting a joint better; nothing where something else is to be mended first."""
     if trust.causes:
         return ""
     arm, reach = trust.arm, trust.estimate.reach
@@ -236,7 +223,7 @@ def _advice(trust: Trust, j: int) -> str:
 
 
 def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
-    """Links that no such arm has: their parameters (J, 10); those whose mass no torque tells are left out."""
+    """Findings on links (J, 10) that no such arm has, by mass and centre of mass."""
     described = arm.inertial_parameters[:, 0]
     whole, reach = float(described.sum()), float(arm.translation.norm(dim=1).sum() + arm.tip.norm())
     found = []

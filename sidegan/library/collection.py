@@ -1,4 +1,4 @@
-"""A trajectory library: coefficients with all that was measured about them."""
+"""A trajectory library: coefficients with their margins, excitation and origin."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -60,7 +60,7 @@ class Library:
         return {name: margins[name] if name in margins else getattr(self, name) for name in names}
 
     def family(self) -> Family:
-        """What two libraries must share to be merged."""
+        """Properties that two libraries must share to be merged."""
         _, joints, harmonics, _ = self.coefficients.shape
         home, margins = list(self.home), sorted(self.margins)
         parameters = self.diagonal.shape[1]

@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Expansion:
-    """How the library grows from the generator."""
+    """Growth of the library from the generator."""
 
     count: Count
     batch: Size

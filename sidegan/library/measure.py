@@ -1,4 +1,4 @@
-"""What is measured about trajectories: a library with all of it, and its summary."""
+"""Measurement of trajectories: a library with margins and excitation, and its summary."""
 
 from torch import Tensor
 

@@ -25,7 +25,7 @@ MARGIN = "margin_"  # begins the names of the columns of margins
 
 @dataclass(frozen=True)
 class Family:
-    """What all trajectories of a library share, and what the metadata of its file hold."""
+    """Properties that all trajectories of a library share: the metadata of its file."""
 
     robot: str
     digest: str
@@ -103,23 +103,15 @@ def _array(x: Tensor) -> "pa.Array":
 
 
 def _tensor(path: Path, table: "pa.Table", name: str, shape: tuple[int, ...]) -> Tensor:
-    """Column as a tensor, (N, *shape), whether its lists were stored with a fixed size or not."""
+    """Column as a tensor, (N, *shape)."""
     import pyarrow as pa
-    import pyarrow.compute as pc
 
     column, width = table[name].combine_chunks(), math.prod(shape)
     kind = pa.bool_() if name == "valid" else pa.float64()
-    if column.null_count:
-        raise ArtifactError(f"{path}: column {name} has {column.null_count} empty cells")
-    if shape:
-        lists = pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list
-        if not any(is_kind(column.type) for is_kind in lists):
-            raise ArtifactError(f"{path}: column {name} is {column.type}, expected lists of {width} numbers")
-        lengths = pc.unique(pc.list_value_length(column)).to_pylist()
-        if len(table) and lengths != [width]:
-            raise ArtifactError(f"{path}: column {name} has lists of {lengths} numbers, expected {width}")
-        column = column.flatten()
-    if column.type != kind or column.null_count:
-        raise ArtifactError(f"{path}: column {name} holds {column.type} or empty cells, expected {kind}")
-    values = np.array(column.to_numpy(zero_copy_only=False))
+    if shape and not (pa.types.is_fixed_size_list(column.type) and column.type.list_size == width):
+        raise ArtifactError(f"{path}: column {name} is {column.type}, expected lists of {width} numbers")
+    cells = column.flatten() if shape else column
+    if cells.type != kind or column.null_count or cells.null_count:
+        raise ArtifactError(f"{path}: column {name} holds {cells.type} or empty cells, expected {kind}")
+    values = np.array(cells.to_numpy(zero_copy_only=False))
     return torch.from_numpy(values).reshape(len(table), *shape)

@@ -70,9 +70,8 @@ class Task:
 
     @property
     def planning(self) -> bool:
-        """Whether motions of the arm are planned, or looked at in a library of such."""
-        cfg = self.cfg
-        return cfg.has("workspace") or (cfg.has("identify") and cfg.identify.library is not None)
+        """Whether motions of the arm are planned."""
+        return self.cfg.has("workspace")
 
     @property
     def _stated_home(self) -> list[float] | None:

@@ -1,6 +1,5 @@
 """The arm in MuJoCo under position servos, recorded as a real one is."""
 
-from sidegan.plant.driven import Run, driven
 from sidegan.plant.execute import Executed, Plant
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.save import save_recording
@@ -11,8 +10,6 @@ __all__ = [
     "Executed",
     "Plant",
     "PlantSettings",
-    "Run",
-    "driven",
     "mujoco_model",
     "save_recording",
 ]

@@ -1,4 +1,4 @@
-"""Executing a motion: servos, physics, and what the sensors make of it."""
+"""Execution of a motion: servos, physics and sensors."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,14 +18,13 @@ from sidegan.robot.mujoco_log import mujoco_logged
 if TYPE_CHECKING:
     import mujoco
 
-_STATES_AT_ONCE = 16_384  # inverse dynamics of that many states of a 7-joint arm stay under 100 MB
 _POSTURES = 64  # random ones over which a joint's largest inertia is taken
 _OFF_GRID = 1e-3  # share by which a time step may be another: a period may not be a whole number of them
 _AT_THE_LIMIT = 0.999  # of the torque limit
 
 
 class Executed(NamedTuple):
-    """What was recorded: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
+    """Recorded signals: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
 
     time: Tensor
     position: Tensor
@@ -60,7 +59,7 @@ class Plant:
 
         A joint that alone moves its largest inertia has the bandwidth and damping ratio of the settings.
         """
-        inertia = self._largest_inertia() + self._each("rotor_inertia")
+        inertia = self.largest_inertia() + self._each("rotor_inertia")
         speed = 2 * np.pi * self._each("bandwidth")
         return inertia * speed**2, 2 * inertia * speed * self._each("damping_ratio")
 
@@ -70,7 +69,7 @@ class Plant:
         return mujoco_model(self.arm, self.settings, *self.gains)
 
     def execute(self, motion: Motion, seed: int | np.random.SeedSequence) -> Executed:
-        """What the sensors recorded of a motion, or of several executed one after another.
+        """Sensors' signals of a motion, or of several executed one after another.
 
         Args:
             motion: states (B, T, J) at the plant's rate (``Trajectory.times(settings.rate)``); with
@@ -84,7 +83,7 @@ class Plant:
         return self._sensed(self.follow(motion), seed)
 
     def follow(self, motion: Motion) -> Executed:
-        """The true signals of a motion that is executed: what the sensors would see without errors.
+        """True signals of a motion that is executed, without the sensors' errors.
 
         Arguments and errors are those of ``execute``.
         """
@@ -130,9 +129,8 @@ class Plant:
 
     def _feed_forward(self, reference: Motion) -> Tensor:
         """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
-        parts = zip(*(x.split(_STATES_AT_ONCE) for x in reference[1:]))
-        rigid = torch.cat([self.body.torque(*part) for part in parts])
-        return self.settings.feed_forward * (rigid + self._each("rotor_inertia") * reference.acceleration)
+        rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
+        return self.settings.feed_forward * rigid
 
     def _sensed(self, true: Executed, seed: int | np.random.SeedSequence) -> Executed:
         """Signals as encoders and torque sensors have them; speeds are differences of encoder readings."""
@@ -175,7 +173,7 @@ class Plant:
             f"{self.settings.tolerance:g} rad off its reference{hint}"
         )
 
-    def _largest_inertia(self) -> Tensor:
+    def largest_inertia(self) -> Tensor:
         """Largest diagonal element of the mass matrix over random postures, (J,)."""
         arm = self.arm
         random = torch.Generator().manual_seed(0)

@@ -1,7 +1,6 @@
-"""Friction and ripple that no linear model has, in two families, and what of them a model can have.
+"""Friction and ripple that no linear model has.
 
-The laws differ in form between the families, and from the smooth basis that ``identification.lacking`` weighs
-motions by, so that no motion is judged with what it was designed for.
+The law differs in form from the smooth basis with which ``identification.lacking`` explains residuals.
 """
 
 from dataclasses import dataclass
@@ -13,9 +12,7 @@ from numpy.typing import NDArray
 from sidegan.base.typed import NonNegative, Positive, Share
 
 Array = NDArray[np.float64]
-Form = Literal["linear", "eyring", "tustin"]
-
-_FINE = 1e-6  # [rad/s] that keeps powers of the speed finite at rest
+Form = Literal["linear", "eyring"]
 
 
 @dataclass(frozen=True)
@@ -36,11 +33,10 @@ class FrictionSettings:
 class Law:
     """Friction of the joints of one plant; every vector is (J,).
 
-    The form is ``linear`` (Coulomb and viscous alone, which a model has), ``eyring`` (Hess and Soom's curve
-    near rest, shear-thinning lubricant, saturating load dependence) or ``tustin`` (an exponential of the root
-    of the speed, a power law, a load dependence that grows faster than the load).
+    The form is ``linear`` (Coulomb and viscous alone, which a model has) or ``eyring`` (Hess and Soom's curve
+    near rest, shear-thinning lubricant, saturating load dependence).
 
-    Source: Hess, Soom 1990; Bo, Pavelescu 1982; Olsson et al. 1998 (all forms).
+    Source: Hess, Soom 1990; Olsson et al. 1998.
     """
 
     form: Form
@@ -72,25 +68,11 @@ class Law:
         """Friction [N·m or N] against the motion, (…, J), with transmitted torques ``load``."""
         if self.form == "linear":
             return self.linear(dq)
-        s, size = np.tanh(dq / self.settings.width), self.settings
-        part = self._eyring if self.form == "eyring" else self._tustin
-        rest, lubricant, loaded, place, wave = part(q, dq, load, s)
-        level = 1 + size.stribeck * rest + size.asymmetry * self.skew * s + size.position * place
-        friction = s * (self.coulomb * level + size.load * loaded) + self.viscous * lubricant
-        return friction + size.ripple * self.scale * wave
-
-    def _eyring(self, q: Array, dq: Array, load: Array, s: Array) -> tuple[Array, ...]:
-        rest = 1 / (1 + (dq / self.speed) ** 2)
-        thin = 6 * self.speed
-        lubricant = thin * np.arcsinh(dq / thin)
-        loaded = load**2 / (np.abs(load) + 0.5 * self.scale) * (1 + 0.3 * s * np.tanh(load / self.scale))
+        s, size, share = np.tanh(dq / self.settings.width), self.settings, load / self.scale
+        rest, thin = 1 / (1 + (dq / self.speed) ** 2), 6 * self.speed
+        loaded = load**2 / (np.abs(load) + 0.5 * self.scale) * (1 + 0.3 * s * np.tanh(share))
         place = 0.6 * np.cos(q + self.phase[0]) + 0.4 * np.cos(3 * q + self.phase[1])
-        return rest, lubricant, loaded, place, np.sin(54 * q + self.phase[2]) * (1 + 0.5 * load / self.scale)
-
-    def _tustin(self, q: Array, dq: Array, load: Array, s: Array) -> tuple[Array, ...]:
-        speed = np.abs(dq) + _FINE
-        rest = np.exp(-np.sqrt(speed / self.speed))
-        lubricant = np.sign(dq) * (6 * self.speed) ** (1 / 3) * speed ** (2 / 3)
-        loaded = np.abs(load) ** 1.5 / np.sqrt(self.scale)
-        wave = np.sin(q + self.phase[0])
-        return rest, lubricant, loaded, wave * np.abs(wave), np.tanh(3 * np.sin(81 * q + self.phase[1]))
+        wave = np.sin(54 * q + self.phase[2]) * (1 + 0.5 * share)
+        level = 1 + size.stribeck * rest + size.asymmetry * self.skew * s + size.position * place
+        friction = s * (self.coulomb * level + size.load * loaded)
+        return friction + self.viscous * thin * np.arcsinh(dq / thin) + size.ripple * self.scale * wave

@@ -1,9 +1,7 @@
-"""What was executed, as the files in which recordings come."""
+"""Executed motions as files of recordings."""
 
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from sidegan.base.storage import replacing, write_parquet
 from sidegan.errors import ConfigError
@@ -33,8 +31,9 @@ def save_recording(executed: Executed, joint_names: Sequence[str], path: Path) -
 
         write_parquet(path, pa.table(columns))
     elif path.suffix == ".csv":
-        table = np.column_stack(list(columns.values()))
+        import pandas as pd
+
         with replacing(path) as draft:
-            np.savetxt(draft, table, "%.17g", ",", header=",".join(columns), comments="", encoding="utf-8")
+            pd.DataFrame(columns).to_csv(draft, index=False, float_format="%.17g")
     else:
         raise ConfigError(f"{path} ends in {path.suffix!r}, expected .csv or .parquet")

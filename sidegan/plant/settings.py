@@ -1,4 +1,4 @@
-"""What the plant has that a rigid body has not, and what its sensors see."""
+"""Settings of the plant: friction, drives, servos and sensors."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Randomised plants that tell motions apart: many motions of one plant at once, in MuJoCo.
+"""Randomised plants that differ from their description: many motions of one plant at once, in MuJoCo.
 
 Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are heavier or lighter than the
 description says, the servos feed forward what the description says, and friction is not of a model's form.
@@ -33,7 +33,7 @@ _STIFF = 1.5  # steps that friction near rest takes at least to stop a rotor: an
 
 @dataclass(frozen=True)
 class VariedSettings:
-    """How a plant differs from its description; shares of torque are of ``torque_scale``."""
+    """Differences of a plant from its description; shares of torque are of ``torque_scale``."""
 
     rate: Hertz  # of the servos and of the physics
     bandwidth: Hertz  # of the servos
@@ -51,7 +51,7 @@ class VariedSettings:
 
 
 class Signals(NamedTuple):
-    """What a plant did, at its rate, (B, T, J) each: SI units."""
+    """Signals of a plant, at its rate, (B, T, J) each: SI units."""
 
     position: Array  # as encoders at the motors see it
     torque: Array  # of the motors, as measured, without noise
@@ -92,7 +92,7 @@ class VariedPlant:
         self.true = replace(arm, inertial_parameters=own)
         top = arm.velocity_limit.numpy()
         self.law = Law.drawn(form, settings.friction, self.scale, top, random)
-        largest = Plant(arm, IDEAL)._largest_inertia().numpy()
+        largest = Plant(arm, IDEAL).largest_inertia().numpy()
         steep = (1 + settings.friction.stribeck + settings.friction.asymmetry) * self.law.coulomb
         slope = steep / settings.friction.width + self.law.viscous
         self.rotor = np.maximum(settings.rotor * largest, _STIFF * slope / settings.rate)
@@ -112,13 +112,13 @@ class VariedPlant:
         return model
 
     def feed_forward(self, motion: Motion) -> Array:
-        """What the controller believes the torque is, (B, T, J): of the description, without friction."""
+        """Torque of the controller's model, (B, T, J): the description's, without friction."""
         shape = motion.position.shape
         states = [x.reshape(-1, shape[2]).split(16_384) for x in motion[1:]]
         return torch.cat([self.body.torque(*part) for part in zip(*states)]).reshape(shape).numpy()
 
     def follow(self, motion: Motion, feed_forward: Array | None = None) -> Signals:
-        """What the plant does along B motions at its rate, each from rest, (B, T, J).
+        """Signals of the plant along B motions at its rate, each from rest, (B, T, J).
 
         Args:
             motion: the references, at the plant's rate.
@@ -168,7 +168,7 @@ class VariedPlant:
         return out[:, 0], out[:, 1], out[:, 2]
 
     def _sensed(self, q: Array, torque: Array, friction: Array) -> Signals:
-        """What encoders at the motors and torque sensors make of it, without noise."""
+        """Signals of encoders at the motors and of torque sensors, without noise."""
         if self.law.form == "linear":
             return Signals(_rounded(q, self.settings.encoder), torque, friction, q)
         acceleration = np.gradient(np.gradient(q, axis=1), axis=1) * self.settings.rate**2

@@ -64,7 +64,7 @@ class Agreement(NamedTuple):
         return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
 
     def doubts(self, arm: Arm) -> list[str]:
-        """What of the description and the torques, beside gravity, cannot both be right, a sentence each."""
+        """Sentences on what cannot be right of both the description and the torques, beside gravity."""
         found = []
         if self.rescaled.any():
             each = zip(arm.joint_names, self.load.scale.tolist(), self.rescaled.tolist())

@@ -1,9 +1,7 @@
 """ROS 2 bags and MCAP files with `sensor_msgs/JointState`; the only door to rosbags."""
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from itertools import islice
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +10,7 @@ import numpy as np
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.settings import Columns
-from sidegan.recording.tables import Piece, Where
+from sidegan.recording.tables import Rows, Where
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -22,7 +20,6 @@ _SUFFIXES = (".db3", ".mcap")
 _KIND = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")
 _NANOSECONDS = 1e-9
-_SEARCHED = 1000  # joint names after which a message with all of the arm's is no longer looked for
 
 
 def is_bag(path: Path) -> bool:
@@ -44,37 +41,31 @@ def bag_files(path: Path) -> list[Path]:
     return [one for one in inside if one.is_file()]
 
 
-def bag_pieces(
-    path: Path, columns: Columns, names: Sequence[str], rows: int
-) -> tuple[Iterator[Piece], Where]:
-    """Pieces of the joint states of some joints in a bag, and which of their columns is which signal.
+def bag_rows(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Rows, Where]:
+    """Joint states of some joints in a bag, and which of its columns is which signal.
 
-    Time is that of the header, or that of the bag where headers have none. A message that lacks one of the
-    arm's joints is a corrupt row.
+    Time is that of the header, or that of the bag where headers have none. A message without any of the
+    joints, such as a gripper's, is no row; one that lacks some of them is a corrupt one.
 
     Raises:
         RecordingError: when the bag cannot be read, has no joint states, several topics of them, none of
             the arm's joints, or no positions.
     """
-    with _opened(path) as reader, reading(path, "bag", RecordingError):
-        connections = _connections(path, reader, columns.topic)
-        fields = _fields(path, reader, connections, names)
-    where = {columns.effort if field == "effort" else field: [field] for field in fields}
-    return _pieces(path, columns, names, fields, rows), {"time": ["time"], **where}
-
-
-@contextmanager
-def _opened(path: Path) -> "Iterator[AnyReader]":
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    with reading(path, "bag", RecordingError):
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        reader.open()
-    try:
-        yield reader
-    finally:
-        reader.close()
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
+        connections = _connections(path, reader, columns.topic)
+        fields = _fields(path, reader, connections, names)
+        numbers: Any = np.dtype((np.float64, (1 + len(names) * len(fields),)))
+        read = ((reader.deserialize(raw, _KIND), at) for _, at, raw in reader.messages(connections))
+        rows = (_row(message, received, names, fields) for message, received in read)
+        table = np.fromiter((row for row in rows if row is not None), numbers)
+    time, *values = np.split(table, [1 + len(names) * k for k in range(len(fields))], 1)
+    where = {columns.effort if field == "effort" else field: [field] for field in fields}
+    found = {"time": time[:, 0], **dict(zip(fields, values))}
+    return Rows(found, np.arange(len(table)) + 1), {"time": ["time"], **where}
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
@@ -98,38 +89,19 @@ def _fields(
 ) -> list[str]:
     """Fields that the first message with all of the arm's joints has values of."""
     seen: set[str] = set()
-    for connection, _, raw in reader.messages(connections=connections):
-        message: Any = reader.deserialize(raw, connection.msgtype)
+    for _, _, raw in reader.messages(connections):
+        message: Any = reader.deserialize(raw, _KIND)
         seen |= set(message.name)
         if set(names) <= set(message.name):
             fields = [field for field in _FIELDS if len(getattr(message, field)) == len(message.name)]
             if "position" not in fields:
                 raise RecordingError(f"{path.name}: its joint states have no positions")
             return fields
-        if len(seen) > _SEARCHED:
-            break
     if not seen:
         raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
     missing = [name for name in names if name not in seen]
     lack = f"has no joint {', '.join(missing)}" if missing else "has no message with all of the arm's joints"
     raise RecordingError(f"{path.name} {lack}; it has {', '.join(sorted(seen))}")
-
-
-def _pieces(
-    path: Path, columns: Columns, names: Sequence[str], fields: Sequence[str], rows: int
-) -> Iterator[Piece]:
-    """Pieces of ``rows`` messages, without those that have none of the joints, such as a gripper's."""
-    with _opened(path) as reader, reading(path, "bag", RecordingError):
-        messages = reader.messages(connections=_connections(path, reader, columns.topic))
-        read = (
-            _row(reader.deserialize(raw, _KIND), received, names, fields) for _, received, raw in messages
-        )
-        rows_of_arm = (row for row in read if row is not None)
-        first = 1
-        while chunk := list(islice(rows_of_arm, rows)):
-            time, *values = np.split(np.array(chunk), [1 + len(names) * k for k in range(len(fields))], 1)
-            yield Piece({"time": time[:, 0], **dict(zip(fields, values))}, first + np.arange(len(chunk)))
-            first += len(chunk)
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float] | None:

@@ -1,8 +1,8 @@
 """Check of a recording before anything is fitted to it: is it plausible, and what can it tell?"""
 
 import logging
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -17,9 +17,9 @@ from sidegan.recording import plausibility
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.recording.excitation import Excitation, excitation_of
-from sidegan.recording.load import Source
+from sidegan.recording.load import load_recording, recording_name
 from sidegan.recording.overload import refuse_overload
-from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment, whole
+from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
 from sidegan.recording.sent import Repeated, averaged, load_sent
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
@@ -40,7 +40,6 @@ _LEAST_PART = 20  # samples of a part of a recording
 class CheckedRecording:
     """A recording that was checked and preprocessed."""
 
-    role: Role  # what it is for
     joint_names: tuple[str, ...]  # of the arm
     statistics: Statistics  # of the raw recording
     grid: Grid  # what it was preprocessed with
@@ -51,8 +50,8 @@ class CheckedRecording:
     delay: Delay | None = None  # of the torques, where it was not given
     corrected: bool = False  # whether it was taken off
     given: float = 0.0  # delay of the torques [s] that was given, and taken off
-    # what of the trajectories that were sent was found, where they are known
-    repeated: Repeated | None = None
+    repeated: Repeated | None = None  # trajectories that were sent and found, where they are known
+    role: Role = "training"  # what it is for
 
     @property
     def name(self) -> str:
@@ -80,31 +79,22 @@ class CheckedRecording:
         return None if self.repeated is None else self.repeated.noise
 
     @property
-    def repetitions(self) -> tuple[int, int]:
-        """Over how many repetitions its samples are averaged, at least and at most."""
-        counts = [1] if self.noise is None or self.repeated is None else self.repeated.counts.values()
-        return min(counts), max(counts)
-
-    @property
     def statements(self) -> list[str]:
         """How it was preprocessed, in sentences."""
         said = [self.grid.statement]
         if self.repeated is not None:
             said.append(self.repeated.statement)
+        order = "earlier" if self.lag < 0 else "later"
         if self.delay is not None:
-            size = f"{abs(self.delay.seconds) * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
-            said.append(f"torques are {size} {_order(self.lag)} than the motion: {self._treated(self.delay)}")
+            worth = self.delay.believed and abs(self.lag) > _WORTH
+            left = "left as it is" + "; recording.delay=null takes it off" * worth
+            size = f"{abs(self.lag) * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
+            treated = "taken off" if self.corrected else left
+            said.append(f"torques are {size} {order} than the motion: {treated}")
         if self.given:
-            size = f"{abs(self.given) * 1e3:g} ms {_order(self.given)}"
-            said.append(f"torques are taken to be {size} than the motion, as is set")
+            size = f"{abs(self.given) * 1e3:g} ms"
+            said.append(f"torques are taken to be {size} {order} than the motion, as is set")
         return said
-
-    def _treated(self, delay: Delay) -> str:
-        """What was done about a delay."""
-        if self.corrected:
-            return "taken off"
-        worth = delay.believed and abs(delay.seconds) > _WORTH
-        return "left as it is" + "; recording.delay=null takes it off" * worth
 
     @property
     def derived(self) -> list[str]:
@@ -113,42 +103,34 @@ class CheckedRecording:
 
     def as_json(self) -> dict[str, Any]:
         """All of it but the samples, as plain values."""
-        raw = self.statistics
-        signals = {
-            name: {key: x.tolist() for key, x in vars(signal).items()} for name, signal in raw.signals.items()
-        }
+        raw, delay, repeated = self.statistics, self.delay, self.repeated
+        same = ("name", "samples", "duration", "jitter", "duplicates")
         reasons = dict(Counter(reason for _, reason in raw.corrupt).most_common())
         return {
-            "name": raw.name,
-            "samples": raw.samples,
-            "duration": raw.duration,
+            **{key: getattr(raw, key) for key in same},
             "rate": 1 / raw.step,
-            "jitter": raw.jitter,
-            "duplicates": raw.duplicates,
             "gaps": [list(gap) for gap in raw.gaps],
             "frozen": [one._asdict() for one in raw.frozen],
             "corrupt": {"count": len(raw.corrupt), "reasons": reasons},
             "corrupt_rows": [list(row) for row in raw.corrupt[:_LISTED]],
-            "signals": signals,
+            "signals": {
+                name: {key: x.tolist() for key, x in one._asdict().items()}
+                for name, one in raw.signals.items()
+            },
             "derived": self.derived,
             "conditioning": {**asdict(self.grid), "statement": self.grid.statement},
             "kept": self.kept,
             "moving": self.moving,
             "sign": self.agreement.sign.tolist(),
             "lag": self.agreement.lag,
-            "delay": None if self.delay is None else self.delay._asdict(),
-            "repetitions": None if self.repeated is None else self.repeated.counts,
+            "delay": None if delay is None else delay._asdict(),
+            "repetitions": None if repeated is None else repeated.counts,
             "noise": None if self.noise is None else self.noise.tolist(),
             "condition": self.excitation.condition_number,
             "excited": self.excitation.rows,
             "weak": self.excitation.weak,
             "warnings": self.warnings,
         }
-
-
-def _order(lag: float) -> str:
-    """What torques are by that time [s]."""
-    return "earlier" if lag < 0 else "later"
 
 
 def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, CheckedRecording]:
@@ -194,63 +176,54 @@ def read_and_check(
     They are of one arm and have one delay. Arguments and errors are those of ``check_recording``.
     """
     chain = chain_of(arm)
-    sources = [Source(file, settings, arm.joint_names, settings.rows, chain) for file, _ in files]
-
-    def check(k: int, known: Delay | None = None) -> CheckedRecording:
-        options = gains, sign_width, settings.units.angle, files[k][1], known
-        return check_recording(sources[k], arm, settings, *options)
-
-    found = [check(k) for k in range(len(files))]
+    read = [load_recording(file, settings, arm.joint_names, chain) for file, _ in files]
+    found = [check_recording(one, arm, settings, gains, sign_width) for one in read]
     common = pooled([one.delay for one in found if one.delay is not None])
     if common is not None and settings.delay is None:
-        found = [check(k, common) for k in range(len(files))]
+        found = [check_recording(one, arm, settings, gains, sign_width, common) for one in read]
     elif common is not None:
         found = [replace(one, delay=common) for one in found]
-    recordings, warned = [], dict[str, list[str]]()
-    for (file, role), source, checked in zip(files, sources, found):
-        name = source.name if isinstance(file, Files) else file
-        locked = arm.setup.locked or {}
-        left_out = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
-        checked = replace(checked, warnings=[*left_out, *source.remarks, *checked.warnings])
-        raw = checked.statistics
+    found = [replace(one, role=role) for one, (_, role) in zip(found, files)]
+    warned = defaultdict[str, list[str]](list)
+    for (file, role), checked in zip(files, found):
+        name, raw = recording_name(file) if isinstance(file, Files) else file, checked.statistics
         log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:
             log.info("  %s", statement)
         for warning in checked.warnings:
-            warned.setdefault(warning, []).append(name)
-        recordings.append(checked)
+            warned[warning].append(name)
     for warning, names in warned.items():
         log.warning("%s: %s", listed(names), warning)
-    return recordings
+    return found
 
 
 def check_recording(
-    recording: Recording | Iterable[Recording],
+    recording: Recording,
     arm: Arm,
     settings: RecordingSettings,
     gains: Sequence[float] | None = None,
     sign_width: float = SIGN_WIDTH,
-    angle: str = "rad",
-    role: Role = "training",
     known: Delay | None = None,
 ) -> CheckedRecording:
     """A recording, checked and preprocessed.
 
-    Its torques are compared with the arm's description. ``angle`` is the unit that the file's angles were
-    declared in, ``known`` the delay of the torques where other recordings tell it too; the other arguments
-    are those of ``preprocess``, and a recording in pieces is walked through twice.
+    Its torques are compared with the arm's description. ``known`` is the delay of the torques where other
+    recordings tell it too; the other arguments are those of ``preprocess``.
 
     Raises:
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
             zero or constant, positions or torques are in another unit than declared.
     """
     statistics = statistics_of(recording, settings.gap, settings.bridged)
-    joints = len(statistics.signals["position"].lower)
+    joints = len(recording.joint_names)
     if joints != arm.joints:
         raise RecordingError(f"{statistics.name} has {counted(joints, 'joint')}, {arm.name} has {arm.joints}")
-    plausibility.refuse_wrong_units(statistics, arm, angle, settings.units)
+    plausibility.refuse_wrong_units(statistics, arm, settings.units)
     plausibility.refuse_idle(statistics, arm)
-    parts, repeated = _parts(recording, arm, settings, statistics)
+    parts, repeated = [recording], None
+    if settings.sent is not None:
+        sent = load_sent(Path(settings.sent), arm.joint_names)
+        parts, repeated = averaged(recording, sent, statistics.gap)
     grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
 
     def kept(delay: float) -> list[Segment]:
@@ -261,26 +234,28 @@ def check_recording(
     delay = None if settings.delay else known or delay_of(body, segments)
     corrected = settings.delay is None and delay is not None and delay.believed
     segments = kept(delay.seconds) if corrected and delay is not None else segments
-    warnings = plausibility.clock_warnings(statistics) + plausibility.range_warnings(statistics, arm)
+    locked = arm.setup.locked or {}
+    warnings = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
+    warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
+    warnings += plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
     refuse_overload(statistics, arm, agreement, settings.units)
     noise = None if repeated is None else repeated.noise
     excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains, noise))
-    warnings += agreement.warnings(arm) + excitation.warnings()
-    found = segments, agreement, excitation, warnings, delay, corrected, settings.delay or 0.0, repeated
-    return CheckedRecording(role, arm.joint_names, statistics, grid, *found)
-
-
-def _parts(
-    recording: Recording | Iterable[Recording], arm: Arm, settings: RecordingSettings, statistics: Statistics
-) -> tuple[list[Recording | Iterable[Recording]], Repeated | None]:
-    """What is to be preprocessed: the recording, or the mean of each trajectory that was sent."""
-    if settings.sent is None:
-        return [recording], None
-    sent = load_sent(Path(settings.sent), arm.joint_names)
-    parts, repeated = averaged(whole(recording), sent, statistics.gap)
-    return [*parts], repeated
+    return CheckedRecording(
+        joint_names=arm.joint_names,
+        statistics=statistics,
+        grid=grid,
+        segments=segments,
+        agreement=agreement,
+        excitation=excitation,
+        warnings=warnings + agreement.warnings(arm) + excitation.warnings(),
+        delay=delay,
+        corrected=corrected,
+        given=settings.delay or 0.0,
+        repeated=repeated,
+    )
 
 
 def _torque_noise(

@@ -49,7 +49,7 @@ def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:
     A torque that is late by d is Y θ − d τ̇. That is fitted with rigid bodies, friction, offsets and rotors,
     so that the description's inertias do not matter; each joint counts by its residual.
     """
-    whole = [torch.cat(x) for x in zip(*(_rates(one) for one in segments if len(one.time) > 4))]
+    whole = [torch.cat(x) for x in zip(*map(_rates, segments))]
     every = max(1, len(whole[0]) // _SAMPLES)
     q, dq, ddq, torque, sign, rate, bend = (x[::every] for x in whole)
     each = torch.eye(body.joints, dtype=torch.float64)

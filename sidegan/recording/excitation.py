@@ -1,4 +1,4 @@
-"""What a recording can tell about an arm's base parameters."""
+"""Information of a recording about an arm's base parameters."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _ROUNDING = 1e-13  # relative eigenvalue that is no information
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What a recording can tell about the base parameters, (p,) each."""
+    """Information of a recording about the base parameters, (p,) each."""
 
     names: tuple[str, ...]  # of the base parameters
     # root mean square of the torque that the arm's own value of it makes, over all joints [N·m or N]

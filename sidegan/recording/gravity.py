@@ -29,7 +29,7 @@ class Load(NamedTuple):
 
     @property
     def misfit(self) -> float:
-        """What is left, over joints that count alike however much noise they have."""
+        """Geometric mean of what is left, so that joints count alike however much noise they have."""
         return float(self.left.clamp_min(_TINY).log().mean().exp())
 
 
@@ -117,7 +117,7 @@ def _other_direction(torques: _Torques, size: float) -> Load:
 
 
 def other_columns(velocity: Tensor, acceleration: Tensor) -> Tensor:
-    """What a joint's torque may have beside rigid bodies, (S, 4): friction, offset and rotor inertia."""
+    """Columns (S, 4) of a joint's torque beside rigid bodies: friction, offset and rotor inertia."""
     return torch.cat([friction_columns(velocity), acceleration[:, None]], 1)
 
 

@@ -1,7 +1,7 @@
 """Datasets of LeRobot, versions 2 and 3: Parquet files of frames that ``meta/info.json`` describes."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.tables import Numbers, Piece, Table, parquet_table
+from sidegan.recording.tables import Numbers, Rows, Table, parquet_table
 
 _INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"
 _TIME, _EPISODE = "timestamp", "episode_index"
@@ -33,7 +33,7 @@ def dataset_files(path: Path) -> list[Path]:
     return [path / _INFO, *frames]
 
 
-def dataset_table(path: Path, rows: int) -> Table:
+def dataset_table(path: Path) -> Table:
     """The frames of a dataset, episode after episode on one clock.
 
     Columns are those of its files. One that holds a vector whose elements have names is a column for each of
@@ -47,17 +47,17 @@ def dataset_table(path: Path, rows: int) -> Table:
         features = json.loads(info.read_text("utf-8")).get("features", {})
         named = {feature: _names(about) for feature, about in features.items()}
     with reading(files[0], "Parquet", RecordingError):
-        available = parquet_table(files[0], rows).columns
+        available = parquet_table(files[0]).columns
     if missing := [name for name in (_TIME, _EPISODE) if name not in available]:
         raise RecordingError(f"{files[0]} has no column {', '.join(missing)}: is it of a LeRobot dataset?")
-    # where a column is: its file's, and the element of the vector in that
+    # a column's own column in the files, and the element of the vector in that
     places: dict[str, tuple[str, int | None]] = {}
     for column in available:
         if names := named.get(column, []):
             places |= {f"{column}.{name}": (column, k) for k, name in enumerate(names)}
         else:
             places[column] = column, None
-    return Table([*places], lambda columns: _pieces(files, places, columns, rows))
+    return Table([*places], lambda columns: _rows(files, places, columns))
 
 
 def _names(about: Any) -> list[str]:
@@ -70,40 +70,23 @@ def _names(about: Any) -> list[str]:
     return [str(name) for name in names] if len(set(names)) == len(names) else []
 
 
-def _pieces(
-    files: Sequence[Path], places: dict[str, tuple[str, int | None]], columns: Sequence[str], rows: int
-) -> Iterator[Piece]:
-    """Rows of all files, numbered from 1, with episodes apart in time."""
+def _rows(files: Sequence[Path], places: dict[str, tuple[str, int | None]], columns: Sequence[str]) -> Rows:
+    """Frames of all files, numbered from 1, with episodes apart in time."""
     needed = [*dict.fromkeys([_EPISODE, _TIME, *(places[name][0] for name in columns)])]
-    clock, row = _Clock(), 1
+    parts = []
     for file in files:
         with reading(file, "Parquet", RecordingError):
-            for piece in parquet_table(file, rows).pieces(needed):
-                found = piece.columns | {_TIME: clock.times(piece.columns[_EPISODE], piece.columns[_TIME])}
-                values = {name: _element(found, *places[name]) for name in columns}
-                yield Piece(values, np.arange(row, row + len(piece.rows)))
-                row += len(piece.rows)
+            parts.append(parquet_table(file).read(needed).columns)
+    frames = {name: np.concatenate([part[name] for part in parts]) for name in needed}
+    frames[_TIME] = _one_clock(frames[_EPISODE], frames[_TIME])
+    elements = {name: frames[places[name][0]] for name in columns}
+    values = {name: x if (k := places[name][1]) is None else x[:, k] for name, x in elements.items()}
+    return Rows(values, np.arange(len(frames[_TIME])) + 1)
 
 
-def _element(columns: dict[str, Numbers], name: str, k: int | None) -> Numbers:
-    return columns[name] if k is None else columns[name][:, k]
-
-
-class _Clock:
-    """One clock for episodes whose own ones begin anew."""
-
-    def __init__(self) -> None:
-        self._episode, self._offset, self._last = -1.0, 0.0, -_PAUSE
-
-    def times(self, episode: Numbers, time: Numbers) -> Numbers:
-        """Times [s] of consecutive frames (S,), of which episode they are and their time in it."""
-        out = np.empty(len(time))
-        starts = np.flatnonzero(np.diff(episode, prepend=self._episode))
-        for first, end in zip([0, *starts], [*starts, len(time)]):
-            if first < end:
-                if episode[first] != self._episode:
-                    self._episode = float(episode[first])
-                    self._offset = self._last + _PAUSE - float(time[first])
-                out[first:end] = self._offset + time[first:end]
-                self._last = float(out[end - 1])
-        return out
+def _one_clock(episode: Numbers, time: Numbers) -> Numbers:
+    """Times [s] of frames (S,) from 0 on, of which episode they are and their time in it."""
+    starts = np.flatnonzero(np.diff(episode)) + 1
+    steps = np.diff(time, prepend=time[:1])
+    steps[starts] = _PAUSE
+    return np.cumsum(steps)

@@ -1,7 +1,7 @@
 """Signals of one recording that lie in files of their own, on one clock."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,19 +12,23 @@ from sidegan.recording.statistics import clock_of
 from sidegan.recording.tables import Numbers
 
 
-@dataclass(frozen=True)
-class Track:
-    """A signal as its file has it."""
+class Part(NamedTuple):
+    """Signals of a file, without rows that lack a number."""
 
     file: str
-    signal: str
-    time: Numbers  # [s], (S,)
-    values: Numbers  # in SI units, (S, J)
     stamped: bool  # whether the file has time stamps; else they are numbers of rows over a rate
+    signals: dict[str, Numbers]  # time [s], (S,), and the others in SI units, (S, J)
+    corrupt: list[tuple[int, str]]  # number and reason of rows that are left out
+    remarks: list[str]  # on its columns
+
+    @property
+    def time(self) -> Numbers:
+        """Time stamps [s], (S,)."""
+        return self.signals["time"]
 
 
-def merged(tracks: Sequence[Track]) -> tuple[Numbers, dict[str, Numbers], list[str]]:
-    """Time (S,) and signals (S, J) at the stamps of the fastest file, and what a person should know of them.
+def merged(parts: Sequence[Part]) -> tuple[dict[str, Numbers], list[tuple[int, str]], list[str]]:
+    """Time and signals at the stamps of the fastest file, corrupt rows of all files, and remarks.
 
     Only what all files cover counts, and in none of them is interpolated over a gap.
 
@@ -32,37 +36,35 @@ def merged(tracks: Sequence[Track]) -> tuple[Numbers, dict[str, Numbers], list[s
         RecordingError: when time runs backwards in a file, one is without a clock, or they have no time in
             common.
     """
-    _refuse_unstamped(tracks)
-    first = tracks[0]
-    if all(np.array_equal(one.time, first.time) for one in tracks):
-        return first.time, {one.signal: one.values for one in tracks}, []
-    clocks = [clock_of(one.file, one.time) for one in tracks]
-    steps = [clock["step"] for clock in clocks]
-    fastest = tracks[int(np.argmin(steps))]
-    begin, end = max(one.time[0] for one in tracks), min(one.time[-1] for one in tracks)
-    if not begin < end:
-        spans = "; ".join(f"{one.file} from {one.time[0]:.6g} s to {one.time[-1]:.6g} s" for one in tracks)
-        raise RecordingError(f"no moment is in all files, expected time stamps of one clock: {spans}")
-    time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
-    signals = {
-        one.signal: interpolated(time, one.time, one.values, clock["gap"])
-        for one, clock in zip(tracks, clocks)
-    }
-    whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
-    others = [one.file for one in tracks if not np.isin(time[whole], one.time).all()]
-    remarks = [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
-    lost = max(max(begin - one.time[0], one.time[-1] - end) for one in tracks)
-    if lost > max(steps):
-        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest of them is left out")
-    return time[whole], {name: x[whole] for name, x in signals.items()}, remarks
-
-
-def _refuse_unstamped(tracks: Sequence[Track]) -> None:
-    """Raise when some files have time stamps and others have none."""
-    without = [one.file for one in tracks if not one.stamped]
-    stamped = [one.file for one in tracks if one.stamped]
+    without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
     if without and stamped:
         raise RecordingError(
             f"{without[0]} has no column of time stamps, and {stamped[0]} has one: write the time stamps of "
             f"its rows into {without[0]}, too"
         )
+    corrupt = [(row, f"{part.file}: {reason}") for part in parts for row, reason in part.corrupt]
+    remarks = [f"{part.file}: {remark}" for part in parts for remark in part.remarks]
+    if all(np.array_equal(part.time, parts[0].time) for part in parts):
+        return {name: x for part in parts for name, x in part.signals.items()}, corrupt, remarks
+    clocks = [clock_of(part.file, part.time) for part in parts]
+    fastest = parts[int(np.argmin([clock.step for clock in clocks]))]
+    begin, end = max(part.time[0] for part in parts), min(part.time[-1] for part in parts)
+    if not begin < end:
+        spans = [f"{one.file} from {one.time[0]:.6g} s to {one.time[-1]:.6g} s" for one in parts]
+        raise RecordingError(
+            f"no moment is in all files, expected time stamps of one clock: {'; '.join(spans)}"
+        )
+    time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
+    signals = {
+        name: interpolated(time, part.time, x, clock.gap)
+        for part, clock in zip(parts, clocks)
+        for name, x in part.signals.items()
+        if name != "time"
+    }
+    whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
+    others = [part.file for part in parts if not np.isin(time[whole], part.time).all()]
+    remarks += [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
+    lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)
+    if lost > max(clock.step for clock in clocks):
+        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest of them is left out")
+    return {name: x[whole] for name, x in ({"time": time} | signals).items()}, corrupt, remarks

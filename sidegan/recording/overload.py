@@ -3,7 +3,6 @@
 import math
 
 import torch
-from torch import Tensor
 
 from sidegan.errors import RecordingError
 from sidegan.recording.agreement import Agreement
@@ -31,26 +30,17 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     if not (share > most).any():
         return
     j, measured = int(share.argmax()), "torque" if "torque" in statistics.signals else "current"
-    joint, unit = arm.joint_names[j], "N" if arm.prismatic[j] else "N·m"
-    reached = f"the torque of {joint} reaches {agreement.usual[j]:.4g} {unit}, {share[j]:.3g} times {than}"
-    thousandth = _HEAVY < float(share[j]) <= 1e3 * most
+    smaller, unit = _THOUSANDTH[measured], "N" if arm.prismatic[j] else "N·m"
+    if _HEAVY < float(share[j]) <= 1e3 * most and getattr(units, measured) != smaller:
+        suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
+    elif measured == "current":
+        suspicion = "are the gains (robot.gains) and the order of the joints those of this arm?"
+    else:
+        suspicion = "is it in N·m, and in this order of the joints? (a current is named by recording.current)"
+    each = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
+    limits = ", ".join(f"{name}: {math.ceil(usual)}" for name, usual, far in each if far)
     raise RecordingError(
-        f"{statistics.name}: {reached}: {_suspicion(measured, units, thousandth)}; if the arm does that, set "
-        f"its limits: 'robot.limits.effort={{{_limits(arm, agreement.usual, share > most)}}}'"
+        f"{statistics.name}: the torque of {arm.joint_names[j]} reaches {agreement.usual[j]:.4g} {unit}, "
+        f"{share[j]:.3g} times {than}: {suspicion}; if the arm does that, set its limits: "
+        f"'robot.limits.effort={{{limits}}}'"
     )
-
-
-def _suspicion(measured: str, units: Units, thousandth: bool) -> str:
-    """What may be wrong about a measured torque or current, of which a thousandth would be usual or not."""
-    smaller = _THOUSANDTH[measured]
-    if thousandth and getattr(units, measured) != smaller:
-        return f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
-    if measured == "current":
-        return "are the gains (robot.gains) and the order of the joints those of this arm?"
-    return "is it in N·m, and in this order of the joints? (a current is named by recording.current)"
-
-
-def _limits(arm: Arm, usual: Tensor, far: Tensor) -> str:
-    """Limits of some joints, (J,), as a setting that lets their usual torque [N·m or N] pass, (J,)."""
-    each = zip(arm.joint_names, usual.tolist(), far.tolist())
-    return ", ".join(f"{name}: {math.ceil(x)}" for name, x, is_far in each if is_far)

@@ -1,4 +1,4 @@
-"""What in a raw recording is hardly true: units, clock, ranges, saturation, signals that do not change."""
+"""Doubts about a raw recording: units, clock, ranges, saturation, signals that do not change."""
 
 import math
 from dataclasses import replace
@@ -28,10 +28,8 @@ _LITTLE = 0.1  # of its range, that a joint moves through at least where much ca
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 
-def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str, units: Units) -> None:
-    """Refuse positions and time stamps that make sense in another unit only.
-
-    ``angle`` is the unit that angles were declared in, ``units`` are those of the rest.
+def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
+    """Refuse positions and time stamps that make sense in another unit than the declared one only.
 
     Raises:
         RecordingError: naming the joint and the value.
@@ -45,14 +43,14 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, angle: str, units: Unit
     turning, reach = ~arm.prismatic, position.largest
     limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
-    if angle == "rad" and far.any() and (reach[turning] / _DEGREES <= limit[turning]).all():
+    if units.angle == "rad" and far.any() and (reach[turning] / _DEGREES <= limit[turning]).all():
         j = int(far.nonzero()[0])
         raise RecordingError(
             f"{name}: {arm.joint_names[j]} reaches {reach[j]:.4g} rad, its limit is {limit[j]:.4g} "
             "rad: are these degrees? (recording.units.angle=deg)"
         )
     span = (position.upper - position.lower)[turning]
-    if angle == "deg" and len(span) and 0 < span.max() < _TINY:
+    if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
         raise RecordingError(
             f"{name}: no joint turns by more than {span.max() * _DEGREES:.3g}°: are these radians? "
             "(recording.units.angle=rad)"
@@ -103,62 +101,49 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
 
 
 def clock_warnings(statistics: Statistics) -> list[str]:
-    """What is odd about the time stamps and the rows."""
+    """Oddities of the time stamps and the rows."""
     gaps, corrupt, warnings = statistics.gaps, statistics.corrupt, []
     if gaps:
         start, longest = max(gaps, key=lambda gap: gap[1])
         where = f"the longest {longest:.3g} s after {start:.6g} s"
         warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not crossed")
-    if statistics.bridged:
-        found = counted(statistics.bridged, "gap")
-        warnings.append(f"{found} of up to {statistics.gap * 1e3:.3g} ms, interpolated over")
-    if statistics.duplicates:
-        found = counted(statistics.duplicates, "sample")
-        warnings.append(f"{found} with the time stamp of the one before, left out")
+    if found := statistics.bridged:
+        warnings.append(f"{counted(found, 'gap')} of up to {statistics.gap * 1e3:.3g} ms, interpolated over")
+    if found := statistics.duplicates:
+        warnings.append(f"{counted(found, 'sample')} with the time stamp of the one before, left out")
     if statistics.jitter > _MOST_JITTER:
         warnings.append(f"the time between samples varies by {statistics.jitter:.0%}")
     if corrupt:
-        row, reason = corrupt[0]
-        found = counted(len(corrupt), "corrupt row")
-        warnings.append(f"{found}, left out; the first is row {row}: {reason}")
+        first = "row {}: {}".format(*corrupt[0])
+        warnings.append(f"{counted(len(corrupt), 'corrupt row')}, left out; the first is {first}")
     return warnings
 
 
 def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
-    """What is odd about the ranges of the signals."""
-    warnings, signals = [], statistics.signals
-    position = signals["position"]
-    if position.constant.any():
-        warnings.append(f"{arm.named(position.constant)} never {_verb(position.constant, 'move')}")
-    span = position.upper - position.lower
-    little = span / (arm.position_upper - arm.position_lower).clamp_min(_NOTHING) < _LITTLE
-    if little.all():
-        warnings.append(
-            f"the arm hardly moves: no joint by more than {span.max():.2g} rad or m, a tenth of its range"
-        )
-    outside = (position.lower < arm.position_lower - _OUTSIDE) | (
-        position.upper > arm.position_upper + _OUTSIDE
-    )
-    if outside.any():
-        warnings.append(f"{arm.named(outside)} {_verb(outside, 'leave')} the limits of position")
+    """Oddities of the signals' ranges."""
+    signals, position = statistics.signals, statistics.signals["position"]
+    lower, upper, span = arm.position_lower, arm.position_upper, position.upper - position.lower
+    outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
+    little = span / (upper - lower).clamp_min(_NOTHING) < _LITTLE
+    hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
+    found = [(position.constant, "{} never " + _verb(position.constant, "move"))]
+    found += [(little.all(), f"the arm hardly moves: {hardly}")]
+    found += [(outside, "{} " + _verb(outside, "leave") + " the limits of position")]
+    measured = "torque" if "torque" in signals else "current"
     for name in ("torque", "current"):
         if name in signals:
             signal = signals[name]
-            clipped, coarse = signal.clipped > 0, signal.quantum > _COARSE * (signal.upper - signal.lower)
-            if clipped.any():
-                warnings.append(f"the {name} of {arm.named(clipped)} looks saturated at an extreme")
-            if coarse.any():
-                warnings.append(f"the {name} of {arm.named(coarse)} is coarsely quantised")
-    measured = "torque" if "torque" in signals else "current"
+            coarse = signal.quantum > _COARSE * (signal.upper - signal.lower)
+            found += [(signal.clipped > 0, f"the {name} of {{}} looks saturated at an extreme")]
+            found += [(coarse, f"the {name} of {{}} is coarsely quantised")]
+    warnings = [text.format(arm.named(which)) if which.ndim else text for which, text in found if which.any()]
     for joint, begin, end in statistics.frozen:
         warnings.append(
             f"the {measured} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
             "though it moves: take these rows out of the file"
         )
-    if "torque" in signals:
-        beyond = signals["torque"].largest > arm.torque_limit
-        if beyond.any():
-            warnings.append(f"the torque of {arm.named(beyond)} is beyond the arm's limit")
+    if "torque" in signals and (beyond := signals["torque"].largest > arm.torque_limit).any():
+        warnings.append(f"the torque of {arm.named(beyond)} is beyond the arm's limit")
     return warnings
 
 
@@ -168,18 +153,16 @@ def _verb(which: Tensor, verb: str) -> str:
 
 
 def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment]) -> list[str]:
-    """What is odd about recorded velocities, beside the derivatives of the positions.
+    """Oddities of recorded velocities, beside the derivatives of the positions.
 
     Raises:
         RecordingError: when the velocities are those of another unit of angles.
     """
-    long_enough = [segment for segment in segments if len(segment.time) > 2]
-    if "velocity" not in statistics.signals or not long_enough:
+    if "velocity" not in statistics.signals:
         return []
-    rate, velocity = (torch.cat(x) for x in zip(*map(_rates, long_enough)))
+    rate, velocity = (torch.cat(x) for x in zip(*map(_rates, segments)))
     warnings = []
-    for j, name in enumerate(arm.joint_names):
-        a, b = rate[:, j], velocity[:, j]
+    for name, a, b in zip(arm.joint_names, rate.T, velocity.T):
         if a.square().mean().sqrt() < 10 * SIGN_WIDTH:
             continue
         slope = float(a @ b / (a @ a))

@@ -1,10 +1,8 @@
 """A recording as it was made, and segments of it after preprocessing."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
 from sidegan.errors import RecordingError
@@ -31,6 +29,7 @@ class Recording:
     current: Tensor | None = None  # of the motors [A], (S, J), where recorded
     # row (the header is row 1 of a text file, otherwise counted from 1) and reason of what was left out
     corrupt: tuple[tuple[int, str], ...] = ()
+    remarks: tuple[str, ...] = ()  # for people, on which columns it was read from
 
     def __post_init__(self) -> None:
         expected = (len(self.time), len(self.joint_names))
@@ -50,14 +49,6 @@ class Recording:
         """The signals that were recorded, by name, (S, J) each."""
         signals = {name: getattr(self, name) for name in SIGNALS}
         return {name: x for name, x in signals.items() if x is not None}
-
-
-def whole(recording: Recording | Iterable[Recording]) -> Recording:
-    """A recording in one piece."""
-    parts = [recording] if isinstance(recording, Recording) else [*recording]
-    signals = {name: torch.cat([part.signals()[name] for part in parts]) for name in parts[0].signals()}
-    time, corrupt = torch.cat([part.time for part in parts]), [row for part in parts for row in part.corrupt]
-    return Recording(parts[0].name, parts[0].joint_names, time, corrupt=tuple(corrupt), **signals)
 
 
 class Segment(NamedTuple):

@@ -1,8 +1,9 @@
-"""What was sent to the arm, found again in its recording: repetitions, their mean, how far they differ."""
+"""Trajectories that were sent to the arm, found again in its recording, and averaged over repetitions."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,6 +38,11 @@ class Sent:
         curve = scipy.interpolate.PchipInterpolator(self.time, self.position)
         return curve(times), curve(times, 1)
 
+    def bandwidth(self, joint_names: tuple[str, ...]) -> float:
+        """Bandwidth of the motion [Hz]."""
+        time, position = torch.from_numpy(self.time), torch.from_numpy(self.position)
+        return bandwidth_of(Recording(self.name, joint_names, time, position), float(time.diff().median()))
+
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
@@ -50,11 +56,10 @@ class Repeated:
 
     @property
     def statement(self) -> str:
-        """What was found, in words."""
+        """A sentence on what was found."""
         listed = ", ".join(f"{name} × {count}" for name, count in self.counts.items())
-        return f"found what was sent: {listed}" + (
-            "; repetitions are averaged" if self.noise is not None else ""
-        )
+        averaged = "" if self.noise is None else "; repetitions are averaged"
+        return f"found what was sent: {listed}{averaged}"
 
 
 def sent_files(path: Path) -> list[Path]:
@@ -94,7 +99,7 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
     """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
 
     Args:
-        recording: whole.
+        recording: as it was read.
         sent: what may be in it.
         gap: time without samples [s] with which a repetition does not count.
 
@@ -110,18 +115,17 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
             f"{recording.name}: of {counted(len(sent), 'trajectory that was', 'trajectories that were')} "
             "sent none is in it; was it executed at another speed, or is recording.sent of another run?"
         )
-    step = float(np.median(np.diff(time)))
+    step, names = float(np.median(np.diff(time))), recording.joint_names
     curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
     load = "torque" if "torque" in signals else "current"
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
-    found, squares, free = [], np.zeros(len(recording.joint_names)), 0
+    found, squares, free = [], np.zeros(len(names)), 0
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
-        means = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
-        position = means.pop("position")
-        found.append(_recorded(recording, torch.from_numpy(grid + begins[0]), position, means))
+        means: dict[str, Any] = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
+        found.append(Recording(recording.name, names, torch.from_numpy(grid + begins[0]), **means))
         if len(begins) > 1 and load in each:
             # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
             left = np.mean([white(grid + start) ** 2 for start in begins])
@@ -130,21 +134,7 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
     noise = torch.from_numpy(np.sqrt(squares / free)) if free else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}
     found.sort(key=lambda one: float(one.time[0]))
-    return found, Repeated(counts, noise, bandwidth_of(_recordings(recording, sent)))
-
-
-def _recorded(of: Recording, time: Tensor, position: Tensor, others: dict[str, Tensor]) -> Recording:
-    """A part of a recording with other samples."""
-    velocity, acceleration, torque, current = (
-        others.get(name) for name in ("velocity", "acceleration", "torque", "current")
-    )
-    return Recording(of.name, of.joint_names, time, position, velocity, acceleration, torque, current)
-
-
-def _recordings(recording: Recording, sent: Iterable[Sent]) -> list[Recording]:
-    """What was sent, as if it had been recorded."""
-    names = recording.joint_names
-    return [Recording(s.name, names, torch.from_numpy(s.time), torch.from_numpy(s.position)) for s in sent]
+    return found, Repeated(counts, noise, max(one.bandwidth(names) for one in sent))
 
 
 def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) -> dict[int, list[float]]:
@@ -164,8 +154,7 @@ def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) 
         start = _begun(time, position, sent[k], float(grid[at]))
         for x, length in zip(alike, lengths):  # another one may neither begin nor end within this one
             x[max(0, at - length + 1) : at + lengths[k]] = 0.0
-        whole = start is not None and not ((holes >= start) & (holes < start + sent[k].time[-1])).any()
-        if start is not None and whole:
+        if start is not None and not ((holes >= start) & (holes < start + sent[k].time[-1])).any():
             starts.setdefault(k, []).append(start)
 
 
@@ -191,8 +180,6 @@ def _begun(time: Numbers, position: Numbers, sent: Sent, start: float) -> float 
         error = now - wanted
         off, error = np.abs(error.mean(0)).max(), error - error.mean(0)
         start -= float((error * (rate - rate.mean(0))).sum() / (rate**2).sum())
-    slack = 1 / _RATE
-    inside = time[0] - slack <= start and start + sent.time[-1] <= time[-1] + slack
-    return (
-        min(max(start, float(time[0])), float(time[-1] - sent.time[-1])) if inside and off < _NEAR else None
-    )
+    first, last, slack = float(time[0]), float(time[-1] - sent.time[-1]), 1 / _RATE
+    inside = first - slack <= start <= last + slack
+    return min(max(start, first), last) if inside and off < _NEAR else None

@@ -139,4 +139,3 @@ class RecordingSettings(Preprocessing, Columns):
     delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None
     # what was sent to the arm: a table of excite, or the folder of its run; null: not known
     sent: str | None
-    rows: Annotated[int, Field(ge=1000, le=10**7)]  # that are read at once

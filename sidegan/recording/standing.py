@@ -6,7 +6,7 @@ from dataclasses import replace
 import torch
 
 from sidegan.errors import RecordingError
-from sidegan.recording.load import Source
+from sidegan.recording.load import load_recording
 from sidegan.recording.plausibility import HARDLY
 from sidegan.recording.settings import Recorded, RecordingSettings
 from sidegan.robot import Arm
@@ -37,24 +37,16 @@ def standing(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettin
         )
     places = [arm.joint_names.index(name) for name in settings.without]
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
-    chain = chain_of(arm)
-    ends: list[torch.Tensor] = []  # least and largest positions of pieces, (2, K) each
-    for one in recordings:
-        source = Source(one, only, arm.joint_names, settings.rows, chain)
-        for part in source:
-            position = part.position[:, places]
-            ends += [torch.stack([position.amin(0), position.amax(0)])] if len(position) else []
-            _refuse_moving(source.name, settings.without, torch.stack(ends))
-    each = torch.stack(ends)
-    return dict(zip(settings.without, ((each.amin((0, 1)) + each.amax((0, 1))) / 2).tolist()))
-
-
-def _refuse_moving(file: str, names: list[str], ends: torch.Tensor) -> None:
-    """Raise when a joint moves, of whose positions the ends are given [rad or m], (…, 2, K)."""
-    for name, low, high in zip(names, ends.amin((0, 1)).tolist(), ends.amax((0, 1)).tolist()):
-        if high - low > HARDLY:
-            raise RecordingError(
-                f"{file}: {name}, which recording.without leaves out, moves from {low:.4g} to {high:.4g} rad "
-                "or m, but a joint without a torque has to stand still in all recordings, and at one place: "
-                "record with it held, or record its torque"
-            )
+    lower, upper = torch.full((2, len(places)), torch.inf, dtype=torch.float64) * torch.tensor([[1], [-1]])
+    for files in recordings:
+        recording = load_recording(files, only, arm.joint_names, chain_of(arm))
+        position = recording.position[:, places]
+        lower, upper = torch.minimum(lower, position.amin(0)), torch.maximum(upper, position.amax(0))
+        for name, low, high in zip(settings.without, lower.tolist(), upper.tolist()):
+            if high - low > HARDLY:
+                raise RecordingError(
+                    f"{recording.name}: {name}, which recording.without leaves out, moves from {low:.4g} to "
+                    f"{high:.4g} rad or m, but a joint without a torque has to stand still in all "
+                    "recordings, and at one place: record with it held, or record its torque"
+                )
+    return dict(zip(settings.without, ((lower + upper) / 2).tolist()))

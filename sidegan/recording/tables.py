@@ -1,13 +1,13 @@
-"""Files of numbers read in pieces: text with a first line of column names, Parquet and NPZ."""
+"""Files of numbers: text with a first line of column names, Parquet and NPZ."""
 
 import csv
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,38 +17,43 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 
 if TYPE_CHECKING:
-    import pandas as pd
     import pyarrow as pa
 
 Numbers = NDArray[np.float64]
 Where = dict[str, list[str]]  # columns of time and of every signal; a single column may hold all joints
 
 _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
-_BUFFER = 2**20  # bytes
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
-_LOOKED_AT = 100  # lines by which numbers with decimal commas are known
+_LOOKED_AT = 100  # lines that tell separator and decimal mark
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Consecutive rows of a table."""
+class Rows(NamedTuple):
+    """Columns of a file."""
 
-    columns: dict[str, Numbers]  # numbers by column, (S,) or (S, J); what is not a number is NaN
-    rows: NDArray[np.int64]  # number of each row, as a person counts them in the file
-    # row and reason of what could not even be cut into columns
-    skipped: list[tuple[int, str]] = field(default_factory=list)
+    columns: dict[str, Numbers]  # (S,) each, or (S, J) where a column holds all joints
+    numbers: NDArray[np.int64]  # of the rows as people count them, (S,)
+    skipped: Sequence[tuple[int, str]] = ()  # number and reason of rows that have no columns
 
 
 @dataclass(frozen=True)
 class Table:
-    """A file: its columns, and a function that reads some of them in pieces."""
+    """A file: its columns, and a function that reads some of them."""
 
     columns: list[str]
-    pieces: Callable[[Sequence[str]], Iterator[Piece]]
-    first: Mapping[str, str] = field(default_factory=dict)  # what stands in a text's first row, by column
+    read: Callable[[Sequence[str]], Rows]
+    first: Mapping[str, str] = field(default_factory=dict)  # a text's first row, by column
 
 
-def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Table:
+class _Layout(NamedTuple):
+    """How a text is divided into rows and numbers."""
+
+    names: list[str]  # of its columns
+    separator: str  # of its columns
+    decimal: str  # mark of its numbers
+    header: int  # lines before the first row
+
+
+def text_table(path: Path, header: Sequence[str] | None = None) -> Table:
     """A text file whose columns are separated by commas, semicolons, tabs or spaces.
 
     Between semicolons and tabs, numbers may have decimal commas.
@@ -74,10 +79,10 @@ def text_table(path: Path, rows: int, header: Sequence[str] | None = None) -> Ta
         raise RecordingError(f"{path} has {counted(len(found), 'column')}, recording.header has {len(names)}")
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
-    layout = separator, decimal
-    first = next(csv.reader(lines[0 if bare else 1 :][:1], delimiter=separator), [])
+    layout = _Layout(names, separator, decimal, 0 if bare else 1)
+    first = next(csv.reader(lines[layout.header :][:1], delimiter=separator), [])
     fields = dict(zip(names, (text.strip() for text in first)))
-    return Table(names, lambda columns: _text_pieces(path, names, layout, columns, rows, bare), fields)
+    return Table(names, lambda columns: _text_rows(path, layout, columns), fields)
 
 
 def _format_of(lines: Sequence[str]) -> tuple[str, str]:
@@ -99,44 +104,23 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _text_pieces(
-    path: Path,
-    names: list[str],
-    layout: tuple[str, str],
-    columns: Sequence[str],
-    rows: int,
-    bare: bool,
-) -> Iterator[Piece]:
-    """Pieces of a text whose layout is the separator of its columns and the decimal mark of its numbers."""
+def _text_rows(path: Path, layout: _Layout, columns: Sequence[str]) -> Rows:
     import pandas as pd
 
+    options: dict[str, Any] = {"sep": layout.separator, "decimal": layout.decimal, "index_col": False}
+    options |= {"header": None, "names": layout.names, "skiprows": layout.header, "skip_blank_lines": False}
     # All columns are read: with a choice of them pandas does not notice a line with too many fields.
-    options: dict[str, Any] = {
-        "sep": layout[0],
-        "decimal": layout[1],
-        "header": None,
-        "names": names,
-        "index_col": False,
-        "skiprows": 0 if bare else 1,
-        "skip_blank_lines": False,
-        "on_bad_lines": "warn",
-        "encoding_errors": "replace",
-    }
-    line = 1 if bare else 2  # of the next row; people count the header as the first
-    with reading(path, "text", RecordingError), pd.read_csv(path, **options, chunksize=rows) as reader:
-        while True:
-            with warnings.catch_warnings(record=True) as messages:
-                warnings.simplefilter("always")
-                frame = next(reader, None)
-            if frame is None:
-                return
-            skipped = _skipped(messages)
-            lines = _line_numbers(line, len(frame), {row for row, _ in skipped})
-            line = int(max([*lines[-1:], *(row for row, _ in skipped), line - 1])) + 1
-            yield Piece({c: _parsed(frame[c], layout[1]) for c in columns}, lines, skipped)
+    with reading(path, "text", RecordingError), warnings.catch_warnings(record=True) as messages:
+        warnings.simplefilter("always")
+        frame = pd.read_csv(path, on_bad_lines="warn", encoding_errors="replace", **options)
+    matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
+    skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
+    lines = np.arange(len(frame) + len(skipped)) + layout.header + 1  # people count the header as the first
+    numbers = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
+    return Rows({name: _parsed(frame[name], layout.decimal) for name in columns}, numbers, skipped)
 
 
-def _parsed(column: "pd.Series[Any]", decimal: str) -> Numbers:
+def _parsed(column: Any, decimal: str) -> Numbers:
     """Numbers of a column; pandas leaves it as text where one field is no number."""
     import pandas as pd
 
@@ -145,71 +129,41 @@ def _parsed(column: "pd.Series[Any]", decimal: str) -> Numbers:
     return pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
 
 
-def _skipped(messages: list[warnings.WarningMessage]) -> list[tuple[int, str]]:
-    """Lines that pandas could not cut into columns."""
-    matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
-    return [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
-
-
-def _line_numbers(first: int, count: int, skipped: set[int]) -> NDArray[np.int64]:
-    """Line of each of ``count`` rows from line ``first`` on, when some lines were skipped."""
-    if not skipped:
-        return np.arange(first, first + count)
-    lines = np.arange(first, first + count + len(skipped))
-    return lines[~np.isin(lines, list(skipped))][:count]
-
-
-def parquet_table(path: Path, rows: int) -> Table:
+def parquet_table(path: Path) -> Table:
     """A Parquet file: a row per sample; a column may hold lists of all joints."""
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(path) as file:
-        names = list(file.schema_arrow.names)
-    return Table(names, lambda columns: _parquet_pieces(path, columns, rows))
+    def read(columns: Sequence[str]) -> Rows:
+        with reading(path, "Parquet", RecordingError), pq.ParquetFile(path) as file:
+            table = file.read(columns=[*columns])
+            return Rows({name: _numbers(table[name]) for name in columns}, np.arange(len(table)) + 1)
+
+    return Table(pq.read_schema(path).names, read)
 
 
-def _parquet_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
-    import pyarrow.parquet as pq
-
-    row = 1
-    # With its own ideas of buffers, pyarrow keeps all that it has read.
-    with (
-        reading(path, "Parquet", RecordingError),
-        pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file,
-    ):
-        for batch in file.iter_batches(rows, columns=list(columns)):
-            numbers = {name: _numbers(batch.column(name)) for name in columns}
-            yield Piece(numbers, np.arange(row, row + len(batch)))
-            row += len(batch)
-
-
-def _numbers(column: "pa.Array") -> Numbers:
+def _numbers(column: "pa.ChunkedArray") -> Numbers:
     """A column as numbers, (S,) or, of lists, (S, J)."""
     import pyarrow as pa
 
     if pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
         return np.array(column.to_pylist(), dtype=np.float64)
-    return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+    return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
 
 
-def npz_table(path: Path, rows: int) -> Table:
+def npz_table(path: Path) -> Table:
     """An NPZ file: an array (S,) per column, or (S, J) per signal; nothing in it is run."""
+
+    def read(columns: Sequence[str]) -> Rows:
+        with reading(path, "NPZ", RecordingError), np.load(path, allow_pickle=False) as file:
+            arrays = {name: _real(path, name, file[name]) for name in columns}
+        lengths = {name: len(x) if x.ndim else 0 for name, x in arrays.items()}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+            raise RecordingError(f"{path}: the arrays are not of the same length: {listed}")
+        return Rows(arrays, np.arange(max(lengths.values())) + 1)
+
     with np.load(path, allow_pickle=False) as file:
-        names = list(file.files)
-    return Table(names, lambda columns: _npz_pieces(path, columns, rows))
-
-
-def _npz_pieces(path: Path, columns: Sequence[str], rows: int) -> Iterator[Piece]:
-    with reading(path, "NPZ", RecordingError), np.load(path, allow_pickle=False) as file:
-        arrays = {name: _real(path, name, file[name]) for name in columns}
-    lengths = {name: len(x) if x.ndim else 0 for name, x in arrays.items()}
-    if len(set(lengths.values())) > 1:
-        listed = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        raise RecordingError(f"{path}: the arrays are not of the same length: {listed}")
-    count = max(lengths.values())
-    for first in range(0, count, rows):
-        piece = {name: x[first : first + rows] for name, x in arrays.items()}
-        yield Piece(piece, np.arange(first, min(first + rows, count)) + 1)
+        return Table([*file.files], read)
 
 
 def _real(path: Path, name: str, x: NDArray[Any]) -> Numbers:

@@ -1,4 +1,4 @@
-"""What all matplotlib figures share: the canvas, bands, axes, legends, files."""
+"""Canvas, axes, legends and files of all matplotlib figures."""
 
 import re
 import warnings
@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from html import escape
 from io import StringIO
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -30,28 +29,11 @@ _VECTORS: dict[Any, Any] = {
 }
 
 
-class Line(NamedTuple):
-    """Mean, lowest and highest value, (N,) each, at N places."""
-
-    x: np.ndarray
-    mean: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
 def blank(width: float, height: float) -> Figure:
     """An empty figure of this size [inch] on a canvas of its own: no screen, no global state."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
-
-
-def band(axis: Axes, line: Line, label: str, shade: str, marker: str | None = None) -> Line2D:
-    """The line through the means, with the range behind it."""
-    if (np.nan_to_num(line.high - line.low) > 0).any():
-        axis.fill_between(line.x, line.low, line.high, color=shade, alpha=0.2, linewidth=0)
-    style = {"marker": marker, "markersize": 4} if marker or len(line.x) > 1 else {"marker": "o"}
-    return axis.plot(line.x, line.mean, label=label, color=shade, linewidth=1.5, **style)[0]
 
 
 def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
@@ -76,14 +58,8 @@ def legend(figure: Figure, handles: Mapping[str, Any], place: Place = "outside l
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
-        figure.legend(
-            list(handles.values()),
-            list(handles),
-            loc=place,
-            ncols=columns,
-            fontsize=9,
-            frameon=False,
-        )
+        style = {"loc": place, "ncols": columns, "fontsize": 9, "frameon": False}
+        figure.legend(list(handles.values()), list(handles), **style)
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from sidegan.base.storage import write_bytes
 from sidegan.report.export import markdown, write_table
@@ -27,32 +27,25 @@ def write_page(
 
     The template calls ``table(name, caption)`` and ``figure(name, caption)``, or ``link(name, caption)`` for
     a table that is not shown; the cells of tables are formatted already. Whatever else it names is the
-    context. The Markdown is returned.
+    context, and numbers are formatted by ``number(".3g")`` and ``seconds``. The Markdown is returned.
     """
     assets = target.with_suffix("")
-
-    def table(name: str, caption: str) -> str:
-        write_table(tables[name], assets / "tables" / name, caption)
-        return table_text(tables[name], caption)
 
     def link(name: str, caption: str) -> str:
         write_table(tables[name], assets / "tables" / name, caption)
         return f"[{caption}]({quote(f'{assets.name}/tables/{name}.md')})"
 
+    def table(name: str, caption: str) -> str:
+        link(name, caption)
+        return f"{_caption(caption)}\n\n{markdown(with_index(tables[name]))}"
+
     def figure(name: str, caption: str) -> str:
         from sidegan.report.canvas import save
 
-        picture = save(figures[name], assets / "figures" / name)
-        return figure_text(picture.relative_to(target.parent), caption)
+        picture = save(figures[name], assets / "figures" / name).relative_to(target.parent)
+        words = caption.replace("[", "(").replace("]", ")")
+        return f"![{words}]({quote(picture.as_posix())})\n\n{_caption(caption)}"
 
-    shown = {"table": table, "link": link, "figure": figure, "tables": tables, "figures": figures}
-    text = template(path).render(**shown, **context)
-    write_bytes(target, text.encode())
-    return text
-
-
-def template(path: Path) -> Template:
-    """A template of Markdown that formats numbers by ``number(".3g")`` and ``seconds``."""
     environment = Environment(
         loader=FileSystemLoader(path.parent),
         undefined=StrictUndefined,
@@ -62,19 +55,16 @@ def template(path: Path) -> Template:
         autoescape=False,  # it is Markdown; HTML in it is shown and not obeyed
     )
     environment.filters |= {"number": number, "seconds": seconds}
-    return environment.get_template(path.name)
+    environment.globals |= {"table": table, "link": link, "figure": figure}
+    text = environment.get_template(path.name).render(tables=tables, figures=figures, **context)
+    write_bytes(target, text.encode())
+    return text
 
 
-def table_text(table: pd.DataFrame, caption: str) -> str:
-    """A table in Markdown below its caption; a nameless range as the index is left out."""
+def with_index(table: pd.DataFrame) -> pd.DataFrame:
+    """A table whose index is its first column, unless that is a nameless range."""
     nameless = isinstance(table.index, pd.RangeIndex) and table.index.name is None
-    return f"{_caption(caption)}\n\n{markdown(table if nameless else table.reset_index())}"
-
-
-def figure_text(link: Path, caption: str) -> str:
-    """A figure in Markdown above its caption; the link is relative to the page."""
-    words = caption.replace("[", "(").replace("]", ")")
-    return f"![{words}]({quote(link.as_posix())})\n\n{_caption(caption)}"
+    return table if nameless else table.reset_index()
 
 
 def _caption(text: str) -> str:

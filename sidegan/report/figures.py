@@ -1,13 +1,13 @@
 """Figures from the results of runs, with matplotlib."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from sidegan.report.canvas import Line, band, blank, legend, logarithmic, tidy
+from sidegan.report.canvas import blank, legend, logarithmic, tidy
 from sidegan.report.style import colour, colours
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
@@ -25,27 +25,18 @@ class Panel(NamedTuple):
     share: bool = False  # of a whole, so that the axis ends at one
 
 
-class Across(NamedTuple):
-    """The column across, and its name for people."""
-
-    key: str
-    label: str
-
-
-def metrics(
-    keys: Iterable[str] = _METRICS, references: Mapping[str, Mapping[str, float]] | None = None
-) -> list[Panel]:
+def metrics(references: Mapping[str, Mapping[str, float]]) -> list[Panel]:
     """A panel for each metric of a generator, with the values of the sets that it is compared with."""
     panels = []
-    for key in keys:
-        compared = {name: x[key] for name, x in (references or {}).items() if x.get(key) is not None}
+    for key in _METRICS:
+        compared = {name: x[key] for name, x in references.items() if x.get(key) is not None}
         panels.append(Panel(key, NAMES[key], key == "condition", compared, key == "success"))
     return panels
 
 
 def panels(
     frame: pd.DataFrame,
-    across: Across,
+    across: tuple[str, str],
     shown: Sequence[Panel],
     group: str,
     columns: int = 2,
@@ -55,23 +46,26 @@ def panels(
 
     Args:
         frame: a row per result.
-        across: the column across.
+        across: the column across, and its name for people.
         shown: the columns up.
         group: the column that tells colours apart.
         columns: panels beside each other.
         markers: a dot at every result.
     """
-    columns = min(columns, len(shown))
+    (key, label), columns = across, min(columns, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
     shades = colours(frame[group].astype(str))
     handles: dict[str, Any] = {}
     for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
-        drawn = frame.dropna(subset=[across.key, panel.key])
+        drawn = frame.dropna(subset=[key, panel.key])
         for name, part in drawn.groupby(group, sort=False):
-            values = part.groupby(across.key)[panel.key].agg(["mean", "min", "max"])
-            line = Line(values.index.to_numpy(), *values.to_numpy(float).T)
-            handles[str(name)] = band(axis, line, str(name), shades[str(name)], "o" if markers else None)
+            line = part.groupby(key)[panel.key].agg(["mean", "min", "max"])
+            dots = {"marker": "o", "markersize": 4} if markers or len(line) == 1 else {}
+            style: dict[str, Any] = {"color": shades[str(name)]}
+            if (line["max"] > line["min"]).any():
+                axis.fill_between(line.index, line["min"], line["max"], **style, alpha=0.2, linewidth=0)
+            (handles[str(name)],) = axis.plot(line["mean"], **style, **dots, linewidth=1.5)
         for name, value in panel.references.items():
             shade = shades.get(name, colour(name))
             handles[name] = axis.axhline(value, color=shade, linestyle="--", linewidth=1.3)
@@ -80,7 +74,7 @@ def panels(
         if panel.share:
             axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
         axis.set_title(panel.label, fontsize=10)
-        axis.set_xlabel(across.label, fontsize=9)
+        axis.set_xlabel(label, fontsize=9)
         tidy(axis)
     legend(figure, {name: handles[name] for name in [*shades, *handles] if name in handles})
     return figure

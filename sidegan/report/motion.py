@@ -4,8 +4,10 @@ Source: Jegorova et al. 2020, figure 2.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import torch
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LightSource
@@ -13,10 +15,21 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
+from torch import Tensor
 
-from sidegan.report.pose import Film, Mesh, Scene
+from sidegan.errors import ShapeError
+from sidegan.motion.trajectory import Trajectory
+from sidegan.recording.tables import Numbers
 from sidegan.report.style import DESK, PATH
+from sidegan.report.viewer.surfaces import capsule_mesh
+from sidegan.robot import Arm
+from sidegan.validity.capsules import capsule_axes, place_points
 
+if TYPE_CHECKING:  # slow to import
+    import trimesh
+
+_RATE = 25.0  # [Hz] of a drawn path
+_ROOM = 0.02  # [m] around what is drawn, at least
 _COLUMNS = 4
 _TIME = "viridis"
 _VIEW = {"elev": 22.0, "azim": -58.0}
@@ -25,11 +38,27 @@ _FADING = 0.16  # opacity that is left of a pose at the next one
 _FLAT = 0.93  # height of a panel over its width
 
 
-def paths(scene: Scene) -> Figure:
-    """A panel per bundle with the paths of its trajectories, all to one scale."""
+class Bundle(NamedTuple):
+    """Trajectories whose paths are drawn together."""
+
+    title: str  # for people
+    family: Trajectory
+    coefficients: Tensor  # [rad/s], (B, J, H, 2)
+    colour: str | None = None  # of the paths; None is one that tells the time
+
+
+def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
+    """A panel per bundle with the end effector's path along its trajectories, all to one scale.
+
+    Raises:
+        ShapeError: when there is no bundle, or one has no trajectory or does not fit its family.
+    """
+    if not bundles:
+        raise ShapeError("there are no sets to draw")
+    drawn = [tip_paths(arm, bundle.family, bundle.coefficients) for bundle in bundles]
     figure = Figure()
-    panels = _panels(figure, 2.9, [bundle.title for bundle in scene.bundles], _COLUMNS, scene)
-    for axis, bundle, some in zip(panels, scene.bundles, scene.paths):
+    panels = _panels(figure, 2.9, [bundle.title for bundle in bundles], _COLUMNS, bounds(drawn))
+    for axis, bundle, some in zip(panels, bundles, drawn):
         if bundle.colour is None:
             for path in some:
                 _timed(axis, path)
@@ -39,29 +68,73 @@ def paths(scene: Scene) -> Figure:
     return figure
 
 
-def snapshots(film: Film) -> Figure:
-    """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far."""
-    figure, count = Figure(), len(film.times)
+def snapshots(arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6) -> Figure:
+    """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far.
+
+    The ends of the period, where the arm is at home, are left out. Coefficients [rad/s] are (1, J, H, 2).
+
+    Raises:
+        ShapeError: when there is not exactly one trajectory, it does not fit the family, or count is none.
+    """
+    if len(coefficients) != 1:
+        raise ShapeError(f"snapshots are of one trajectory, got {len(coefficients)}")
+    path, times = tip_paths(arm, family, coefficients)[0], family.grid(count)
+    positions = family.derivative(coefficients.to("cpu", torch.float64), times, 0)[0]
+    meshes, figure = [arm_mesh(arm, q) for q in positions], Figure()
     shades = colormaps[_TIME](np.linspace(0.1, 0.8, count))[:, :3]
-    panels = _panels(figure, 3.0, [f"{time:.1f} s" for time in film.times], _COLUMNS - 1, film)
-    for k, axis in enumerate(panels):
-        visible = [(film.meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
+    limits, titles = bounds([path, *(mesh.vertices for mesh in meshes)]), [f"{t:.1f} s" for t in times]
+    for k, axis in enumerate(_panels(figure, 3.0, titles, _COLUMNS - 1, limits)):
+        visible = [(meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
         axis.add_collection3d(_surfaces(visible), autolim=False)
-        so_far = film.path[: 1 + round(len(film.path) * film.times[k] / film.period)]
+        so_far = path[: 1 + round(len(path) * float(times[k]) / family.period)]
         axis.plot(*so_far.T, color=PATH, linewidth=1.0, zorder=3)
     return figure
 
 
-def _surfaces(visible: Sequence[tuple[Mesh, np.ndarray, float]]) -> Poly3DCollection:
+def tip_paths(arm: Arm, family: Trajectory, coefficients: Tensor) -> Numbers:
+    """End effector's positions [m], (B, T, 3), over one period.
+
+    Raises:
+        ShapeError: when there is no trajectory, or one does not fit the family or is not finite.
+    """
+    if len(coefficients) == 0:
+        raise ShapeError("there is no trajectory to draw")
+    motion = family.roll_out(coefficients.to("cpu", torch.float64), family.times(_RATE))
+    q = motion.position.flatten(0, 1).T
+    tips = place_points(arm, q, arm.tip[None], torch.tensor([arm.joints - 1]))[:, 0]
+    return tips.T.unflatten(0, motion.position.shape[:2]).numpy()
+
+
+def arm_mesh(arm: Arm, position: Tensor) -> "trimesh.Trimesh":
+    """The capsules' surfaces at one joint position [rad or m], (J,)."""
+    import trimesh
+
+    a, b = (ends[..., 0].T.numpy() for ends in capsule_axes(arm, position[:, None]))
+    each = [capsule_mesh(*capsule) for capsule in zip(a, b, arm.capsules.radius.tolist())]
+    return sum(each, trimesh.Trimesh())
+
+
+def bounds(points: Sequence[Numbers]) -> Numbers:
+    """Corners [m], (2, 3), of a box with all points (…, 3) in it, and with the arm's foot on the desk."""
+    flat = np.concatenate([np.zeros((1, 3)), *(x.reshape(-1, 3) for x in points)])
+    low, high = flat.min(0), flat.max(0)
+    room = np.maximum(0.04 * (high - low).max(), _ROOM)
+    low, high = low - room, high + room
+    if low[2] > -2 * room:
+        low[2] = 0.0  # nothing worth showing is below: the desk is the floor of the picture
+    return np.stack([low, high])
+
+
+def _surfaces(visible: "Sequence[tuple[trimesh.Trimesh, Numbers, float]]") -> Poly3DCollection:
     """Arms (mesh, colour, opacity) as one collection, which sorts all their faces by depth."""
-    faces = np.concatenate([mesh.vertices[mesh.faces] for mesh, _, _ in visible])
+    faces = np.concatenate([mesh.triangles for mesh, _, _ in visible])
     paints = [np.tile([*shade, opacity], (len(mesh.faces), 1)) for mesh, shade, opacity in visible]
     return Poly3DCollection(
         faces, facecolors=np.concatenate(paints), shade=True, lightsource=_LIGHT, linewidths=0, zorder=2
     )
 
 
-def _timed(axis: Axes3D, path: np.ndarray) -> None:
+def _timed(axis: Axes3D, path: Numbers) -> None:
     """A path whose colour tells the time."""
     shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
     pieces = np.stack([path[:-1], path[1:]], 1)
@@ -70,9 +143,9 @@ def _timed(axis: Axes3D, path: np.ndarray) -> None:
 
 
 def _panels(
-    figure: Figure, size: float, titles: Sequence[str], most: int, shown: Scene | Film
+    figure: Figure, size: float, titles: Sequence[str], most: int, limits: Numbers
 ) -> Iterator[Axes3D]:
-    """Square panels of this size [inch] in space, axes of equal scale [m], the desk drawn."""
+    """Square panels of this size [inch] in space, axes of equal scale within limits [m], the desk drawn."""
     # Without automatic layout, which knows nothing of the labels of axes in space.
     columns = min(most, len(titles))
     rows = -(-len(titles) // columns)
@@ -80,7 +153,6 @@ def _panels(
     figure.set_size_inches(columns * size + 0.3, rows * size * _FLAT + 0.2)
     above, right = 0.36 / (rows * size * _FLAT), 0.5 / (columns * size)
     figure.subplots_adjust(0.01, 0.12 / rows, 1 - right, 1 - above, wspace=0.14, hspace=0.24)
-    limits = shown.limits
     (x, y, _), (right, back, _) = limits
     desk = [[(x, y, 0.0), (right, y, 0.0), (right, back, 0.0), (x, back, 0.0)]]
     for k, title in enumerate(titles):

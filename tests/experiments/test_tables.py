@@ -147,6 +147,6 @@ def test_and_improvements_and_norms_and_what_generators_are_worth(whole, artifac
 def test_a_run_leaves_tables_figures_and_the_numbers_of_a_sweep(artifacts, tmp_path):
     exp1.present(artifacts, tmp_path, Mock(spec=Tracker))
     made = {path.stem for path in tmp_path.iterdir()}
-    assert {"table1", "joints", "sets", "generators", "training", "nmse", "exp1", "plant"} <= made
+    assert {"table1", "joints", "sets", "generators", "training", "nmse"} <= made
     left = pd.read_csv(tmp_path / RESULTS, index_col="name")
     pd.testing.assert_frame_equal(left, exp1.summary(artifacts), check_names=False)

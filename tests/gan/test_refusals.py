@@ -27,7 +27,10 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "weights": asdict(NONE)}
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"variant": "Colour"}, "variant is 'Colour', expected 'Vanilla', 'Eigen', 'Diagonal', 'Exact', 'Publ"),
+        (
+            {"variant": "Colour"},
+            "variant is 'Colour', expected 'Vanilla', 'Eigen', 'Diagonal', 'Exact', 'Publ",
+        ),
         (
             {"weights": asdict(replace(NONE, features=1, success=1))},
             "Vanilla has no such loss: weights.features, weights.success must be 0",

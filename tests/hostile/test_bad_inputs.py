@@ -10,15 +10,12 @@ import pytest
 import torch
 
 from sidegan.errors import SideganError
-from sidegan.library.foreign import load_foreign
-from sidegan.library.measure import measured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.identify import checked
 from sidegan.robot import load_robot, require_consistent
-from sidegan.validity import Constraints
 
 PLANAR = load_robot("planar2")
 FAMILY = Trajectory(2, 3, 12.0)
@@ -73,18 +70,6 @@ def setting(word):
     return act
 
 
-def library(change):
-    """Load a library of which something was changed."""
-
-    def act(folder):
-        change(measured(Constraints(PLANAR), FAMILY, torch.zeros(3, *FAMILY.shape), "made")).save(
-            folder / "x"
-        )
-        load_foreign(folder / "x", PLANAR)
-
-    return act
-
-
 CASES = [
     ("'upper_arm': principal moments -5, 0.004, 0.045 kg·m²", description('ixx="[^"]*"', 'ixx="-5"')),
     ("joint 'shoulder' is of type '', expected revolute", description('type="revolute"', 'type=""')),
@@ -108,8 +93,6 @@ CASES = [
     ("a plane needs a non-zero normal", setting("workspace.regions=[{plane:{normal:[0,0,0],offset:1}}]")),
     ("has no joint 'a' of robot.limits.velocity", setting("robot.limits.velocity={a:1}")),
     ("folder /dev/null/x cannot be used: Not a directory", setting("outputs=/dev/null/x")),
-    ("margins of position are not those", library(lambda x: replace(x, coefficients=x.coefficients + 0.01))),
-    ("holds no trajectories", library(lambda x: x.take([]))),
 ]
 
 

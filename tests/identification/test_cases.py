@@ -37,7 +37,7 @@ def recordings(arm, change, truth=None):
 
 def judged(arm, change=lambda made: made.torque, truth=None):
     training, validation = recordings(arm, change, truth)
-    return identified(arm, [training], [validation])
+    return identified(arm, [training], [validation], strength=1.0)  # one conic program, not one a round
 
 
 def pulled(arm, *direction):

@@ -20,9 +20,9 @@ from sidegan.errors import InfeasibleError
 from sidegan.identification import FULL, estimate
 from sidegan.identification.designed import designed
 from sidegan.identification.goals import Everything, OfLinks, Tool, Torques
-from sidegan.identification.loaded import Loaded
 from sidegan.identification.model import states_within
-from sidegan.identification.trust import certainty, grams_of
+from sidegan.identification.payload import Loaded
+from sidegan.identification.trust import certainty
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane, check
@@ -173,15 +173,6 @@ def poor(planar):
 def rest_of(poor):
     model, found, _ = poor
     return Uncertain(model, found.covariance, certainty(found), RATE)
-
-
-def test_what_trajectories_tell_is_what_trust_says(poor, problem):
-    model, found, _ = poor
-    trajectories = problem.start(5, torch.Generator().manual_seed(0), reach=0.5)
-    new = information(problem, rest_of(poor), trajectories, 80)
-    scale = found.deviation
-    expected = grams_of(model, found, problem.trajectory, trajectories, 80) * RATE * 8.0
-    torch.testing.assert_close(new, expected * scale * scale[:, None], rtol=1e-6, atol=1e-9)
 
 
 def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, problem):

@@ -86,7 +86,7 @@ def test_noise_is_no_misfit(model, keep):
         data = recorded(model, torch.zeros(model.joints, 14).double(), keep, seed)
         found = lacks(model, estimate("weighted", model, data), data)
         assert found.found == () and (found.error == 0).all()
-    (words,) = found.said(NAMES, torch.zeros(model.joints))
+    (words,) = found.sentences(NAMES, torch.zeros(model.joints))
     assert words.startswith("no known misfit explains more of it than noise would")
     assert found.motions(NAMES, torch.zeros(model.joints)) == []
 
@@ -94,11 +94,11 @@ def test_noise_is_no_misfit(model, keep):
 def test_bias_and_noise_are_told_apart_in_words(model, flawed):
     _, fitted, found = flawed(KINDS[0])
     noise = trust(model, fitted).torque_deviation
-    (said,) = found.said(NAMES, noise)
+    (said,) = found.sentences(NAMES, noise)
     assert re.match(r"joint 4: \d+% of what is left is friction near rest, ", said)
     assert said.endswith(BIASED) and found.error[JOINT] > noise[JOINT]
     assert found.motions(NAMES, noise)[0] == "slow reversals of joint 4"
-    (quiet,) = found.said(NAMES, 100 * noise)
+    (quiet,) = found.sentences(NAMES, 100 * noise)
     assert quiet.endswith("noise dominates") and found.motions(NAMES, 100 * noise) == []
 
 

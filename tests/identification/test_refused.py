@@ -19,7 +19,6 @@ from sidegan.identification import (
     trust,
 )
 from sidegan.identification.drive_gains import drive_gains
-from sidegan.identification.trust import grams_of
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -88,23 +87,19 @@ LOAD = "expected three numbers as centre, and six as inertia"
 SETTINGS = [
     *(("ols", "prior", x) for x in (0.0, float("nan"), float("inf"))),
     *(("rls", "forgetting", x) for x in (0.0, 1.01, float("nan"))),
-    ("huber", "threshold", -1.0),
-    *(("essential", "ratio", 0.0), ("essential", "loss", float("nan"))),
 ]
 REFUSED = [
-    (ConfigError, "'lasso', expected one of ols, weighted, huber", lambda: of_rows("lasso")),
+    (ConfigError, "'lasso', expected one of ols, weighted, rls", lambda: of_rows("lasso")),
     (ConfigError, "ols has no setting threshold; it has prior", lambda: of_rows("ols", threshold=1.0)),
     *(
         (ConfigError, f"{name} is .*, expected", lambda m=m, x={name: x}: of_rows(m, **x))
         for m, name, x in SETTINGS
     ),
-    (ConfigError, "huber reads the samples several times", lambda: estimate("huber", LINEAR, iter([DATA]))),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [])),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [DATA[:0]])),
     (ShapeError, "hold a str", lambda: estimate("ols", LINEAR, ["a.csv"])),
     (ShapeError, "3 joints, the model has 2", lambda: estimate("ols", MODEL, DATA)),
     (ShapeError, "all torques are zero", lambda: of_rows("weighted", 0 * ROWS[1])),
-    (ShapeError, "all torques are zero", lambda: of_rows("huber", 0 * ROWS[1])),
     (ShapeError, "not finite or too large to square", lambda: of_rows("ols", spoilt(1e200))),
     (ShapeError, "torque of sample 5 is not finite", lambda: of_rows("ols", spoilt(torch.nan))),
     (ShapeError, "torque of sample 0", lambda: measurements(torque=STATE + torch.inf)),
@@ -126,7 +121,6 @@ REFUSED = [
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
     (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),
     *((ConfigError, LOAD, lambda n=n: KnownLoad(1.0, [0.1, 0.2, 0.3], [1.0] * n)) for n in (3, 7)),
-    (ShapeError, "coefficients", lambda: grams_of(MODEL, OLS, FAMILY, NOWHERE[:, :1])),
     (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
     (ConfigError, "forgetting factor 0.9, expected 1", lambda: summed(forgetting=0.9)),
     (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),

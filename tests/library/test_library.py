@@ -9,12 +9,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.library import Library
 
+FOUR = pa.list_(pa.float64(), 4)
 MARGINS = ("position", "velocity", "collision")
 
 
@@ -74,11 +73,9 @@ def test_every_bit_comes_back(path):
     assert list(path.parent.iterdir()) == [path]
 
 
-@given(st.integers(1, 5), st.integers(1, 4), st.integers(1, 3), st.integers(1, 5), st.integers(0, 9))
-def test_any_size_comes_back(tmp_path_factory, count, joints, harmonics, parameters, seed):
-    comes_back(
-        library(count, joints, harmonics, parameters, seed), tmp_path_factory.mktemp("library") / "file"
-    )
+@pytest.mark.parametrize("sizes", [(1, 1, 1, 1), (5, 4, 3, 2), (1, 7, 6, 45)])
+def test_any_size_comes_back(path, sizes):
+    comes_back(library(*sizes), path)
 
 
 def test_pandas_reads_it_and_its_metadata_say_what_it_is(path):
@@ -92,14 +89,6 @@ def test_pandas_reads_it_and_its_metadata_say_what_it_is(path):
     stored = json.loads(pq.read_schema(path).metadata[b"sidegan"])
     expected = {"format": 1, "robot": "planar2", "digest": "d1", "period": 16.0, "home": [0.0, 0.1]}
     assert (expected | {"joints": 2, "harmonics": 3, "parameters": 4}).items() <= stored.items()
-
-
-def test_lists_without_a_fixed_size_are_read_too(path):
-    one = library()
-    one.save(path)
-    lists = pa.array([row.tolist() for row in one.spectrum], pa.list_(pa.float64()))
-    replaced("spectrum", lists)(path)
-    assert_same(one, Library.load(path))
 
 
 def test_take_keeps_the_order_and_every_column():
@@ -181,9 +170,9 @@ BAD_FILES = [
     ("valid.*int64", replaced("valid", pa.array([1] * 6))),
     ("spectrum.*lists of 4", replaced("spectrum", pa.array([1.0] * 6))),
     ("spectrum.*lists of", replaced("spectrum", pa.array([[1.0] * 4] * 5 + [[1.0] * 3]))),
-    ("spectrum.*empty cells", replaced("spectrum", pa.array([[1.0] * 4] * 5 + [[1.0, 1.0, 1.0, None]]))),
+    ("spectrum.*empty cells", replaced("spectrum", pa.array([[1.0, 1.0, 1.0, None]] * 6, FOUR))),
     ("source.*text", replaced("source", pa.array(["a"] * 5 + [None]))),
-    ("diagonal.*not finite", replaced("diagonal", pa.array([[1.0, 1.0, 1.0, float("nan")]] * 6))),
+    ("diagonal.*not finite", replaced("diagonal", pa.array([[1.0, 1.0, 1.0, float("nan")]] * 6, FOUR))),
 ]
 
 

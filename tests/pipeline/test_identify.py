@@ -12,14 +12,11 @@ import pytest
 import torch
 
 from sidegan.identification import Terms, TorqueModel
-from sidegan.library.measure import measured
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
-from sidegan.robot import load_robot, usd_installed
-from sidegan.validity import Constraints
+from sidegan.robot import usd_installed
 from tests.pipeline.conftest import client_of
 from tests.recording.conftest import real
 from tests.recording.files import frame
@@ -88,8 +85,6 @@ def test_everything_is_left_in_the_runs_folder(once):
     assert PARAMS not in left  # which tells of the artifact, not of the run
     assert verdict["reasons"] and verdict["condition_number"] > 1
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
-    forward = verdict["forward"]["consistent"]
-    assert np.array(forward["free"])[-1].max() < 0.1 and np.array(forward["held"])[-1].max() < 0.05  # rad
     checked = json.loads((folder / "check.json").read_text())
     assert [one["name"] for one in checked] == ["a.csv", "b.csv", "c.csv"]
     assert not [path for path in folder.parents[1].rglob("*") if path.suffix in (".tmp", ".work")]
@@ -237,16 +232,12 @@ def test_a_check_fits_nothing(files, tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def odd(files, tmp_path_factory, planar):
-    """A run of seldom settings: a split recording, wrong units, a hostile name, a library; and its folder."""
+    """A run of seldom settings: a split recording, wrong units, a hostile name; and its folder."""
     folder = tmp_path_factory.mktemp("odd")
     urdf = folder / "arm.urdf"
     urdf.write_text(planar.urdf.read_text().replace('name="planar2"', 'name="../../../evil"'))
-    c = 0.3 * torch.randn(6, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    library = measured(Constraints(load_robot(urdf), []), Trajectory(2, 3, 8.0), c, "made")
-    library.save(folder / "library.parquet")
     words = f"robot.name={urdf}", f"recordings=[{files[0]}]", "validation=0.3", "recording.units.torque=mNm"
-    wanted = f"identify.library={folder / 'library.parquet'}", "identify.recommend=3"
-    return *identified(folder / "deep" / "outputs", *words, *wanted), folder
+    return *identified(folder / "deep" / "outputs", *words), folder
 
 
 def test_the_last_part_of_a_recording_can_be_held_out(odd):
@@ -265,12 +256,6 @@ def test_a_robots_name_leads_nowhere_else(odd):
 def test_torques_in_another_unit_make_no_good_model(odd):
     assert odd[0]["verdict"] == "usable"
     assert any("another unit, another gain, or wrong masses?" in reason for reason in odd[0]["reasons"])
-
-
-def test_a_library_gives_what_to_run_next(odd):
-    found = odd[0]["next_trajectories"]
-    assert len(found) == 3 and set(found) <= set(range(6))
-    assert f"run trajectory {found[0]}" in (odd[1] / "report.html").read_text()
 
 
 def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path):

@@ -4,7 +4,6 @@ import dataclasses
 import shlex
 
 import pytest
-import yaml
 
 from sidegan.errors import ConfigError
 from sidegan.pipeline.compose import CONF

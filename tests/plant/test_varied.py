@@ -66,32 +66,27 @@ def test_the_controller_believes_the_description(planar, plain, motion):
     )
 
 
-def test_one_seed_is_one_plant_whatever_the_form(planar, settings, motion):
-    one, again, other = (plant(planar, settings, form) for form in ("eyring", "eyring", "tustin"))
+def test_one_seed_is_one_plant(planar, settings, motion):
+    one, again = (plant(planar, settings) for _ in range(2))
     assert np.array_equal(one.follow(motion).torque, again.follow(motion).torque)
-    assert torch.equal(one.true.inertial_parameters, other.true.inertial_parameters)
-    assert np.array_equal(one.law.coulomb, other.law.coulomb)
-    assert np.abs(one.follow(motion).torque - other.follow(motion).torque).max() > 1e-3
     assert not np.array_equal(plant(planar, settings, seed=4).law.coulomb, one.law.coulomb)
 
 
 @pytest.mark.parametrize("switch", [*OFF, "compliance", "backlash", "delay", "resolution", "encoder"])
-@pytest.mark.parametrize("form", ["eyring", "tustin"])
-def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, switch, form):
+def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, switch):
     if switch in OFF:
         size = getattr(settings.friction, switch)
         changed = replace(plain, friction=replace(plain.friction, **{switch: size}))
     else:
         changed = replace(plain, **{switch: getattr(settings, switch)})
-    one, other = (plant(planar, x, form).follow(motion) for x in (plain, changed))
+    one, other = (plant(planar, x).follow(motion) for x in (plain, changed))
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
 
 
-@pytest.mark.parametrize("form", ["eyring", "tustin"])
-def test_misfits_are_no_combination_of_what_a_model_has(form):
+def test_misfits_are_no_combination_of_what_a_model_has():
     size = FrictionSettings((0.1, 0.1), (0.5, 0.5), 0.03, 0.4, 0.05, 0.15, 0.15, 0.0)
     ones = np.ones(1)
-    law = Law.drawn(form, size, 10 * ones, 2 * ones, np.random.default_rng(0))
+    law = Law.drawn("eyring", size, 10 * ones, 2 * ones, np.random.default_rng(0))
     random = np.random.default_rng(1)
     q, dq, load = random.uniform(-2, 2, (3, 400, 1)) * [[[1.0]], [[1.0]], [[8.0]]]
     basis = np.concatenate([np.tanh(dq / size.width), dq, np.ones_like(dq), load], 1)
@@ -101,7 +96,7 @@ def test_misfits_are_no_combination_of_what_a_model_has(form):
     assert np.abs(law.linear(dq) - basis[:, :1] * law.coulomb - dq * law.viscous).max() < 1e-12
 
 
-@pytest.mark.parametrize("form", ["linear", "eyring", "tustin"])
+@pytest.mark.parametrize("form", ["linear", "eyring"])
 def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion, form):
     """The law of friction at every step, given the load of the step before; the servos give the rest."""
     made, rate = plant(planar, settings, form), settings.rate

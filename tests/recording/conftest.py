@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.load import Source
-from sidegan.recording.recording import Recording, whole
+from sidegan.recording import load
+from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
 from tests.settings import settings
 
@@ -28,7 +28,7 @@ def of_file(**changes):
 
 
 def load_recording(path, columns, joint_names):
-    return whole(Source(Path(path), columns, tuple(joint_names)))
+    return load.load_recording(Path(path), columns, joint_names)
 
 
 def states(time, joints=2):

@@ -7,8 +7,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.check import read_and_check
-from sidegan.recording.load import Source
-from sidegan.recording.recording import whole
+from sidegan.recording.load import load_recording
 from sidegan.recording.settings import Files
 from sidegan.recording.standing import chain_of, standing
 from sidegan.robot import Setup, load_robot
@@ -38,9 +37,9 @@ def named(made, time="t", q="q{n}", tau="tau{n}", **more):
     return table.set_axis([time, *columns_of(q), *columns_of(tau)], axis=1).assign(**more)
 
 
-def source(folder, table):
+def read(folder, table):
     table.to_csv(folder / "a.csv", index=False)
-    return Source(folder / "a.csv", of_file(), JOINTS)
+    return load_recording(folder / "a.csv", of_file(), JOINTS)
 
 
 def assert_same(found, made):
@@ -50,16 +49,15 @@ def assert_same(found, made):
 
 @pytest.mark.parametrize("names", NAMES)
 def test_columns_are_known_by_their_names(made, tmp_path, names):
-    from_ = source(
-        tmp_path, named(made, *names, **{c: 1.0 for one in FOREIGN.split() for c in columns_of(one)})
-    )
-    assert_same(found := whole(from_), made)
-    assert found.velocity is None and found.current is None and not from_.remarks
+    foreign = {c: 1.0 for one in FOREIGN.split() for c in columns_of(one)}
+    found = read(tmp_path, named(made, *names, **foreign))
+    assert_same(found, made)
+    assert found.velocity is None and found.current is None and not found.remarks
 
 
 def test_joints_are_in_the_order_that_the_file_names(made, tmp_path):
     table = named(made, "Time", "position_{i}", "effort_{i}", name_0="elbow", name_1="shoulder")
-    torch.testing.assert_close(whole(source(tmp_path, table)).torque, made.torque[:, [1, 0]])
+    torch.testing.assert_close(read(tmp_path, table).torque, made.torque[:, [1, 0]])
 
 
 LEFT = [
@@ -70,9 +68,9 @@ LEFT = [
 
 @pytest.mark.parametrize(("names", "more", "words"), LEFT)
 def test_a_column_that_is_left_over_is_remarked_on(made, tmp_path, names, more, words):
-    from_ = source(tmp_path, named(made, "t", *names.split(), **dict.fromkeys(more.split(), 1.0)))
-    assert_same(whole(from_), made)
-    assert re.search(words, "".join(from_.remarks))
+    found = read(tmp_path, named(made, "t", *names.split(), **dict.fromkeys(more.split(), 1.0)))
+    assert_same(found, made)
+    assert re.search(words, "".join(found.remarks))
 
 
 REFUSED = [
@@ -85,7 +83,7 @@ REFUSED = [
 @pytest.mark.parametrize(("names", "words"), REFUSED)
 def test_what_to_type_is_said_where_names_do_not_tell(made, tmp_path, names, words):
     with pytest.raises(RecordingError, match=words):
-        whole(source(tmp_path, named(made, **names)))
+        read(tmp_path, named(made, **names))
 
 
 def several(folder, made, change=lambda same: same):
@@ -93,17 +91,17 @@ def several(folder, made, change=lambda same: same):
     named(made)[["t", "q1", "q2"]].to_csv(folder / "position.csv", index=False)
     change(named(made, tau="{j}")[["t", *JOINTS]]).to_csv(folder / "effort.csv", index=False)
     files = Files(str(folder / "position.csv"), effort=str(folder / "effort.csv"))
-    return Source(files, of_file(), JOINTS, rows=64)
+    return load_recording(files, of_file(), JOINTS)
 
 
 def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
-    assert_same(whole(several(tmp_path, recording)), recording)
-    from_ = several(tmp_path, recording, lambda x: x.assign(t=x.t + 3e-4)[100:1900:2].drop(index=[600]))
-    found = whole(from_)  # at the stamps of the faster file, where there are torques
+    assert_same(several(tmp_path, recording), recording)
+    found = several(tmp_path, recording, lambda x: x.assign(t=x.t + 3e-4)[100:1900:2].drop(index=[600]))
+    # at the stamps of the faster file, where there are torques
     inside = torch.isin(recording.time, found.time)
     torch.testing.assert_close(found.position, recording.position[inside])
     assert (found.torque - recording.torque[inside]).abs().max() < 0.05 * recording.torque.abs().max()
-    assert "effort.csv: interpolated" in from_.remarks[0] and "is in all files" in from_.remarks[1]
+    assert "effort.csv: interpolated" in found.remarks[0] and "is in all files" in found.remarks[1]
 
 
 APART = [
@@ -116,11 +114,11 @@ APART = [
 @pytest.mark.parametrize(("words", "change"), APART)
 def test_files_that_do_not_go_together_are_refused(made, tmp_path, words, change):
     with pytest.raises(RecordingError, match=words):
-        whole(several(tmp_path, made, change))
+        several(tmp_path, made, change)
 
 
 def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path, planar):
-    source(tmp_path, named(recording).assign(q1=0.3).drop(columns="tau1"))
+    named(recording).assign(q1=0.3).drop(columns="tau1").to_csv(tmp_path / "a.csv", index=False)
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
     arm = load_robot("planar2", Setup(locked=standing(planar, [path], settings)))
     (found,) = read_and_check([(path, "training")], arm, settings)

@@ -11,7 +11,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.check import check_recording
-from sidegan.recording.load import Source, files_of
+from sidegan.recording.load import files_of
 from sidegan.recording.settings import RecordingSettings
 from tests.recording.conftest import load_recording, recorded
 from tests.settings import settings
@@ -69,13 +69,11 @@ def test_both_versions_are_read(made, tmp_path, version, named):
     breaks = torch.nonzero(steps > 1)[:, 0].tolist()
     assert [k + 1 for k in breaks] == [*CUTS[1:-1]] and steps[breaks].tolist() == pytest.approx([10.0, 10.0])
     assert steps[steps < 1].tolist() == pytest.approx([1 / FPS] * (len(made) - 3), abs=1e-5)
-    parts = list(Source(folder, of_dataset(), made.joint_names, rows=300))
-    torch.testing.assert_close(torch.cat([part.time for part in parts]), loaded.time)
 
 
 def test_episodes_are_stretches_of_the_check(made, planar, tmp_path):
     folder = written(made, tmp_path / "set")
-    checked = check_recording(Source(folder, of_dataset(), made.joint_names), planar, of_dataset())
+    checked = check_recording(load_recording(folder, of_dataset(), made.joint_names), planar, of_dataset())
     assert len(checked.segments) == 3 and checked.statistics.step == pytest.approx(1 / FPS)
     assert [one.name for one in files_of(folder)] == ["info.json", "file-000.parquet", "file-001.parquet"]
 

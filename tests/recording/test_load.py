@@ -1,4 +1,4 @@
-"""Files of every kind are read as what was written, row by row and piece by piece."""
+"""Files of every kind are read as what was written, row by row."""
 
 from functools import partial
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.recording.load import Source
 from tests.recording.conftest import load_recording, of_file, part_of
 from tests.recording.files import (
     arrays,
@@ -62,19 +61,15 @@ def scaled(table):
         *((written(lambda t: t.assign(**{"note 1,5": 1.5}), sep=separator), {}) for separator in (";", "\t")),
     ],
 )
-def test_what_was_written_is_read_at_once_and_in_pieces(made, tmp_path, write, changes):
+def test_what_was_written_is_read(made, tmp_path, write, changes):
     path = write(made, tmp_path)
     bag = path.suffix in ("", ".mcap")
     joints, start = (made.joint_names, 1) if bag else (JOINTS, 0)  # stamps of zero would be none
-    whole = load_recording(path, of_file(**changes), joints)
-    torch.testing.assert_close(whole.time, made.time + start, atol=1e-6, rtol=0)
-    assert whole.signals().keys() == made.signals().keys() and not whole.corrupt
+    found = load_recording(path, of_file(**changes), joints)
+    torch.testing.assert_close(found.time, made.time + start, atol=1e-6, rtol=0)
+    assert found.signals().keys() == made.signals().keys() and not found.corrupt
     for name, x in made.signals().items():
-        torch.testing.assert_close(whole.signals()[name], x, atol=1e-12, rtol=0)
-    source = Source(path, of_file(**changes), joints, rows=64)
-    for parts in (list(source), list(source)):
-        assert [len(part) for part in parts] == [64, 64, 64, 8]
-        assert torch.equal(torch.cat([part.torque for part in parts]), whole.torque)
+        torch.testing.assert_close(found.signals()[name], x, atol=1e-12, rtol=0)
 
 
 def garbled(lines):
@@ -102,12 +97,11 @@ def test_corrupt_rows_are_left_out_and_named(made, tmp_path, change, header, rea
     lines = path.read_text().splitlines()
     change(lines)
     path.write_text("\n".join(lines))
-    for size in (199, 10_000):
-        parts = list(Source(path, of_file(header=header), JOINTS, rows=size))
-        found = dict(row for part in parts for row in part.corrupt)
-        assert sorted(found) == sorted(reasons) and all(reasons[row] in found[row] for row in found)
-        kept = [k for k in range(200) if k + (1 if header else 2) not in reasons]
-        torch.testing.assert_close(torch.cat([part.time for part in parts]), made.time[kept])
+    read = load_recording(path, of_file(header=header), JOINTS)
+    found = dict(read.corrupt)
+    assert sorted(found) == sorted(reasons) and all(reasons[row] in found[row] for row in found)
+    kept = [k for k in range(200) if k + (1 if header else 2) not in reasons]
+    torch.testing.assert_close(read.time, made.time[kept])
 
 
 @pytest.mark.parametrize("names", [True, False])
@@ -118,11 +112,11 @@ def test_decimal_commas_are_read(made, tmp_path, separator, names):
     lines[50] = "stopped"
     (tmp_path / "a.csv").write_text("\n".join(lines))
     header = None if names else HEADER
-    parts = list(Source(tmp_path / "a.csv", of_file(header=header), JOINTS, rows=64))
-    ((row, _),) = [row for part in parts for row in part.corrupt]
+    found = load_recording(tmp_path / "a.csv", of_file(header=header), JOINTS)
+    ((row, _),) = found.corrupt
     kept = part_of(made, [k for k in range(200) if k != row - (2 if names else 1)])
     for name in ("time", *made.signals()):
-        torch.testing.assert_close(torch.cat([getattr(part, name) for part in parts]), getattr(kept, name))
+        torch.testing.assert_close(getattr(found, name), getattr(kept, name))
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
@@ -132,10 +126,9 @@ def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path, kind):
     table.loc[3, "tau1"] = np.nan
     path = tmp_path / f"a.{kind}"
     table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path)
-    parts = list(Source(path, of_file(rate=250.0), JOINTS, rows=64))
-    time = torch.cat([part.time for part in parts])
-    np.testing.assert_allclose(time - time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
-    assert [reason for part in parts for _, reason in part.corrupt] == ["no number in tau1"]
+    found = load_recording(path, of_file(rate=250.0), JOINTS)
+    np.testing.assert_allclose(found.time - found.time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
+    assert [reason for _, reason in found.corrupt] == ["no number in tau1"]
 
 
 def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
@@ -147,10 +140,7 @@ def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
         values = np.array([float(k) if n == a else -float(k) for n in names])
         messages.append(((k + 1) * 10**9, k % 4 != 3, names, values, values, values))
     path = write_messages(tmp_path, messages)
-    for rows in (7, 1000):
-        parts = list(Source(path, of_file(), made.joint_names, rows=rows))
-        position = torch.cat([part.position for part in parts])
-        expected = [float(k) for k in range(36) if k % 4 != 2]
-        assert position[:, 0].tolist() == expected and (position[:, 1] == -position[:, 0]).all()
-        assert torch.cat([part.time for part in parts]).tolist() == [k + 1 for k in expected]
-        assert sum(len(part.corrupt) for part in parts) == 4
+    found, expected = load_recording(path, of_file(), made.joint_names), [k for k in range(36) if k % 4 != 2]
+    assert found.position[:, 0].tolist() == expected
+    assert (found.position[:, 1] == -found.position[:, 0]).all()
+    assert found.time.tolist() == [k + 1 for k in expected] and len(found.corrupt) == 4

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,11 +8,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import grid_for, preprocess
 from sidegan.recording.statistics import statistics_of
-from tests.recording.conftest import of_file, part_of, recorded, states
-
-
-def cut(recording, *places):
-    return [part_of(recording, slice(a, b)) for a, b in pairwise([0, *places, len(recording)])]
+from tests.recording.conftest import of_file, recorded, states
 
 
 @pytest.mark.parametrize("keep", [("position", "torque"), ("position", "velocity", "torque")])
@@ -21,16 +16,6 @@ def test_missing_signals_are_derived(planar, clock, keep):
     (segment,) = preprocess(recorded(planar, clock, keep), of_file())
     for name, x in zip(("position", "velocity", "acceleration"), states(segment.time)):
         torch.testing.assert_close(getattr(segment, name), x, atol=2e-2, rtol=0)
-
-
-def test_pieces_make_no_difference(recording, monkeypatch):
-    grid, parts = grid_for(statistics_of(recording), of_file()), cut(recording, 13, 700, 701, 1500)
-    whole = preprocess(recording, of_file(), grid=grid)
-    monkeypatch.setattr("sidegan.recording.segments._POINTS_AT_ONCE", 300)
-    assert statistics_of(parts).step == statistics_of(recording).step
-    (one,), (other,) = whole, preprocess(parts, of_file(), grid=grid)
-    for x, y in zip(one, other):
-        torch.testing.assert_close(x, y, atol=1e-7, rtol=0)
 
 
 def test_short_gaps_of_a_fast_log_are_bridged(planar):
@@ -109,4 +94,3 @@ def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise
     noise = 3e-4 * torch.randn(q.shape, generator=torch.Generator().manual_seed(0)).double()
     recording = Recording("waits", planar.joint_names, torch.from_numpy(time), q + noise, torque=q)
     assert 0.3 < statistics_of(recording).bandwidth < 0.7
-    assert 0.3 < statistics_of(cut(recording, *range(4000, 40000, 4000))).bandwidth < 0.7

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from sidegan.report.canvas import blank
-from sidegan.report.document import table_text, write_page
+from sidegan.report.document import with_index, write_page
 from sidegan.report.export import markdown, show, write_table
 
 TABLE = pd.DataFrame(
@@ -45,8 +45,8 @@ def test_markdown_has_all_parts_in_order_and_their_files(tmp_path):
 
 def test_the_index_of_a_table_is_its_first_column_where_it_has_a_name():
     frame = pd.DataFrame({"a": [1.5, None]})
-    assert table_text(frame, "c").splitlines()[2:] == ["| a |", "| ---: |", "| 1.5 |", "| — |"]
-    assert table_text(TABLE, "c").splitlines()[2] == r"| set | a\|b | note |"
+    assert markdown(with_index(frame)).splitlines() == ["| a |", "| ---: |", "| 1.5 |", "| — |"]
+    assert markdown(with_index(TABLE)).splitlines()[0] == r"| set | a\|b | note |"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from matplotlib.image import imread
 
 from sidegan.report import figures
 from sidegan.report.canvas import blank, save, svg
-from sidegan.report.figures import Across, Panel
+from sidegan.report.figures import Panel
 from tests.report.pages import Page
 
 SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank": 20.0}
@@ -36,7 +36,7 @@ def test_metrics_have_a_line_per_variant_and_a_dashed_one_for_the_seeds():
     parts = {"vanilla": pd.concat([HISTORY, back]), "eigen": HISTORY[:1]}
     frame = pd.concat([part.assign(variant=name) for name, part in parts.items()])
     shown = figures.metrics(references={"seeds": SEEDS, "union": {"distance_diagonal": 7.0}})
-    figure = figures.panels(frame, Across("epoch", "epoch"), shown, "variant", columns=3)
+    figure = figures.panels(frame, ("epoch", "epoch"), shown, "variant", columns=3)
     panels = {axis.get_title(): axis for axis in figure.axes}
     assert len(panels) == 6 and legend(figure) == ["vanilla", "eigen", "seeds", "union"]
     vanilla, eigen, seeds = panels["valid share"].get_lines()
@@ -67,7 +67,7 @@ def test_a_curve_has_a_line_and_a_band_per_group():
     rows = [(n, name, n / k) for n in (240, 450, 1800) for name in ("seeds", "eigen") for k in (1.0, 2.0)]
     frame = pd.DataFrame(rows, columns=["count", "set", "share"])
     shown = [Panel("share", "share", True, {"paper": 9})]
-    figure = figures.panels(frame, Across("count", "seeds trained on"), shown, "set", columns=1, markers=True)
+    figure = figures.panels(frame, ("count", "seeds trained on"), shown, "set", columns=1, markers=True)
     (axis,) = figure.axes
     assert legend(figure) == ["seeds", "eigen", "paper"]
     assert axis.get_xlabel() == "seeds trained on" and axis.get_title() == "share"

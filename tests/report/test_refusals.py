@@ -10,11 +10,9 @@ from sidegan.errors import ShapeError, StorageError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.canvas import blank, save
 from sidegan.report.document import write_page
-from sidegan.report.identification.page import write_report
-from sidegan.report.pose import Bundle, film, scene
+from sidegan.report.motion import Bundle, paths, snapshots
 from sidegan.report.viewer import view_of
 from sidegan.validity import Constraints
-from tests.report.builders import bare
 
 FAMILY, LONG = Trajectory(2, harmonics=3, period=4.0), Trajectory(2, harmonics=5, period=12.0)
 NONE, ONE, TWO = (torch.zeros(count, *FAMILY.shape, dtype=torch.float64) for count in range(3))
@@ -40,12 +38,23 @@ REFUSALS = {
         "cannot write",
     ),
     "a figure in a file": (lambda x: save(blank(1, 1), x.file / "nmse"), StorageError, "cannot write"),
-    "a report in a file": (lambda x: write_report(bare(), x.file / "x.html"), StorageError, "cannot write"),
-    "no sets": (lambda x: scene(x.arm, []), ShapeError, "no sets"),
-    "an empty set": (lambda x: scene(x.arm, [Bundle("a", FAMILY, NONE)]), ShapeError, "no trajectory"),
-    "another family": (lambda x: scene(x.arm, [Bundle("a", LONG, ONE)]), ShapeError, "coefficients are"),
-    "a film of two": (lambda x: film(x.arm, FAMILY, TWO), ShapeError, "one trajectory, got 2"),
-    "a film of no instant": (lambda x: film(x.arm, FAMILY, ONE, 0), ShapeError, "at least one sample"),
+    "no sets": (lambda x: paths(x.arm, []), ShapeError, "no sets"),
+    "an empty set": (
+        lambda x: paths(x.arm, [Bundle("a", FAMILY, NONE)]),
+        ShapeError,
+        "no trajectory",
+    ),
+    "another family": (
+        lambda x: paths(x.arm, [Bundle("a", LONG, ONE)]),
+        ShapeError,
+        "coefficients are",
+    ),
+    "a film of two": (lambda x: snapshots(x.arm, FAMILY, TWO), ShapeError, "one trajectory, got 2"),
+    "a film of no instant": (
+        lambda x: snapshots(x.arm, FAMILY, ONE, 0),
+        ShapeError,
+        "at least one sample",
+    ),
     "nothing to move": (lambda x: view_of(x.free, FAMILY, NONE), ShapeError, "0 trajectories to show"),
     "a title too few": (lambda x: view_of(x.free, FAMILY, TWO, ["a"]), ShapeError, "2 .* and 1 titles"),
 }

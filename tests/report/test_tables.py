@@ -34,11 +34,6 @@ def test_sets_are_in_the_papers_order_and_unknown_ones_last():
     assert tables.ordered(names) == tables.ordered(reversed(names)) == expected
 
 
-def test_sets_have_titles_for_people():
-    names = ["long-6", "seeds", "vanilla", "random"]
-    assert [tables.title(name) for name in names] == [*SETS, "random valid"]
-
-
 @pytest.mark.parametrize(
     ("values", "expected"),
     [

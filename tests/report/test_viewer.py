@@ -14,11 +14,11 @@ import torch
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.viewer import view_of, write_view
-from sidegan.report.viewer.page import script_json, three_js, view_html
-from sidegan.report.viewer.surfaces import arm_parts, fewer, hull, packed
+from sidegan.report.viewer.page import three_js, view_html
+from sidegan.report.viewer.surfaces import arm_parts, fewer, packed, region_surface
 from sidegan.robot.looks import Part
 from sidegan.robot.solids import triangles, turned
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.report.builders import some
 from tests.report.pages import Page
 
@@ -96,11 +96,6 @@ def test_names_of_strangers_stay_names(planar, coefficients):
     assert head["joints"][0] == head["titles"][0] == EVIL
 
 
-def test_json_in_a_script_has_no_markup():
-    text = script_json({"a": EVIL, "b": [1.5, None]})
-    assert not set("<>&") & set(text) and json.loads(text) == {"a": EVIL, "b": [1.5, None]}
-
-
 def test_nothing_comes_from_elsewhere(view, tmp_path):
     write_view(view, tmp_path / "view.html")
     text = (tmp_path / "view.html").read_text()
@@ -137,12 +132,15 @@ def test_a_packed_surface_is_the_surface(planar):
         assert faces.max() < len(vertices)
 
 
-def test_a_hulls_faces_look_outwards():
-    part = hull(np.random.default_rng(0).normal(size=(60, 3)))
-    corners = part.vertices[part.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    volume = (normal * corners[:, 0]).sum() / 6
-    assert volume > 0 and ((normal * (corners.mean(1) - part.vertices.mean(0))).sum(1) > 0).all()
+def test_surfaces_of_regions_look_outwards_and_hold_them():
+    points = np.random.default_rng(0).normal(size=(60, 3))
+    hull = Convex(np.zeros((0, 3)), np.zeros(0), points)
+    for region, volume in ((REGIONS[1], 0.4 * 0.2 * 0.3), (Sphere((1, 2, 3), 0.5), 0.52), (hull, None)):
+        part = region_surface(region)
+        a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
+        found = float((np.cross(a, b) * c).sum() / 6)
+        assert found > 0 and (volume is None or found == pytest.approx(volume, rel=0.02))
+    assert region_surface(REGIONS[0]) is None
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")

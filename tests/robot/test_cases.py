@@ -3,16 +3,15 @@
 import logging
 from dataclasses import replace
 
-import numpy as np
+import mujoco
 import pytest
 import torch
 
 from sidegan.errors import RobotError
 from sidegan.pipeline.compose import CONF
 from sidegan.pipeline.stages.excite import _peaks
-from sidegan.plant import Run, driven
+from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import (
-    Drives,
     doubtful_links,
     inconsistent_links,
     load_robot,
@@ -20,6 +19,7 @@ from sidegan.robot import (
     tell_doubtful,
 )
 from sidegan.robot.looks import visual_parts
+from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.validity.pairs import tell_displaced
 from sidegan.validity.placeholders import tell_placeholders
 from tests.identification.test_cases import recordings
@@ -136,10 +136,12 @@ def test_peaks_are_shares_with_their_values():
 
 def test_mujoco_leaves_no_file_and_pictures_one_message(load, tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
-    arm, count = load_robot("planar2"), 50
-    still, push = np.zeros((count + 1, 2)), np.full((count, 2), 1e12)
+    model = mujoco_model(load_robot("planar2"), IDEAL)
+    data = mujoco.MjData(model)
+    data.qfrc_applied[:] = 1e12
     with caplog.at_level(logging.DEBUG):
-        driven(arm, Drives.none(2), [Run(still, still, push)], 1000.0)
+        with mujoco_logged("planar2"):
+            mujoco.mj_step(model, data, 50)
         assert "planar2: " in caplog.text and not (tmp_path / "MUJOCO_LOG.TXT").exists()
         visual_parts(load(arm_of({k: inertial() + mesh(f"{k}.stl") for k in range(4)})))
     shown = [record for record in caplog.records if "not shown" in record.message]

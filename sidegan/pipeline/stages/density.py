@@ -18,7 +18,7 @@ from sidegan.report.tables import arrow
 
 
 def density(task: Task) -> Artifact:
-    """What samples of density estimates are worth."""
+    """Validity, fitness and diversity of samples of density estimates."""
     settings = {"bandwidths": task.cfg.discussion.bandwidths, "draws": task.cfg.discussion.draws}
     settings |= taught(task)
     return task.artifact("density", "kde", _make, settings, {"seeds": seed_set(task)}, metrics=_valid)

@@ -26,8 +26,8 @@ def _show(task: Task, tracker: Tracker) -> None:
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
     found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
     each = {"gain": found.gains.tolist(), "deviation": found.deviation.tolist()}
-    told = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
-    write_json(folder / RESULT, {**told, **each})
+    joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
+    write_json(folder / RESULT, {**joints, **each})
     shown = pd.DataFrame(
         {"gain [N·m/A]": [f"{x:.4g}" for x in each["gain"]], "σ": [f"{x:.2g}" for x in each["deviation"]]},
         index=pd.Index(arm.joint_names, name="joint"),

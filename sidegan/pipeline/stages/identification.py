@@ -17,7 +17,7 @@ from sidegan.report.tables import arrow
 
 
 def identification(task: Task, one: ExcitationSet) -> Artifact:
-    """What identification from one set is worth."""
+    """Errors of identification from one set."""
     return task.artifact(
         "identification",
         one.name,

@@ -37,10 +37,9 @@ def model(task: Task) -> Artifact:
         raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
     arm = recorded_arm(task)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
-    read = files | ({} if cfg.identify.library is None else {"library": Path(cfg.identify.library)})
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
-    if cfg.recording.sent is not None:
-        read |= {f"sent.{one.stem}": one for one in sent_files(Path(cfg.recording.sent))}
+    sent = [] if cfg.recording.sent is None else sent_files(Path(cfg.recording.sent))
+    read = files | {f"sent.{one.stem}": one for one in sent}
     inputs |= {key: _digest(path) for key, path in read.items()}
     settings: dict[str, object] = {n: asdict(getattr(cfg, n)) for n in ("recording", "model", "identify")}
     settings |= {} if isinstance(cfg.validation, list) else {"held_out": cfg.validation}
@@ -173,8 +172,8 @@ def _digest(path: Path) -> str:
 
 
 def _check(task: Task) -> None:
-    if told := tell_doubtful(recorded_arm(task)):
-        log.warning("%s; identification starts from the nearest that can be", told)
+    if doubtful := tell_doubtful(recorded_arm(task)):
+        log.warning("%s; identification starts from the nearest that can be", doubtful)
 
 
 STAGE = Stage(lambda task: [model(task)], _show, _check)

@@ -7,9 +7,10 @@ import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
+from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.payload import VALUES, Payload, identify_payload
-from sidegan.identification.workflow import measurements_of, model_of
+from sidegan.identification.workflow import model_of
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
@@ -58,8 +59,8 @@ def _show(task: Task, tracker: Tracker) -> None:
     publish(_table(found), task.store.run_folder / "payload", caption, tracker)
     mass, sigma = float(found.values[0]), float(found.deviation[0])
     place = ", ".join(f"{x:.4f} ± {s:.1g}" for x, s in zip(found.values[1:4], found.deviation[1:4]))
-    told = f"{mass:.3f} ± {sigma:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
-    log.info("load: %s", told if found.certain else f"none that can be told ({mass:.2g} ± {sigma:.1g} kg)")
+    words = f"{mass:.3f} ± {sigma:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
+    log.info("load: %s", words if found.certain else f"none that can be told ({mass:.2g} ± {sigma:.1g} kg)")
 
 
 def as_json(found: Payload) -> dict[str, Any]:

@@ -56,14 +56,14 @@ def pools(task: Task) -> list[Pool]:
 
 
 def own_pools(task: Task, names: Collection[str] | None = None) -> list[Pool]:
-    """The same with each generator's own trajectories alone; those of some names where they are given."""
+    """Random ones, the seeds, and each generator's own trajectories alone; of some names where given."""
     makers: list[tuple[str, int | None, Callable[[], Artifact]]] = [
         (RANDOM, None, lambda: random_set(task)),
         (SEEDS, None, lambda: seed_set(task)),
         *((*one, partial(library, task, *one)) for one in generators(task)),
     ]
-    wanted = [one for one in makers if names is None or one[0] in names]
-    return [_pool(task, name, training, (made(),)) for name, training, made in wanted]
+    chosen = [one for one in makers if names is None or one[0] in names]
+    return [_pool(task, name, training, (made(),)) for name, training, made in chosen]
 
 
 def _pool(task: Task, name: str, training: int | None, parts: tuple[Artifact, ...]) -> Pool:

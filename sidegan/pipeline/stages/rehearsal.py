@@ -32,7 +32,7 @@ def rehearsed(task: Task, coefficients: Tensor) -> pd.DataFrame:
 
 
 def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
-    """What one execution was like."""
+    """Facts about one execution."""
     error = (executed.position - planned.position[0]).abs()
     worst, joint = error.amax(0).max(0)
     share = (executed.torque.abs() / task.whole_arm.torque_limit).amax(0)

@@ -24,7 +24,7 @@ SUMS = "sums.pt"
 
 @dataclass(frozen=True)
 class Measured:
-    """How a whole set is measured."""
+    """Measurement of a whole set."""
 
     noise: Noise
     repeats: int  # noise realisations; one where nothing is noisy
@@ -32,7 +32,7 @@ class Measured:
 
     @classmethod
     def of(cls, task: Task, pool: Pool) -> "Measured":
-        """How a set is measured under the task's reading."""
+        """Measurement of a set under the task's reading."""
         settings = task.cfg.replication
         if pool.name == SEEDS:
             return cls(settings.of_seeds, settings.repeats, max(settings.replicas))
@@ -41,7 +41,7 @@ class Measured:
 
     @property
     def mark(self) -> str:
-        """What tells its artifact from those measured otherwise; nothing where everything is noisy."""
+        """Suffix of its artifact's label; empty where everything is noisy."""
         noisy = (self.noise.state and "states", self.noise.torque and "torques")
         named = [] if self.noise.exact else [name for name in noisy if name]
         return "" if len(named) == len(noisy) else f"-{named[0] if named else 'exact'}"
@@ -61,7 +61,7 @@ def sums(task: Task, pool: Pool) -> Artifact:
 
 
 def replication(task: Task) -> Artifact:
-    """What identification from each combination of whole sets is worth."""
+    """Errors of identification from each combination of whole sets."""
     inputs = {f"{one.name} {one.training or 0}": sums(task, one) for one in whole_sets(task)}
     return task.artifact(
         "replication",

@@ -49,7 +49,7 @@ def _make(task: Task, build: Build, pool: Pool) -> None:
 
 
 def _generated(seeds: str, folder: Path) -> Metrics:
-    """How many of a set are not seeds."""
+    """Number of a set's trajectories that are not seeds."""
     source = pd.read_parquet(folder / LIBRARY, columns=["source"]).source
     return {"generated": int((source != seeds).sum())}
 

@@ -9,7 +9,7 @@ from sidegan.pipeline.task import Task
 
 
 def on_subset(task: Task, size: int) -> Task:
-    """The same task, trained on so many of the seeds; on all of them it is the task itself."""
+    """A task that trains on so many of the seeds; on all of them it is the task itself."""
     if size >= task.cfg.seeds.count:
         return task
     variants = {name: one for name, one in task.cfg.gan.items() if one.features} or task.cfg.gan

@@ -92,5 +92,5 @@ class Frames:
 
 
 def _load_pyfunc(folder: str) -> Frames:
-    """What ``mlflow.pyfunc.load_model`` loads, by the file MLmodel beside this one."""
+    """The model for ``mlflow.pyfunc.load_model``, which finds it by the file MLmodel beside this one."""
     return Frames(TorqueModel(Path(folder)))

@@ -1,4 +1,4 @@
-"""What a page about moving arms shows, as plain values and packed arrays."""
+"""Content of a page about moving arms, as plain values and packed arrays."""
 
 import base64
 import zlib
@@ -51,7 +51,7 @@ def view_of(
     titles: Sequence[str] = (),
     arm: Arm | None = None,
 ) -> View:
-    """What is shown of trajectories with coefficients [rad/s], (B, J, H, 2); of very many, the first.
+    """View of trajectories with coefficients [rad/s], (B, J, H, 2); of very many, the first.
 
     Args:
         constraints: the arm in its workspace.
@@ -90,7 +90,7 @@ def view_of(
 
 
 def _chain(arm: Arm) -> dict[str, Any]:
-    """What places the joints: rotations row by row, origins [m], axes, and the end effector [m]."""
+    """Placements of the joints: rotations row by row, origins [m], axes, and the end effector [m]."""
     return {
         "rotation": arm.rotation.flatten(1).tolist(),
         "translation": arm.translation.tolist(),

@@ -9,54 +9,44 @@ from io import BytesIO
 from pathlib import Path
 
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ArtifactError
 from sidegan.report.viewer.content import View
-from sidegan.report.web import page
+from sidegan.report.web import environment
 
 Steps = Sequence[tuple[str, str]]
-_HERE = Path(__file__).parent
-_SCRIPTS = ("data.js", "orbit.js", "scene.js", "charts.js", "viewer.js")
 _ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # of trimesh, with three.js in it
 
 
 def write_view(view: View, path: Path, table: pd.DataFrame | None = None, steps: Steps = ()) -> None:
-    """Write a view as one HTML file that needs no network.
-
-    Args:
-        view: of the arm and its trajectories.
-        path: of the file.
-        table: a row per trajectory, what it asks of the arm.
-        steps: what to do with them, a sentence and a command each.
-    """
+    """Write a view as one HTML file that needs no network; see ``view_html``."""
     write_bytes(path, view_html(view, table, steps).encode())
 
 
 def view_html(view: View, table: pd.DataFrame | None = None, steps: Steps = ()) -> str:
-    """A view as an HTML document; see ``write_view``."""
+    """A view as an HTML document.
+
+    Args:
+        view: of the arm and its trajectories.
+        table: a row per trajectory, what it asks of the arm.
+        steps: what to do with them, a sentence and a command each.
+    """
     head, arrays = view.packed()
-    environment = Environment(
-        loader=FileSystemLoader(_HERE),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
+    return (
+        environment()
+        .get_template("viewer/viewer.html.jinja")
+        .render(
+            title=f"Trajectories of {view.head['name']}",
+            view=view.head,
+            table=None if table is None else table.reset_index(),
+            steps=steps,
+            data=Markup(script_json(head)),
+            arrays=Markup(arrays),
+            library=Markup(three_js()),
+        )
     )
-    scripts = "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    body = environment.get_template("viewer.html.jinja").render(
-        view=view.head,
-        table=None if table is None else table.reset_index(),
-        steps=steps,
-        style=Markup((_HERE / "viewer.css").read_text(encoding="utf-8")),
-        data=Markup(script_json(head)),
-        arrays=Markup(arrays),
-        library=Markup(three_js()),
-        script=Markup(scripts),
-    )
-    return page(f"Trajectories of {view.head['name']}", body, scripts=True)
 
 
 def script_json(value: object) -> str:

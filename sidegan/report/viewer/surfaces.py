@@ -1,24 +1,23 @@
 """Surfaces small enough for a page: few triangles, short numbers."""
 
 from collections.abc import Sequence
-from itertools import groupby, product
-from typing import Any
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
 
-from sidegan.report.pose import capsule_mesh
 from sidegan.robot import Arm
 from sidegan.robot.looks import Colour, Part, visual_parts
-from sidegan.robot.solids import triangles
 from sidegan.validity import Convex, Plane, Region, Sphere
+
+if TYPE_CHECKING:  # slow to import
+    import trimesh
 
 _TRIANGLES = 120_000  # of an arm; more are merged
 _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and the factor to the next ones
-_SPHERE = 400  # corners of a ball
-_THIN = 1e-6  # [m] below which a surface has no thickness
-_DENSE = 2**31  # numbers of rows from which on they are counted anew
+_AROUND = (14, 10)  # points around a capsule, and from pole to pole
+_THIN = 1e-6  # [m] below which a surface has no thickness, and a capsule is a ball
 _STEPS = 65_535  # of a coordinate within its surface's box
 
 
@@ -27,48 +26,40 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
 
     Links without a shape of their own are shown as their capsules.
     """
-    shapes = capsule_parts(arm)
-    looks = visual_parts(arm)
+    capsules, looks = arm.capsules, visual_parts(arm)
+    each = zip(capsules.link.tolist(), capsules.a.numpy(), capsules.b.numpy(), capsules.radius.tolist())
+    shapes = [_part(capsule_mesh(a, b, radius), link) for link, a, b, radius in each]
     seen = {part.link for part in looks}
     return fewer(merged([*looks, *(part for part in shapes if part.link not in seen)])), merged(shapes)
 
 
-def capsule_parts(arm: Arm) -> list[Part]:
-    """The surfaces of an arm's capsules."""
-    capsules, parts = arm.capsules, []
-    for k, link in enumerate(capsules.link.tolist()):
-        mesh = capsule_mesh(capsules.a[k].numpy(), capsules.b[k].numpy(), float(capsules.radius[k]))
-        parts.append(Part(link, mesh.vertices, triangles(mesh.faces), None))
-    return parts
+def capsule_mesh(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> "trimesh.Trimesh":
+    """Surface of all points within ``radius`` [m] of the segment from a to b [m], (3,) each."""
+    import trimesh
+
+    length = float(np.linalg.norm(b - a))
+    along = (b - a) / length if length > _THIN else [0.0, 0.0, 1.0]
+    mesh = trimesh.creation.capsule(max(length, _THIN), radius, _AROUND)
+    mesh.apply_translation(-mesh.bounds.mean(0))
+    mesh.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], along))
+    return mesh.apply_translation((a + b) / 2)
 
 
 def region_surface(region: Region) -> Part | None:
     """The surface of a keep-out region; None of a plane, which has no end."""
+    import trimesh
+
     if isinstance(region, Plane):
         return None
     if isinstance(region, Convex):
-        return hull(region.points)
+        return _part(trimesh.convex.convex_hull(region.points))
     if isinstance(region, Sphere):
-        return hull(np.array(region.centre) + region.radius * _sphere())
-    return hull(np.array(list(product(*zip(region.lower, region.upper)))))
+        return _part(trimesh.creation.icosphere(3, region.radius).apply_translation(region.centre))
+    return _part(trimesh.creation.box(bounds=[region.lower, region.upper]))
 
 
-def _sphere() -> NDArray[np.float64]:
-    """Points on the unit sphere, (N, 3), along a spiral."""
-    height = np.linspace(-1, 1, _SPHERE)
-    turn = np.pi * (1 + 5**0.5) * np.arange(_SPHERE)
-    width = np.sqrt(1 - height**2)
-    return np.stack([width * np.cos(turn), width * np.sin(turn), height], 1)
-
-
-def hull(points: NDArray[np.float64]) -> Part:
-    """The convex hull of points [m], (N, 3), in the world."""
-    triangles = scipy.spatial.ConvexHull(points)
-    corners = points[triangles.simplices]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inwards = (normal * triangles.equations[:, :3]).sum(1) < 0
-    faces = np.where(inwards[:, None], triangles.simplices[:, ::-1], triangles.simplices)
-    return Part(-1, points, faces.astype(np.int64), None)
+def _part(mesh: "trimesh.Trimesh", link: int = -1) -> Part:
+    return Part(link, np.asarray(mesh.vertices), np.asarray(mesh.faces), None)
 
 
 def merged(parts: Sequence[Part]) -> list[Part]:
@@ -87,7 +78,7 @@ def merged(parts: Sequence[Part]) -> list[Part]:
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
-    """The same surfaces with vertices merged that coincide, and those near each other if there are too many.
+    """Surfaces with vertices merged that coincide, and those near each other if there are too many.
 
     Vertices in one cell of a grid become their mean, triangles without extent are dropped.
     """
@@ -100,24 +91,15 @@ def fewer(parts: Sequence[Part]) -> list[Part]:
 
 
 def _clustered(part: Part, size: float) -> Part:
-    cells = np.floor(part.vertices / size).astype(np.int64)
-    _, index, count = np.unique(_numbered(cells), return_inverse=True, return_counts=True)
-    means = np.stack([np.bincount(index, part.vertices[:, k]) for k in range(3)], 1) / count[:, None]
+    from trimesh.grouping import unique_rows
+
+    _, index = unique_rows(np.floor(part.vertices / size).astype(np.int64))
+    count = np.bincount(index)
+    means = np.stack([np.bincount(index, column) for column in part.vertices.T], 1) / count[:, None]
     faces = index[part.faces]
-    apart = (faces != np.roll(faces, 1, axis=1)).all(1)
-    _, first = np.unique(_numbered(np.sort(faces[apart], axis=1)), return_index=True)
-    return Part(part.link, means, faces[apart][np.sort(first)], part.colour)
-
-
-def _numbered(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """A number for each of some rows (N, 3), equal for equal ones and in their order: quick to sort."""
-    number = np.zeros(len(rows), dtype=np.int64)
-    for column in rows.T:
-        low, high = column.min(initial=0), column.max(initial=0)
-        number = number * (high - low + 1) + (column - low)
-        if number.max(initial=0) >= _DENSE:  # the next product might not be a number any more
-            number = np.unique(number, return_inverse=True)[1]
-    return number
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
+    first, _ = unique_rows(np.sort(faces, axis=1)) if len(faces) else (slice(0), None)
+    return Part(part.link, means, faces[first], part.colour)
 
 
 def packed(part: Part) -> tuple[dict[str, Any], NDArray[np.uint16], NDArray[np.int64]]:

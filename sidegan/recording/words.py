@@ -1,4 +1,4 @@
-"""What columns hold, by what they are called, whoever wrote them."""
+"""Signals that columns hold, by the words of their names, whoever wrote them."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -53,7 +53,7 @@ class Series:
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
 
     def signal(self, effort: str) -> str | None:
-        """What they hold, by their words, of which the last one counts: a current position is a position."""
+        """The signal that they hold, by their last word: a current position is a position."""
         signals = [_WORDS[word] for word in self.words if word in _WORDS]
         loads = {"torque", "effort", "current"} & {*signals}
         if not signals or self.foreign or (loads and _RATES & {*self.words}):
@@ -61,33 +61,22 @@ class Series:
         return effort if signals[-1] == "effort" else signals[-1]
 
     @property
-    def names(self) -> bool:
-        """Whether they hold names of joints, as those of a joint state do."""
-        return not self.named and self.words[-1:] in (["name"], ["names"])
-
-    @property
     def foreign(self) -> bool:
         """Whether a word of theirs says that they are no measurements of joints."""
         return bool(_OTHERS & {*self.words})
 
 
-def series_of(available: Sequence[str], names: Sequence[str]) -> Iterator[Series]:
+def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:
     """All ways in which columns differ in a number or the name of a joint that is none."""
     found: dict[tuple[str, str, bool], dict[int, str]] = {}
-    patterns = [
-        (re.compile(_bounded(name), re.IGNORECASE), place)
-        for place, name in enumerate(names)
-        if not name.isdigit()
-    ]
+    patterns: list[tuple[str, int | None]] = [(r"\d+", None)]
+    patterns += [(_bounded(name), place) for place, name in enumerate(names) if not name.isdigit()]
     for column in available:
-        for match in re.finditer(r"\d+", column):
-            key = column[: match.start()], column[match.end() :], False
-            found.setdefault(key, {}).setdefault(int(match[0]), column)
         for pattern, place in patterns:
-            for match in pattern.finditer(column):
-                key = column[: match.start()], column[match.end() :], True
-                found.setdefault(key, {}).setdefault(place, column)
-    return (Series(*key, columns) for key, columns in found.items())
+            for match in re.finditer(pattern, column, re.IGNORECASE):
+                key = column[: match.start()], column[match.end() :], place is not None
+                found.setdefault(key, {}).setdefault(int(match[0]) if place is None else place, column)
+    return [Series(*key, columns) for key, columns in found.items()]
 
 
 def _bounded(name: str) -> str:
@@ -125,12 +114,8 @@ def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
     """Names of so many joints that a file has a signal of, in the order of its columns."""
     groups: dict[tuple[str, str], list[str]] = {}
     for column in available:
-        edges = [
-            0,
-            *(k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in (m.start(), m.end())),
-            len(column),
-        ]
-        for start, end in combinations(edges, 2):
+        marks = [k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in m.span()]
+        for start, end in combinations([0, *marks, len(column)], 2):
             if column[start:end].strip():
                 groups.setdefault((column[:start], column[end:]), []).append(column[start:end])
     fitting = {

@@ -1,0 +1,112 @@
+"""An identified arm: its model, estimates of every method, their errors, and the verdict."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from sidegan.identification.estimate import Estimate
+from sidegan.identification.lacking import Lacks, lacks
+from sidegan.identification.measurements import Measurements
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.prior import typical
+from sidegan.identification.score import Score
+from sidegan.identification.verdict import Trust
+from sidegan.recording.check import CheckedRecording
+from sidegan.robot import Drives
+
+EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedArm:
+    """A model identified from recordings, with everything that is known about its quality."""
+
+    model: TorqueModel
+    training: list[CheckedRecording]  # recordings that were identified from
+    validation: list[CheckedRecording]  # recordings that were held out
+    kind: str  # of the tests below: held out, each recording by the others, or in sample
+    estimates: dict[
+        str, Estimate
+    ]  # by method: the chosen one first, then equal weights and the consistent one
+    tests: dict[str, Score]  # errors of each method on what it had not seen, where there was something
+    trained: dict[str, Score]  # errors of each method on what it was identified from
+    trust: Trust  # whether to trust the model to use
+    use: str  # method of that model: the consistent one, unless the chosen one predicts clearly better
+    unseen: dict[str, Tensor]  # nMSE (J,) by which that was decided; empty where halves determine too little
+    unseen_kind: str  # ``kind``, or halves by each other where nothing was held out
+
+    @property
+    def recordings(self) -> list[CheckedRecording]:
+        """All recordings, those that were identified from first."""
+        return [*self.training, *self.validation]
+
+    @property
+    def chosen(self) -> Estimate:
+        """Estimate of the chosen method."""
+        return self.trust.estimate
+
+    @property
+    def used(self) -> Estimate:
+        """Estimate of the model to use."""
+        return self.estimates[self.use]
+
+    @property
+    def standard(self) -> Tensor:
+        """Physically consistent parameters in ``TorqueModel.standard_names``' order, (F,)."""
+        standard = self.estimates[CONSISTENT].standard
+        assert standard is not None, "the consistent method has them"
+        return standard
+
+    @property
+    def links(self) -> Tensor:
+        """Physically consistent link parameters in Pinocchio's order, (J, 10)."""
+        return self.model.links_of(self.standard)
+
+    @property
+    def used_standard(self) -> Tensor:
+        """Standard parameters of the model to use, (F,): the nearest to the consistent ones that give it.
+
+        They have its torques exactly; where it is not the consistent one, some of its links cannot exist.
+        Differences count in each link's typical mass and length, and those of terms alike.
+        """
+        if self.use == CONSISTENT:
+            return self.standard
+        links = typical(self.model.arm).reshape(-1)
+        scale = torch.cat([links, torch.ones(len(self.standard) - len(links), dtype=torch.float64)])
+        mapping = self.model.mapping
+        missing = self.used.parameters - mapping @ self.standard
+        return self.standard + scale * (torch.linalg.pinv(mapping * scale) @ missing)
+
+    @cached_property
+    def drives(self) -> Drives:
+        """Friction and rotors of the consistent model; zero where it has no such term."""
+        drives = vars(Drives.none(self.model.joints))
+        found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
+        return Drives(**{kind: found.get(kind, none).clamp_min(0.0) for kind, none in drives.items()})
+
+    @cached_property
+    def lacks(self) -> Lacks:
+        """Torques that the model lacks, from the residuals of the chosen method."""
+        return lacks(self.model, self.chosen, measurements_of(self.training))
+
+    @property
+    def left_over(self) -> list[str]:
+        """Torques that are left over, a sentence for each joint that lacks something."""
+        return self.lacks.sentences(self.joint_names, self.trust.torque_deviation)
+
+    @property
+    def helpful_motions(self) -> list[str]:
+        """Motions that would help where what is left makes more of an error than noise does."""
+        return self.lacks.motions(self.joint_names, self.trust.torque_deviation)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Number and name of each joint."""
+        return [self.trust.joint(j) for j in range(self.model.joints)]
+
+
+def measurements_of(recordings: list[CheckedRecording]) -> list[Measurements]:
+    """Measurements of recordings, one for each stretch without gaps."""
+    return [Measurements(*segment[1:]) for recording in recordings for segment in recording.segments]
