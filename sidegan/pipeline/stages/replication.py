@@ -13,9 +13,11 @@ from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.pools import SEEDS, Pool, own_pools
+from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.pools import SEEDS, Pool
 from sidegan.pipeline.stages.random import test_trajectories
-from sidegan.pipeline.stages.training import title
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.training import generators, title
 from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
@@ -49,7 +51,8 @@ class Measured:
 
 def whole_sets(task: Task) -> list[Pool]:
     """Every whole set that is measured: the seeds and each library."""
-    return own_pools(task)[1:]
+    made = [(SEEDS, None, seed_set(task)), *((*one, library(task, *one)) for one in generators(task))]
+    return [Pool(name, k, title(task, name, k), (artifact,)) for name, k, artifact in made]
 
 
 def sums(task: Task, pool: Pool) -> Artifact:
@@ -101,13 +104,13 @@ def _mean_errors(task: Task, folder: Path) -> Metrics:
 
 def _measure(task: Task, build: Build, pool: Pool) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
-    measured, library = Measured.of(task, pool), pool.load(task)
+    measured, coefficients = Measured.of(task, pool), pool.load(task).coefficients
     settings, every = study_settings(task, measured.noise), range(measured.repeats)
     parts = {(r, k): build.work / f"{r}-{k}.pt" for r in every for k in range(measured.replicas)}
     for done, ((repeat, replica), path) in enumerate(parts.items()):
         if not readable(path):
             random = task.random(f"measured {pool.name} {repeat} {replica}", pool.training)
-            family = (task.trajectory, library.coefficients)
+            family = task.trajectory, coefficients
             report = partial(_report_part, build.report, done, len(parts))
             write_torch(path, measured_sums(task.body, family, settings, random, report)._asdict())
         build.report(done + 1, len(parts))
