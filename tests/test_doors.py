@@ -26,7 +26,6 @@ DOORS = {
     "numba": {"motion"},
     "mujoco": {"plant", "robot"},
     "xacrodoc": {"robot"},
-    "urdf_usd_converter": {"robot"},
     "pxr": {"robot"},
     "robot_descriptions": {"robot"},
     "cvxpy": {"identification"},

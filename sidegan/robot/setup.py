@@ -41,7 +41,6 @@ class Setup:
     pieces: Pieces = 4  # convex pieces that the mesh of a link is cut into, at most
     finer: Pieces = 16  # the same of links whose pieces are in the way of what their meshes allow
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
-    shapes: str | None = None  # file of fitted shapes, for links whose meshes are not there
     srdf_pairs: bool = False  # whether pairs that the SRDF disables are not kept apart either
 
 

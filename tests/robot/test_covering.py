@@ -12,14 +12,12 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.errors import RobotError
 from sidegan.kernels import hulls as kernel
 from sidegan.robot import Setup, covers, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.capsule_fit import fit, from_segment, hull_volume, volume
 from sidegan.robot.covering import cover
 from sidegan.robot.hull import thinned
-from sidegan.robot.kept import save_shapes
 from sidegan.robot.splitting import cut_further, split
 from sidegan.validity import Constraints, default_home
 
@@ -207,36 +205,6 @@ class TestCache:
         some, numbers = arm.capsules, {"axis": arm.axis}  # numbers of the fit do not count
         shaken = replace(some, a=some.a + 0.01, radius=2 * some.radius)
         assert digest_of(numbers, some) == digest_of(numbers, shaken)
-
-
-class TestKept:
-    """Shapes in a file stand for meshes that are gone."""
-
-    def test_make_the_same_arm(self, arm_file, tmp_path, caplog):
-        arm = load_robot(arm_file, COARSE)
-        assert save_shapes(arm, tmp_path / "shapes.npz")
-        (tmp_path / "box.stl").unlink()
-        assert load_robot(arm_file).capsules.names == ()
-        assert "mesh files are missing" in caplog.text
-        caplog.clear()
-        assert_same_shapes(load_robot(arm_file, replace(COARSE, shapes=str(tmp_path / "shapes.npz"))), arm)
-        assert caplog.text == ""
-
-    def test_are_refused_where_they_are_elsewhere_or_not_there_or_none(self, arm_file, tmp_path):
-        save_shapes(load_robot(arm_file, COARSE), tmp_path / "shapes.npz")
-        (tmp_path / "box.stl").unlink()
-        arm_file.write_text(arm_file.read_text().replace('xyz="0.1 0 0"', 'xyz="0.1 0 0.02"', 1))
-        cases = {
-            "shapes.npz": "meshes of link 'base' are elsewhere.*robot.shapes=null",
-            "gone.npz": r"there is no file robot\.shapes=",
-            "robot.urdf": "holds no shapes",
-        }
-        for name, words in cases.items():
-            with pytest.raises(RobotError, match=words):
-                load_robot(arm_file, Setup(shapes=str(tmp_path / name)))
-        assert load_robot(arm_file, Setup(shapes=None)).capsules.names == ()
-        assert not save_shapes(load_robot("kuka_lwr4"), tmp_path / "none.npz")
-        assert not (tmp_path / "none.npz").exists()
 
 
 def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free_and_that_is_kept(tmp_path, cache, monkeypatch):

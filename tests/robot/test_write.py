@@ -1,7 +1,6 @@
-"""A written description reads as the same arm with the new inertias: for us, Pinocchio, MuJoCo and Pixar."""
+"""A written description reads as the same arm with the new inertias: for us, Pinocchio and MuJoCo."""
 
 import difflib
-import math
 import re
 
 import mujoco
@@ -9,18 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import torch
-import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Drives, Limits, Setup, built_in_robots, load_robot, write_mjcf, write_urdf
-from sidegan.robot.consistency import about_the_centre
-from sidegan.robot.write_usd import write_usd
 from tests.chains import random_states, real_links
 from tests.recording.conftest import real
 
-from .test_looks import file  # noqa: F401
 from .urdf import INERTIA, joint, link, more, one_joint, robot
 
 
@@ -134,46 +129,3 @@ def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
     np.testing.assert_allclose(model.upperPositionLimit, arm.position_upper, rtol=0, atol=1e-12)
     assert other.ngeom == (arm.capsules.link >= 0).sum()
     assert [other.joint(i).name for i in range(arm.joints)] == list(arm.joint_names)
-
-
-def test_pixars_library_reads_the_arms_links_friction_and_rotors(arm, tmp_path):
-    pytest.importorskip("urdf_usd_converter")
-    from pxr import Gf, Usd, UsdPhysics
-
-    own = drives(7)
-    write_urdf(arm, arm.inertial_parameters, tmp_path / "arm.urdf", own)
-    rotors = dict(zip(arm.joint_names, own.rotor_inertia.tolist()))
-    write_usd(tmp_path / "arm.urdf", arm.urdf, rotors, tmp_path / "arm.usdc")
-    assert {path.name for path in tmp_path.iterdir()} == {"arm.urdf", "arm.usdc"}
-    stage = Usd.Stage.Open(str(tmp_path / "arm.usdc"))
-    prims = {prim.GetName(): prim for prim in stage.Traverse()}
-    centres, inertias = about_the_centre(arm.inertial_parameters)
-    for k, (body, name) in enumerate(zip(arm.link_names, arm.joint_names)):
-        mass = UsdPhysics.MassAPI(prims[body])
-        assert mass.GetMassAttr().Get() == pytest.approx(float(arm.inertial_parameters[k, 0]), rel=1e-6)
-        np.testing.assert_allclose(mass.GetCenterOfMassAttr().Get(), centres[k], atol=1e-6)
-        turn = np.array(Gf.Matrix3d(Gf.Quatd(mass.GetPrincipalAxesAttr().Get()))).T
-        found = turn @ np.diag(mass.GetDiagonalInertiaAttr().Get()) @ turn.T
-        np.testing.assert_allclose(found, inertias[k], atol=1e-5)
-        expected = {
-            "damping": float(own.viscous[k]) * math.pi / 180,  # N·m·s per degree
-            "friction": float(own.coulomb[k]),
-            "armature": float(own.rotor_inertia[k]),
-        }
-        for kind, value in expected.items():
-            assert prims[name].GetAttribute(f"newton:{kind}").Get() == pytest.approx(value, rel=1e-6)
-
-
-def test_meshes_are_in_the_usd_and_lost_ones_are_left_out(file, tmp_path):  # noqa: F811
-    pytest.importorskip("urdf_usd_converter")
-    from pxr import Usd, UsdGeom
-
-    (tmp_path / "else").mkdir()
-    copied = tmp_path / "else" / "copied.urdf"
-    copied.write_text(file.read_text())
-    trimesh.creation.box((1, 2, 3)).export(tmp_path / "plate.stl")  # of scale 0.1 in the description
-    write_usd(copied, file, {}, tmp_path / "two.usda")
-    stage = Usd.Stage.Open(str(tmp_path / "two.usda"))
-    (mesh,) = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-    bounds = UsdGeom.BBoxCache(0, ["default", "render"]).ComputeLocalBound(mesh.GetPrim())
-    np.testing.assert_allclose(bounds.ComputeAlignedRange().GetSize(), [0.1, 0.2, 0.3], atol=1e-6)
