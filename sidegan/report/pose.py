@@ -10,17 +10,15 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.robot.solids import dome, turned
 from sidegan.validity.capsules import capsule_axes, place_points
 
 _RATE = 25.0  # [Hz] of a drawn trace
-_AROUND, _CAP = 14, 4  # points around a capsule, and rings on each of its half spheres
-_TINY = 1e-9  # [m] below which a capsule is a sphere
+_AROUND, _CAP = 16, 8  # points around a capsule, and rings of its two half spheres
 _ROOM = 0.02  # [m] around what is drawn, at least
 
 
 class Mesh(NamedTuple):
-    """A surface: vertices [m], (V, 3), and the four vertices of every face, (F, 4)."""
+    """A surface: vertices [m], (V, 3), and triangles (F, 3)."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -106,25 +104,19 @@ def arm_mesh(arm: Arm, position: Tensor) -> Mesh:
     faces = [part.faces + start for part, start in zip(parts, starts)]
     return Mesh(
         np.concatenate([np.zeros((0, 3)), *(part.vertices for part in parts)]),
-        np.concatenate([np.zeros((0, 4), int), *faces]),
+        np.concatenate([np.zeros((0, 3), int), *faces]),
     )
 
 
 def capsule_mesh(a: np.ndarray, b: np.ndarray, radius: float) -> Mesh:
     """Surface of all points within ``radius`` [m] of the segment from a to b [m], (3,) each."""
-    length = np.linalg.norm(b - a)
-    along = (b - a) / length if length > _TINY else np.array([0.0, 0.0, 1.0])
-    side = np.eye(3)[np.abs(along).argmin()]
-    u = np.cross(along, side)
-    u /= np.linalg.norm(u)
-    v = np.cross(along, u)
-    # Rings from the pole at a to the pole at b: a half sphere, the tube between, a half sphere.
-    width, height = dome(radius, _CAP)
-    height = height + np.repeat([0.0, length], _CAP + 1)
-    if length <= _TINY:  # the two half spheres share their widest ring
-        width, height = (np.delete(x, _CAP) for x in (width, height))
-    vertices, faces = turned(width, height, _AROUND)
-    return Mesh(a + vertices @ np.stack([u, v, along]), faces)
+    import trimesh  # slow to import
+
+    length = float(np.linalg.norm(b - a))
+    made = trimesh.creation.capsule(length, radius, (_CAP, _AROUND))
+    if length > 0:
+        made.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], b - a))
+    return Mesh(np.asarray(made.vertices) + (a + b) / 2, np.asarray(made.faces))
 
 
 def bounds(points: list[np.ndarray]) -> np.ndarray:

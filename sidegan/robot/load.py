@@ -73,7 +73,7 @@ def load_robot(
     description = read_description(path, setup, home, planning)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
-    from sidegan.robot.shapes import PIECES_VERSION, capsules_of
+    from sidegan.robot.shapes import VERSION, capsules_of
 
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
@@ -81,10 +81,10 @@ def load_robot(
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
-    shapes = pin_model.collision_shapes(model, description, setup.pieces, setup.finer)
+    shapes = pin_model.collision_shapes(model, description, setup.pieces)
     capsules = capsules_of(shapes)
-    stamped = sorted(shape.digest for shape in shapes if shape.digest) + _stamped(setup, description)
-    stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION} {setup.finer}"]
+    stamped = sorted({shape.digest for shape in shapes if shape.digest}) + _stamped(setup, description)
+    stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
     return Arm(
         name=description.name,

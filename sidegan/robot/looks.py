@@ -4,7 +4,7 @@ import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.chain import choose
 from sidegan.robot.locking import from_rpy, lock
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.solids import Surface, box, capsule, cylinder
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import Tree, read_tree
 
@@ -110,15 +109,15 @@ def _shape_parts(urdf: Path, visual: ET.Element, placed: Placed, own: Colour | N
     local, shift = _origin(visual, "a shape")
     turn, place = placed.turn @ local, placed.place + placed.turn @ shift
     shape = xml.child(visual, "geometry", "a shape")[0]
-    meshes = _meshes(shape, urdf) if shape.tag == "mesh" else [(*_solid(shape), None)]
-    for corners, faces, colour in meshes:
-        vertices = corners @ turn.T + place
+    is_mesh = shape.tag == "mesh"
+    for surface in _meshes(shape, urdf) if is_mesh else [_solid(shape)]:
+        vertices, faces = np.asarray(surface.vertices, float) @ turn.T + place, np.asarray(surface.faces)
         if len(faces) and np.isfinite(vertices).all():
-            yield Part(placed.joint, vertices, faces, own or colour)
+            yield Part(placed.joint, vertices, faces, own or (_material_colour(surface) if is_mesh else None))
 
 
-def _meshes(shape: ET.Element, urdf: Path) -> Iterator[tuple[NDArray[Any], NDArray[Any], Colour | None]]:
-    """Vertices [m], triangles and colour of what is in a mesh file."""
+def _meshes(shape: ET.Element, urdf: Path) -> Iterator["trimesh.Trimesh"]:
+    """Surfaces in a mesh file, in metres."""
     import trimesh
 
     file = find_mesh(xml.attribute(shape, "filename", "a shape"), urdf)
@@ -127,20 +126,20 @@ def _meshes(shape: ET.Element, urdf: Path) -> Iterator[tuple[NDArray[Any], NDArr
     scale = xml.vector(shape, "scale", "a shape", "1 1 1")
     for surface in trimesh.load_scene(file, process=False).dump():
         if isinstance(surface, trimesh.Trimesh):
-            surface.apply_scale(scale)
-            faces = np.asarray(surface.faces, np.int64)
-            yield np.asarray(surface.vertices, float), faces, _material_colour(surface)
+            yield surface.apply_scale(scale)
 
 
-def _solid(shape: ET.Element) -> Surface:
-    """Triangles of a solid [m], in its own frame."""
+def _solid(shape: ET.Element) -> "trimesh.Trimesh":
+    """A solid [m] in its own frame."""
+    from trimesh import creation
+
     if shape.tag == "box":
-        return box(xml.positive(shape, "size", "a box", 3))
+        return creation.box(xml.positive(shape, "size", "a box", 3))
     (radius,) = xml.positive(shape, "radius", f"a {shape.tag}")
     if shape.tag == "sphere":
-        return capsule(radius, 0.0)
+        return creation.icosphere(3, radius)
     (length,) = xml.positive(shape, "length", f"a {shape.tag}")
-    return capsule(radius, length) if shape.tag == "capsule" else cylinder(radius, length)
+    return creation.cylinder(radius, length) if shape.tag == "cylinder" else creation.capsule(length, radius)
 
 
 def _colours(root: ET.Element) -> dict[str, Colour]:

@@ -41,7 +41,7 @@ def test_a_capsules_surface_is_at_its_radius_and_faces_outwards(a, b, radius):
     away = mesh.vertices - (a + share[:, None] * along)
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), radius, rtol=1e-6)
     corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((normals * away[mesh.faces].mean(1)).sum(1) > 0).all()
     assert mesh.faces.min() == 0 and mesh.faces.max() == len(mesh.vertices) - 1
 

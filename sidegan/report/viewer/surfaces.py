@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sidegan.report.pose import capsule_mesh
 from sidegan.robot import Arm
 from sidegan.robot.looks import Colour, Part, visual_parts
-from sidegan.robot.solids import triangles
 from sidegan.validity import Convex, Plane, Region, Sphere
 
 _TRIANGLES = 120_000  # of an arm; more are merged
@@ -38,7 +37,7 @@ def capsule_parts(arm: Arm) -> list[Part]:
     capsules, parts = arm.capsules, []
     for k, link in enumerate(capsules.link.tolist()):
         mesh = capsule_mesh(capsules.a[k].numpy(), capsules.b[k].numpy(), float(capsules.radius[k]))
-        parts.append(Part(link, mesh.vertices, triangles(mesh.faces), None))
+        parts.append(Part(link, mesh.vertices, mesh.faces, None))
     return parts
 
 
