@@ -226,7 +226,7 @@ def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
 def _nearest(task: Task, family: Trajectory, run: Library) -> Tensor:
     """Smallest distance [m] along each trajectory, (N,), as ``Constraints.nearest`` has it."""
     q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
-    return task.constraints.nearest(q.flatten(0, 1)).view(len(q), -1).amin(1)
+    return task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
 
 
 def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, list[str]]:
