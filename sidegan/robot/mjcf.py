@@ -13,7 +13,7 @@ from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
 from sidegan.robot.mjcf_shapes import turn_of, words, write_collision, write_visual
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.sources import Source
+from sidegan.robot.xml import Source
 
 Vector = NDArray[np.float64]
 _KINDS = {
