@@ -10,10 +10,10 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
+from sidegan.robot.looks import capsule_surface
 from sidegan.validity.capsules import capsule_axes, place_points
 
 _RATE = 25.0  # [Hz] of a drawn trace
-_AROUND, _CAP = 16, 8  # points around a capsule, and rings of its two half spheres
 _ROOM = 0.02  # [m] around what is drawn, at least
 
 
@@ -110,13 +110,7 @@ def arm_mesh(arm: Arm, position: Tensor) -> Mesh:
 
 def capsule_mesh(a: np.ndarray, b: np.ndarray, radius: float) -> Mesh:
     """Surface of all points within ``radius`` [m] of the segment from a to b [m], (3,) each."""
-    import trimesh  # slow to import
-
-    length = float(np.linalg.norm(b - a))
-    made = trimesh.creation.capsule(length, radius, (_CAP, _AROUND))
-    if length > 0:
-        made.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], b - a))
-    return Mesh(np.asarray(made.vertices) + (a + b) / 2, np.asarray(made.faces))
+    return Mesh(*capsule_surface(a, b, radius))
 
 
 def bounds(points: list[np.ndarray]) -> np.ndarray:

@@ -14,7 +14,7 @@ from sidegan.robot.description import Description
 from sidegan.robot.shapes import Shape
 
 _MOST, _FEWEST, _QUESTIONS = 1_000, 200, 1_000_000  # configurations, and pairs of hulls in all of them
-_SHARE = 0.01  # of the configurations in which two links' hulls may touch alone
+_SHARE = 0.01  # of the configurations that two links' hulls may refuse though they are free
 _OUT = 1.5  # corners are moved outwards by so many radii of what hulls are rounded with
 
 Links = tuple[str, str]
@@ -45,9 +45,8 @@ def hollow_links(
         if pin.computeCollisions(model, state, hulls, found, q, False):
             pin.updateGeometryPlacements(model, state, geometry, places)
             touching = {pair for pair, one in zip(links, found.collisionResults) if one.isCollision()}
-            alone.update(
-                pair for pair in touching if not _hit(geometry, places, meshes[pair[0]], meshes[pair[1]])
-            )
+            if not any(_hit(geometry, places, meshes[one], meshes[other]) for one, other in touching):
+                alone.update(touching)
     often = [pair for pair, times in alone.items() if times > _SHARE * len(configurations)]
     return sorted({name for pair in often for name in pair})
 

@@ -139,7 +139,7 @@ def _is_mesh(one: pin.GeometryObject) -> bool:
 
 def _fitted(group: list[pin.GeometryObject], pieces: int, hollow: bool) -> tuple[list[Part], str]:
     """Capsules and hulls around the meshes of a link, in the frame of the first, and the meshes' digest."""
-    first, state = group[0].placement, hashlib.sha256()
+    first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
     for one in group:
         relative = first.actInv(one.placement)
         state.update(hashlib.sha256(Path(one.meshPath).read_bytes()).digest())
