@@ -20,7 +20,6 @@ from sidegan.validity.regions import Plane, Region, tables
 # All that there are, in the order in which kernels have them.
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
 DISTANCES = NAMES[3:5]
-_DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
 _SHOWN = 4  # excepted names that are told
 _FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them
 
@@ -240,12 +239,6 @@ class Constraints:
         margins = self.at_rest(q)
         near = [margins[name] + self.kept[name] for name in DISTANCES if name in margins]
         return torch.cat([*near, far], 1).min(1)
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether so many pairs are allowed to touch that the shapes are too large to mean anything."""
-        touching = len(self.excepted.get("collision", ()))
-        return touching > _DOUBTFUL * (touching + self._links)
 
     def refuse_home(self, home: Sequence[float]) -> None:
         """Refuse a home position where the arm cannot rest.

@@ -28,7 +28,6 @@ FAR = 0.04  # [m]
         ([DESK], FAR, 0.0),
         ([BOX, DESK], 0.005, 0.005),
         ([BALL], FAR, 0.01),
-        ([HULL], FAR, FAR),
         ([HULL, DESK], 0.005, 0.005),
     ],
 )
@@ -43,7 +42,7 @@ def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, cleara
     shared = [clear.labels["collision"].index(x) for x in plain.labels["collision"]]
     torch.testing.assert_close(other["collision"][:, shared], one["collision"] - apart)
     trajectory = Trajectory(7, 6, 16.0, BENT)
-    assert_sound(clear, trajectory, 0.4 * moderate(arm, trajectory, 8, seed=1))
+    assert_sound(clear, trajectory, 0.4 * moderate(arm, trajectory, 4, seed=1))
     if BOX not in regions:
         shown = [x.nearest(states[0])[0] for x in (plain, clear)]
         torch.testing.assert_close(*shown)
