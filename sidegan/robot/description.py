@@ -57,7 +57,7 @@ def read_description(
     own = touching_in(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
-    tree = read_tree(root, where, setup.base)
+    tree = read_tree(root, where)
     chain = choose(tree, setup)
     for joint in chain.moving:
         unit_axis(joint, tree.at(joint))

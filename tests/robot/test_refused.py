@@ -134,6 +134,7 @@ REFUSED = {
         (TWO_ARMS, "joints 'left' and 'right' both hang on the base, expected one chain"),
         (more(RING, link("base")), "no joints lead from 'base' to x, y, expected one tree"),
         (LOOP, "joint 'third' leads to link 'upper', as another joint does"),
+        (more(one_joint(), link("lost")), "has 2 links without a parent ['base', 'lost'], expected one"),
         (RING, "has 0 links without a parent [], expected one, the base"),
         (two_joints().replace('"second"', '"first"'), "has 2 joints named 'first', expected different"),
         (one_joint().replace('child link="arm"', 'child link="leg"'), "joins the link 'leg'"),
