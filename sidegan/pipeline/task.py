@@ -140,11 +140,6 @@ class Task:
             notes.append(f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance")
         if constraints.often:
             warnings.append(tell_often(arm, constraints.often, constraints.apart))
-        if constraints.doubtful:
-            warnings.append(
-                "many pairs of links are allowed to touch and are not checked against each other: "
-                "are the collision shapes too large, or not in metres?"
-            )
         notes.append(f"checked: {constraints.described()}")
         for level, texts in ((logging.WARNING, warnings), (logging.INFO, notes)):
             for text in filter(None, texts):
