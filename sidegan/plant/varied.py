@@ -4,11 +4,9 @@ Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are 
 description says, the servos feed forward what the description says, and friction is not of a model's form.
 """
 
-import ctypes
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -139,33 +137,30 @@ class VariedPlant:
         return self._sensed(q, torque, friction)
 
     def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J).
+        """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J)."""
+        from mujoco import MjData, mj_step
 
-        Motion by motion, without Python between the steps.
-        """
-        from mujoco import MjData, mj_resetData
-
-        from sidegan.kernels import servos as kernels
-
-        data, step = MjData(self.model), _step()
-        simulator = kernels.Simulator(
-            step, self.model._address, data._address, data.qpos, data.qvel, data.qfrc_applied
-        )
-        law, size, form = self.law, self.law.settings, ("linear", "eyring", "tustin").index(self.law.form)
-        sizes = [size.width, size.stribeck, size.load, size.asymmetry, size.position, size.ripple]
-        own = law.scale, law.coulomb, law.viscous, law.speed, law.phase, law.skew
-        values: list[Any] = [*map(float, sizes), *map(np.ascontiguousarray, own)]
-        friction = kernels.Friction(form, *values)
-        servos = kernels.Servos(
-            *self._gains, self.arm.torque_limit.numpy(), self.rotor, float(self.settings.rate)
-        )
-        out = np.empty((len(q), 3, *q.shape[1:]))
-        with mujoco_logged(self.arm.name):
-            for wanted, one in zip(np.stack([q, dq, ahead], 1), out):
-                mj_resetData(self.model, data)
-                data.qpos[:], data.qvel[:] = wanted[0, 0], wanted[1, 0]
-                kernels.follow(simulator, servos, friction, wanted, one)
-        return out[:, 0], out[:, 1], out[:, 2]
+        (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
+        machines = [MjData(self.model) for _ in q]
+        for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
+            machine.qpos[:], machine.qvel[:] = start, speed
+        qpos, qvel = [machine.qpos for machine in machines], [machine.qvel for machine in machines]
+        pushes = [machine.qfrc_applied for machine in machines]
+        out = np.empty((3, *q.shape))
+        push, before = np.zeros_like(q[:, 0]), dq[:, 0]
+        with mujoco_logged(self.arm.name), np.errstate(all="ignore"):  # what does not follow is refused later
+            for i in range(q.shape[1]):
+                position, velocity = np.array(qpos), np.array(qvel)
+                servo = stiffness * (q[:, i] - position) + damping * (dq[:, i] - velocity)
+                motor = np.minimum(np.maximum(ahead[:, i] + servo, -limit), limit)
+                load = push - self.rotor * (velocity - before) * self.settings.rate
+                friction = self.law(position, velocity, load)
+                out[:, :, i] = position, motor, friction
+                push, before = motor - friction, velocity
+                for machine, applied, one in zip(machines, pushes, push):
+                    applied[:] = one
+                    mj_step(self.model, machine)
+        return out[0], out[1], out[2]
 
     def _sensed(self, q: Array, torque: Array, friction: Array) -> Signals:
         """Signals of encoders at the motors and of torque sensors, without noise."""
@@ -177,15 +172,6 @@ class VariedPlant:
         seen = _rounded(seen, self.settings.encoder)
         torque, friction = (_later(x, self.settings.delay * self.settings.rate) for x in (torque, friction))
         return Signals(seen, _rounded(torque, self.settings.resolution * self.scale), friction, q)
-
-
-@cache
-def _step() -> int:
-    """Address of MuJoCo's step."""
-    import mujoco
-
-    (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
-    return int(ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p).value or 0)
 
 
 def _tool(random: np.random.Generator, most: float) -> Array:
