@@ -23,16 +23,21 @@ _TINY = 1e-9  # share of the variance below which a direction does not count
 
 @dataclass
 class Batch:
-    """Trajectories that a generator made, as losses see them."""
+    """Trajectories that a generator made, as losses see them; computed once, when a loss looks."""
 
     coefficients: Tensor  # [rad/s], (B, J, H, 2)
-    images: Tensor  # of these, (B, 2, J, H)
-    convert: Callable[[], Tensor]  # to features
+    draw: Callable[[], Tensor]
+    convert: Callable[["Batch"], Tensor]
+
+    @cached_property
+    def images(self) -> Tensor:
+        """Images of the coefficients, (B, 2, J, H)."""
+        return self.draw()
 
     @cached_property
     def features(self) -> Tensor:
         """Features that the converter predicts, (B, p)."""
-        return self.convert()
+        return self.convert(self)
 
 
 Value = Callable[[Batch], Tensor]  # a loss without its weight, 0-dimensional

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from sidegan.errors import ConfigError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.losses import Adversary, Factor, Loss, Value, from_epoch
+from sidegan.gan.losses import Adversary, Batch, Factor, Loss, Value, from_epoch
 from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
@@ -40,9 +40,9 @@ class PublishedVanilla(SideGAN):
         network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
         return TrajectoryGenerator(network, layout, family, arm.name, arm.digest, self.name)
 
-    def seen(self, c: Tensor, images: Tensor) -> Tensor:
-        """Input of the surrogates: images."""
-        return images
+    def convert(self, batch: Batch) -> Tensor:
+        """Features that the converter predicts from images, (B, p)."""
+        return self.converter(batch.images)
 
     def losses(self) -> list[Loss]:
         """The adversarial loss."""

@@ -101,15 +101,15 @@ class SideGAN(pl.LightningModule):
 
     def forward(self, count: int) -> Batch:
         """So many new trajectories, as losses see them."""
-        images = self.generator.network.sample(count)
-        c = self.generator.coefficients(images)
-        if self.generator.limits is not None:
-            images = self.generator.scaling.image(c)
-        return Batch(c, images, lambda: self.converter(self.seen(c, images)))
+        generator = self.generator
+        images = generator.network.sample(count)
+        c = generator.coefficients(images)
+        changed = generator.limits is not None
+        return Batch(c, lambda: generator.scaling.image(c) if changed else images, self.convert)
 
-    def seen(self, c: Tensor, images: Tensor) -> Tensor:
-        """Input of the surrogates: coefficients."""
-        return c
+    def convert(self, batch: Batch) -> Tensor:
+        """Features that the converter predicts, (B, p)."""
+        return self.converter(batch.coefficients)
 
     def training_step(self, batch: list[Tensor], index: int) -> None:
         """The adversarial loop: a step of the discriminators on some examples, then the generator's."""

@@ -91,7 +91,7 @@ def test_weights_change_in_time():
 
 def loss_of(value):
     """The loss of coefficients."""
-    return lambda c: value(Batch(c, c, lambda: c))
+    return lambda c: value(Batch(c, lambda: c, lambda batch: c))
 
 
 def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
