@@ -83,7 +83,7 @@ def test_no_number_moves_without_its_makers_version(fixed, makers):
     found, recorded = WATCHED[makers](fixed), RECORDED[makers]
     assert list(found) == list(recorded)
     for key, x in found.items():
-        told = f"{key} of {makers} is {x!r}: raise its version in versions.yaml, and record it here anew"
+        told = f"{key} of {makers} is {x!r}: raise its version in params.yaml, and record it here anew"
         assert x == pytest.approx(recorded[key], rel=1e-6), told
 
 
