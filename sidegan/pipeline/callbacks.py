@@ -1,4 +1,4 @@
-"""What happens around the jobs: threads, and of a sweep the parent run and the table over all jobs."""
+"""Threads of a run, and around a sweep its parent run and the table over all jobs."""
 
 import logging
 import os

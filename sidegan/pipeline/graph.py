@@ -25,13 +25,13 @@ Metrics = Mapping[str, float | Sequence[float | None]]
 
 @dataclass
 class Build:
-    """Where an artifact is being made.
+    """Folders of an artifact that is being made.
 
     Attributes:
-        folder: takes the artifact's files; it is invisible until all of them are there.
-        work: takes files of unfinished tasks (``write_task``); it survives a kill.
-        report: tells how far the work is.
-        costs: what the work took (seconds and the like); it is kept beside the artifact and not in it.
+        folder: of the artifact's files; it is invisible until all of them are there.
+        work: of files of unfinished tasks (``write_task``); it survives a kill.
+        report: shows how far the work is.
+        costs: of the work (seconds and the like); they are kept beside the artifact and not in it.
     """
 
     folder: Path

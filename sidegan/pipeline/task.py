@@ -40,7 +40,7 @@ _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as ther
 
 @dataclass(frozen=True)
 class Task:
-    """What a run is about: its settings, its artifacts, and the arm in its workspace."""
+    """Context of a run: its settings, its artifacts, and the arm in its workspace."""
 
     cfg: Config
     store: Store
@@ -173,11 +173,11 @@ class Task:
         return self.constraints.body
 
     def with_settings(self, **changes: Any) -> "Task":
-        """The same task with other settings, by their name in the configuration."""
+        """A copy with other settings, by their name in the configuration."""
         return replace(self, cfg=replace(self.cfg, stages=[], **changes))
 
     def under(self, condition: str) -> "Task":
-        """The same task under another condition."""
+        """A copy under another condition."""
         kept = [one for one in self.overrides if one.partition("=")[0] != "condition"]
         return replace(self, cfg=composed(*kept, f"condition={condition}"))
 

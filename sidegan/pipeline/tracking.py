@@ -79,6 +79,7 @@ class Tracker:
     def _start(self, root: Path, experiment: str, name: str, uri: str | None, tags: Any) -> None:
         for key, value in _ENVIRONMENT.items():
             os.environ.setdefault(key, value)
+        root.mkdir(parents=True, exist_ok=True)
         from mlflow import MlflowClient
 
         logging.getLogger("alembic").setLevel(logging.ERROR)

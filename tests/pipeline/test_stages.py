@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from experiments.artifacts import comparison
+from sidegan.errors import ConfigError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
@@ -114,6 +115,11 @@ def test_an_exact_variant_learns_from_no_seeds(made):
     assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
     alone = Task(tiny("gan=exact", "stages=[surrogates]"), made.store)
     assert artifacts(alone) == {"surrogates": {}}
+
+
+def test_a_module_of_tables_that_is_not_there_is_refused(outputs):
+    with pytest.raises(ConfigError, match=r"table is 'nowhere\.tables': there is no such module"):
+        stage("table").check(Task(tiny("table=nowhere.tables"), Store(outputs)))
 
 
 def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
