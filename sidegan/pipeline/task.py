@@ -143,11 +143,6 @@ class Task:
         log.info("checked: %s", self.constraints.described())
         if often := self.constraints.often:
             log.warning("%s", tell_often(self.arm, often, self.constraints.apart))
-        if self.constraints.doubtful:
-            log.warning(
-                "many pairs of links are allowed to touch and are not checked against each other: "
-                "are the collision shapes too large, or not in metres?"
-            )
 
     def _told_masses(self) -> str:
         """Which torques are not known, as the description lacks masses; empty where it tells all."""

@@ -18,7 +18,7 @@ def chain_of(arm: Arm) -> tuple[str, ...]:
     """Names of an arm's joints and of those that its setup locks on their way, from the base outwards."""
     if not arm.setup.locked:
         return arm.joint_names
-    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf), arm.setup.base)
+    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
     wanted = {*arm.joint_names, *arm.setup.locked}
     paths = [[joint.name for joint in tree.path(tree.joints[name].child)] for name in wanted]
     longest = max((path for path in paths if arm.joint_names[-1] in path), key=len)

@@ -16,7 +16,6 @@ from sidegan.robot.oracle import capsule_geometry, chain_model, pinocchio_model
 from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
-from sidegan.robot.write_usd import usd_installed, write_usd
 
 __all__ = [
     "HIGHER",
@@ -38,10 +37,8 @@ __all__ = [
     "pseudo_inertia",
     "require_consistent",
     "tell_doubtful",
-    "usd_installed",
     "with_effort",
     "words",
     "write_mjcf",
     "write_urdf",
-    "write_usd",
 ]

@@ -1,172 +1,170 @@
-"""Meshes cut into parts, each with a capsule and a convex hull around it."""
+"""Meshes of a link cut by planes into parts that leave out empty space; a capsule and a hull around each.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+What was made is kept in a cache of the user's, under the digest of the meshes.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.robot.capsule_fit import (
-    DIRECTIONS,
+from sidegan.robot.fitting import (
     Points,
     Segment,
     axes,
     corners,
     extremes,
     fit,
-    from_segment,
     guess,
     hull_volume,
+    thinned,
+    volume,
 )
-from sidegan.robot.splitting import cut_further
+from sidegan.robot.meshes import cache_folder
 
-_FINE = 12  # edges are at most this part of a mesh's size, so that planes can cut it
-_SAMPLE = 3_000  # triangles that the cuts are chosen by
-_PROBES = 1_024  # points that measure the volume of a union
-_PAD = 0.35  # of the size, around the mesh, where these lie
-_CUTS = np.linspace(0.12, 0.88, 9)  # where an axis is cut, as a share of the extent along it
-_WORTH = 0.02  # share of the volumes that one more part must save
-_TRIED = 2  # parts, the largest, that are tried to be cut
+_SAMPLE = 600  # triangles that cuts are chosen by
+_CUTS = np.linspace(0.14, 0.86, 7)  # where an axis is cut, as a share of the extent along it
+_WORTH = 0.01  # share of all volumes that each part must save
+_CAPSULES = 0.3  # weight of the capsules' volumes beside the hulls'
+_HOLLOW, _LITTLE = 16, 0.0025  # parts of a hollow mesh at most, and what each must save
+_FINE = 3e-4  # [m] by which hulls may be larger than they need be, for fewer corners
+_FINER = 3e-5  # the same of hollow ones: some links pass within a fraction of a millimetre
+_log = logging.getLogger(__name__)
 
-
-@dataclass(frozen=True)
-class Part:
-    """Some of a mesh's triangles: what holds them."""
-
-    ends: Points  # of the capsule's axis [m], (2, 3)
-    radius: float  # of the capsule [m]
-    corners: Points  # whose convex hull holds the triangles [m], (V, 3)
-
-    @property
-    def capsule(self) -> Segment:
-        """End points and radius of the capsule."""
-        return self.ends, self.radius
+Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
 
 
-def cover(meshes: Sequence[Points], most: int, further: int = 0) -> list[Part]:
-    """Parts of a link's meshes with capsules and hulls that each triangle is within one of.
+class Part(NamedTuple):
+    """What holds some of a link's triangles, in the frame of the first mesh."""
 
-    Triangles go to parts as a whole: capsules and hulls are convex, and hold a triangle whose corners they
-    hold. Several meshes are parts of their own, where there are at most so many: who drew them cut where it
-    bends. Parts are cut by planes, where that makes the union of the capsules and the hulls smallest.
+    capsule: Segment
+    corners: Points  # of a convex hull [m], (V, 3)
+    rounding: float  # radius [m] of the ball around each of the hull's points
+
+
+class _Cut(NamedTuple):
+    """How a part is cut best: volume [m³] that each added part saves, and the planes."""
+
+    saved: float
+    planes: tuple[Plane, ...]
+
+
+def cover_of(digest: str, pieces: int, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
+    """Parts that cover the meshes of a link, from the cache where they are there.
+
+    Args:
+        digest: of the meshes.
+        pieces: parts of one mesh at most.
+        hollow: whether these are cut further, where that leaves out what only hulls hold.
+        meshes: gives the corners of the triangles of each [m], (N, 3, 3).
+    """
+    from joblib import Memory
+
+    return Memory(cache_folder(), verbose=0).cache(_made, ignore=["meshes"])(digest, pieces, hollow, meshes)
+
+
+def _made(digest: str, pieces: int, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
+    return cover(meshes(), pieces, hollow)
+
+
+def cover(meshes: Sequence[Points], most: int, hollow: bool = False) -> list[Part]:
+    """Parts of a link's meshes with capsules and hulls that each point of a triangle is within one of.
+
+    Several meshes are parts of their own, where there are at most so many: who drew them cut where it bends.
 
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
         most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
-        further: parts that these are then cut into at most, to leave out what only hulls hold.
+        hollow: whether these are cut further, where that leaves out what only hulls hold.
     """
-    edge = float(np.ptp(np.concatenate(meshes).reshape(-1, 3), axis=0).max()) / _FINE
-    groups = [
-        subdivided(mesh, edge) for mesh in (meshes if len(meshes) <= most else [np.concatenate(meshes)])
-    ]
-    fine, owner = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-    cutter = _Cutter([_sample(group) for group in groups])
-    middles = fine.mean(1)
-    for _ in range(most - 1):
-        cut = cutter.cut()
-        if cut is None:
-            break
-        part, axis, height = cut
-        owner[(owner == part) & (middles @ axis >= height)] = cutter.count - 1
-    parts = [fine[owner == k] for k in range(cutter.count) if (owner == k).any()]
-    return [_part(part) for part in (cut_further(parts, further) if further > len(parts) else parts)]
+    _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
+    groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
+    parts = cut(groups, len(groups) + most - 1, _WORTH, _CAPSULES)
+    if hollow:
+        parts = cut(parts, max(_HOLLOW, len(parts)), _LITTLE, 0.0)
+    outer = [corners(part.reshape(-1, 3)) for part in parts]
+    return [Part(fit(one), *thinned(one, _FINER if hollow else _FINE)) for one in outer]
 
 
-def _part(triangles: Points) -> Part:
-    """Capsule and hull of triangles."""
-    outer = corners(triangles.reshape(-1, 3))
-    ends, radius = fit(outer)
-    return Part(ends, max(radius, float(from_segment(ends, triangles.reshape(-1, 3)).max())), outer)
+def cut(parts: Sequence[Points], most: int, worth: float, weight: float) -> list[Points]:
+    """Parts, triangles (N, 3, 3) each, cut by planes into more that leave out most empty space.
+
+    Triangles that a plane passes through are divided there, so that no part reaches beyond its planes.
+
+    Args:
+        parts: what is cut.
+        most: parts there may be.
+        worth: share of all volumes that each more must save.
+        weight: of the capsules' volumes beside the hulls'.
+    """
+    found = [part for part in parts if len(part)]
+    cuts = [_best(part, weight) for part in found]
+    enough = worth * sum(_size(extremes(part.reshape(-1, 3)), weight) for part in found)
+    while True:
+        fitting = [k for k, one in enumerate(cuts) if len(found) + 2 ** len(one.planes) - 1 <= most]
+        k = max(fitting, key=lambda one: cuts[one].saved, default=-1)
+        if k < 0 or not cuts[k].saved > enough:
+            return found
+        sides = _sides(found[k], cuts[k].planes)
+        found[k : k + 1], cuts[k : k + 1] = sides, [_best(side, weight) for side in sides]
 
 
-def subdivided(triangles: Points, edge: float) -> Points:
-    """Triangles with edges no longer than this [m], (M, 3, 3), that make up the same surface."""
-    done = []
-    while len(triangles):
-        sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
-        longest, rows = sides.argmax(1), np.arange(len(triangles))
-        large = sides[rows, longest] > edge
-        done.append(triangles[~large])
-        rows, longest, triangles = rows[: large.sum()], longest[large], triangles[large]
-        a, b, c = (triangles[rows, (longest + k) % 3] for k in range(3))
-        middle = (a + b) / 2
-        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-    return np.concatenate(done)
+def _best(part: Points, weight: float) -> _Cut:
+    """The best cut of a part: by one plane, or into quarters, which opens a ring where halves do not."""
+    points = part.reshape(-1, 3)
+    chosen = np.linspace(0, len(part) - 1, min(len(part), _SAMPLE)).astype(int)
+    outermost = np.unique(np.argmax(points @ axes(extremes(points)).T, axis=0) // 3)
+    sample = part[np.union1d(chosen, outermost)]
+    outer = extremes(sample.reshape(-1, 3))
+    whole = _size(outer, weight)
+    if not hull_volume(outer):  # flat: there is nothing to leave out
+        return _Cut(0.0, ())
+    ways = axes(outer)
+    low, size = (outer @ ways.T).min(0), np.ptp(outer @ ways.T, axis=0)
+    planes = [((axis, float(h)),) for axis, a, s in zip(ways, low, size) for h in a + s * _CUTS]
+    middles = [(axis, float(a + s / 2)) for axis, a, s in zip(ways, low, size)]
+    quarters = [(middles[i], middles[k]) for i, k in ((0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5))]
+    return max(
+        (_judged(sample, whole, one, weight) for one in (*planes, *quarters)), key=lambda one: one.saved
+    )
 
 
-def _sample(triangles: Points) -> Points:
-    """Some triangles of many: every so manieth, and the outermost."""
-    if len(triangles) <= _SAMPLE:
-        return triangles
-    points = triangles.reshape(-1, 3)
-    chosen = np.linspace(0, len(triangles) - 1, _SAMPLE).astype(int)
-    outermost = np.argmax(points @ DIRECTIONS.T, axis=0) // 3
-    return triangles[np.unique(np.concatenate([chosen, outermost]))]
+def _size(points: Points, weight: float) -> float:
+    """Volumes [m³] of the hull and of a capsule around points, as they count."""
+    return hull_volume(points) + (weight and weight * volume(guess(points)))
 
 
-class _Cutter:
-    """Triangles (N, 3, 3) in parts, and the capsules and hulls around these as they are cut further."""
+def _judged(part: Points, whole: float, planes: tuple[Plane, ...], weight: float) -> _Cut:
+    sides = _sides(part, planes)
+    left = sum(_size(extremes(side.reshape(-1, 3)), weight) for side in sides)
+    return _Cut((whole - left) / max(1, len(sides) - 1), planes)
 
-    def __init__(self, groups: Sequence[Points]) -> None:
-        from scipy.stats import qmc  # takes a second to import
 
-        self.triangles = triangles = np.concatenate(groups)
-        self.middles = triangles.mean(1)
-        self.owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-        low, high = triangles.min((0, 1)), triangles.max((0, 1))
-        low, size = low - _PAD * (high - low).max(), high - low + 2 * _PAD * (high - low).max()
-        self.probes = low + size * qmc.Sobol(3, scramble=False).random(_PROBES)
-        self.cell = float(np.prod(size)) / _PROBES  # volume that each stands for [m³]
-        self.filled: list[Points] = []  # how far each is inside of a part's capsule, from 0 to 1, (P,)
-        self.hulls: list[float] = []  # volumes [m³]
-        for part, group in enumerate(groups):
-            self._put(part, group)
+def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
+    """What lies on the sides of planes, where something does."""
+    sides = [part]
+    for normal, height in planes:
+        sides = [half for side in sides for half in split(side, normal, height)]
+    return [side for side in sides if len(side)]
 
-    @property
-    def count(self) -> int:
-        """Number of parts."""
-        return len(self.filled)
 
-    def _put(self, part: int, triangles: Points) -> None:
-        """Take a part in, in the place of the one that was there."""
-        points = triangles.reshape(-1, 3)
-        self.filled[part : part + 1] = [self._filled(fit(points))]
-        self.hulls[part : part + 1] = [hull_volume(points)]
-
-    def _filled(self, capsule: Segment) -> Points:
-        ends, radius = capsule
-        return np.clip((radius - from_segment(ends, self.probes)) / np.cbrt(self.cell) + 0.5, 0.0, 1.0)
-
-    def cut(self) -> tuple[int, Points, float] | None:
-        """Cut one part in two: which, the plane's normal, and its height; None where no cut is worth it."""
-        whole = self.cell * float(np.max(self.filled, axis=0).sum()) + sum(self.hulls)
-        largest = np.argsort([-f.sum() for f in self.filled])[:_TRIED]
-        found = [cut for part in largest for cut in self._cuts(int(part))]
-        if not found:
-            return None
-        size, part, axis, height = min(found, key=lambda one: one[0])
-        if size > (1 - _WORTH) * whole:
-            return None
-        beyond = (self.owner == part) & (self.middles @ axis >= height)
-        self.owner[beyond] = self.count
-        for changed in (part, self.count):
-            self._put(changed, self.triangles[self.owner == changed])
-        return part, axis, height
-
-    def _cuts(self, part: int) -> list[tuple[float, int, Points, float]]:
-        """Volumes [m³] after each possible cut of a part: of the union of the capsules and of the hulls."""
-        mine = self.triangles[self.owner == part]
-        others = np.max([np.zeros(_PROBES), *(f for k, f in enumerate(self.filled) if k != part)], axis=0)
-        hulls = sum(self.hulls) - self.hulls[part]
-        cuts = []
-        for axis in axes(extremes(mine.reshape(-1, 3))):
-            along = mine.mean(1) @ axis
-            heights = along.min() + np.ptp(along) * _CUTS
-            slab = np.searchsorted(heights, along, side="right")
-            outer = [extremes(mine[slab == k].reshape(-1, 3)) for k in range(len(_CUTS) + 1)]
-            for k, height in enumerate(heights):
-                sides = np.concatenate(outer[: k + 1]), np.concatenate(outer[k + 1 :])
-                if min(map(len, sides)):
-                    union = np.maximum.reduce([others, *(self._filled(guess(side)) for side in sides)])
-                    size = self.cell * float(union.sum()) + hulls + sum(map(hull_volume, sides))
-                    cuts.append((size, part, axis, float(height)))
-        return cuts
+def split(triangles: Points, normal: Points, height: float) -> tuple[Points, Points]:
+    """Triangles (N, 3, 3) below and above a plane; those that it passes through are divided."""
+    over = triangles @ normal - height
+    below, above = (over <= 0).all(1), (over >= 0).all(1)
+    crossed = ~below & ~above
+    t, s = triangles[crossed], over[crossed]
+    up = s > 0
+    alone = np.where(up.sum(1) == 1, up.argmax(1), (~up).argmax(1))  # the corner that is on a side of its own
+    order = (alone[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(t, order[..., None], 1).transpose(1, 0, 2)
+    sa, sb, sc = np.take_along_axis(s, order, 1).T[..., None]
+    p, q = a + sa / (sa - sb) * (b - a), a + sa / (sa - sc) * (c - a)
+    tip, rest = np.stack([a, p, q], 1), np.concatenate([np.stack([p, b, c], 1), np.stack([p, c, q], 1)])
+    high = sa[:, 0] > 0
+    twice = np.concatenate([high, high])
+    return (
+        np.concatenate([triangles[below], tip[~high], rest[twice]]),
+        np.concatenate([triangles[above & ~below], tip[high], rest[~twice]]),
+    )

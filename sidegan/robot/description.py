@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.links import Origin, mesh_origins, prepare_shapes, read_mass, strip_meshes
+from sidegan.robot.links import prepare_shapes, read_mass, strip_meshes
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of
 from sidegan.robot.semantics import Semantics, read_semantics, touching_in, touching_of
@@ -28,7 +28,6 @@ class Description:
     limits: dict[str, JointLimits]  # of each joint that moves
     moved: dict[str, str]  # the link that each of these joints leads to
     missing: dict[str, list[str]]  # mesh files that are not there, by the link that lacks them
-    origins: dict[str, list[Origin]]  # of the collision meshes of each link that has some, there or not
     semantics: Semantics  # named poses of all joints, and pairs of links that may touch
     told: list[str]  # what was decided for the user
     parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
@@ -58,7 +57,7 @@ def read_description(
     own = touching_in(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
-    tree = read_tree(root, where, setup.base)
+    tree = read_tree(root, where)
     chain = choose(tree, setup)
     for joint in chain.moving:
         unit_axis(joint, tree.at(joint))
@@ -72,13 +71,11 @@ def read_description(
     semantics = read_semantics(setup, tree, source.poses)
     limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home), planning)
     may_touch = own + touching_of(setup, tree, semantics)
-    missing, origins = {}, {}
+    missing = {}
     if not planning:
         strip_meshes(root)
     for link in root.findall("link"):
         link_name = link.get("name", "")
-        if own_meshes := mesh_origins(link, f"{where}: link {link_name!r}"):
-            origins[link_name] = own_meshes
         absent = prepare_shapes(link, path, f"{where}: link {link_name!r}")
         if absent:
             missing[link_name] = absent
@@ -95,7 +92,6 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        origins=origins,
         semantics=semantics,
         told=[*source.told, *told, *more, *(f"no inertia: {why}" for _, why in read.values() if why)],
         parents=tree.parents(shaped | set(missing)),

@@ -3,10 +3,9 @@
 import difflib
 import logging
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 
@@ -27,8 +26,9 @@ _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
 _ROUNDED = 1e-3  # share of a limit by which another one may be wider without a word
 _TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
 _ALIKE = 0.8  # of two names from which on one may be meant by the other
-_Number = dict[str, float]
 _Value = TypeVar("_Value")
+_Stated = dict[str, dict[str, Any]]  # what files and users say, by kind of limit and joint
+_Span = tuple[float, float]  # lower and upper limit [rad or m]
 _log = logging.getLogger(__name__)
 
 
@@ -42,17 +42,6 @@ class JointLimits:
     effort: float
     acceleration: float = math.inf
     jerk: float = math.inf
-
-
-@dataclass
-class _Stated:
-    """What files and users say about limits, by joint name, the user last."""
-
-    position: dict[str, tuple[float, float]] = field(default_factory=dict)
-    velocity: _Number = field(default_factory=dict)
-    acceleration: _Number = field(default_factory=dict)
-    jerk: _Number = field(default_factory=dict)
-    effort: _Number = field(default_factory=dict)
 
 
 @dataclass
@@ -88,11 +77,11 @@ def limits_of(
     _refuse_degrees(tree, moving, stated, setup)
     missing, found, wider = _Missing(), {}, []
     for joint in moving:
-        lower, upper = _position(tree, joint, stated, missing, centre)
+        span = _position(tree, joint, stated, missing, centre)
         speed = _velocity(tree, joint, stated, missing)
         effort = _effort(tree, joint, stated, missing)
-        bound = [kind.get(joint.name, math.inf) for kind in (stated.acceleration, stated.jerk)]
-        found[joint.name] = JointLimits(lower, upper, speed, effort, *bound)
+        bound = [stated[kind].get(joint.name, math.inf) for kind in ("acceleration", "jerk")]
+        found[joint.name] = JointLimits(*span, speed, effort, *bound)
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
     if missing.why:
@@ -101,9 +90,8 @@ def limits_of(
             for kind, values in missing.values.items()
         ]
         if planning:
-            where = f"{tree.where}: "
-            again = [why.removeprefix(where) for why in missing.why[1:]]
-            said = "; ".join([missing.why[0], *again])
+            first, *others = missing.why
+            said = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
             raise RobotError(f"{said}; state what the arm can do, for example {' '.join(lines)}")
         told.append(f"limits that the description lacks are taken for {' '.join(lines)}")
     if wider:
@@ -113,40 +101,36 @@ def limits_of(
 
 def _refuse_degrees(tree: Tree, moving: tuple[Joint, ...], stated: _Stated, setup: Setup) -> None:
     """Refuse ranges in degrees of joints whose own are in radians and within a turn."""
-    far = {}
+    far: dict[str, Joint] = {}
     for joint in moving:
-        span, own = stated.position.get(joint.name), _own_span(joint)
-        if joint.kind == "revolute" and span and own and _farthest(own) <= _TURN < _NEVER < _farthest(span):
-            far[joint.name] = joint
+        span, own = stated["position"].get(joint.name), _own_span(joint)
+        if joint.kind == "revolute" and span and own:
+            most, usual = (max(map(abs, one)) for one in (span, own))
+            if usual <= _TURN < _NEVER < most:
+                far[joint.name] = joint
     if far:
-        first, wanted = next(iter(far.values())), {name: _radians(stated.position[name]) for name in far}
+        first = next(iter(far.values()))
+        wanted = {name: tuple(map(math.radians, stated["position"][name])) for name in far}
         raise RobotError(
-            f"{tree.at(first)}: position limits are {_to(stated.position[first.name])} rad, and in the "
+            f"{tree.at(first)}: position limits are {_to(stated['position'][first.name])} rad, and in the "
             f"description {_to(_own_span(first) or (0, 0))}: are these degrees? In radians they are "
             f"{override('limits.position', wanted, setup.limits.position)}"
         )
 
 
-def _farthest(span: tuple[float, float]) -> float:
-    return max(map(abs, span))
-
-
-def _radians(span: tuple[float, float]) -> tuple[float, float]:
-    return math.radians(span[0]), math.radians(span[1])
-
-
-def _to(span: tuple[float, float]) -> str:
+def _to(span: _Span) -> str:
     return f"{span[0]:.4g} to {span[1]:.4g}"
 
 
 def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     """Which limits go beyond the description's own, with both numbers."""
     length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
-    own, wider, span = _own_span(joint), [], _span(limits)
+    own, wider = _own_span(joint), []
     if own and joint.kind != "continuous":
         slack = _ROUNDED * (own[1] - own[0])
-        if span[0] < own[0] - slack or span[1] > own[1] + slack:
-            wider.append(f"position of {joint.name} {_to(span)} instead of {_to(own)} {length}")
+        if limits.lower < own[0] - slack or limits.upper > own[1] + slack:
+            span = _to((limits.lower, limits.upper))
+            wider.append(f"position of {joint.name} {span} instead of {_to(own)} {length}")
     for kind, unit in (("velocity", f"{length}/s"), ("effort", force)):
         limit, usual = getattr(limits, kind), _own(joint, kind)
         if usual > 0 and limit > usual * (1 + _ROUNDED):
@@ -154,7 +138,7 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     return wider
 
 
-def _own_span(joint: Joint) -> tuple[float, float] | None:
+def _own_span(joint: Joint) -> _Span | None:
     """Lower and upper limit [rad or m] of the description, where these are such."""
     span = _own(joint, "lower"), _own(joint, "upper")
     return span if span[0] < span[1] else None
@@ -173,20 +157,17 @@ def _own(joint: Joint, key: str) -> float:
 def _tell(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: _Stated) -> list[str]:
     """What was assumed about ranges, and which torques are not limited."""
     told = []
-    endless = [j.name for j in moving if j.kind == "continuous" and j.name not in stated.position]
+    endless = [j.name for j in moving if j.kind == "continuous" and j.name not in stated["position"]]
     if endless:
-        wider = {name: [x + s * math.pi for x, s in zip(_span(found[name]), (-1, 1))] for name in endless}
-        ranges = listed([f"{name} {found[name].lower:.4g} to {found[name].upper:.4g}" for name in endless])
+        spans = {name: (found[name].lower, found[name].upper) for name in endless}
+        wider = {name: [low - math.pi, high + math.pi] for name, (low, high) in spans.items()}
+        ranges = listed([f"{name} {_to(span)}" for name, span in spans.items()])
         more = override("limits.position", wider)
         told.append(f"continuous joints may go half a turn from home: {ranges} rad ({more} for more)")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
     if free and len(free) < len(moving):
         told.append(f"no limit on the torque of {listed(free)}")
     return told
-
-
-def _span(limits: JointLimits) -> tuple[float, float]:
-    return limits.lower, limits.upper
 
 
 def _write(joint: Joint, limits: JointLimits) -> None:
@@ -203,16 +184,12 @@ def _write(joint: Joint, limits: JointLimits) -> None:
 
 
 def _position(
-    tree: Tree,
-    joint: Joint,
-    stated: _Stated,
-    missing: _Missing,
-    centre: dict[str, float],
-) -> tuple[float, float]:
+    tree: Tree, joint: Joint, stated: _Stated, missing: _Missing, centre: dict[str, float]
+) -> _Span:
     """Lower and upper limit [rad or m]; half a turn to each side of home where a joint turns without end."""
     at, name = tree.at(joint), joint.name
-    if name in stated.position:
-        return _ordered(at, stated.position[name])
+    if name in stated["position"]:
+        return _ordered(at, stated["position"][name])
     limit = joint.element.find("limit")
     if joint.kind == "continuous":
         middle = centre.get(name, 0.0)
@@ -230,8 +207,8 @@ def _position(
 
 def _velocity(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> float:
     """Limit on velocity [rad/s or m/s]."""
-    if joint.name in stated.velocity:
-        return stated.velocity[joint.name]
+    if joint.name in stated["velocity"]:
+        return stated["velocity"][joint.name]
     limit, at = joint.element.find("limit"), tree.at(joint)
     text = None if limit is None else limit.get("velocity")
     velocity = 0.0 if limit is None else xml.number(limit, "velocity", at, "0")
@@ -244,8 +221,8 @@ def _velocity(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> f
 
 def _effort(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> float:
     """Limit on torque or force [N·m or N]; infinite where none is stated."""
-    if joint.name in stated.effort:
-        return stated.effort[joint.name]
+    if joint.name in stated["effort"]:
+        return stated["effort"][joint.name]
     limit, at = joint.element.find("limit"), tree.at(joint)
     effort = 0.0 if limit is None else xml.number(limit, "effort", at, "0")
     if effort < 0:
@@ -254,7 +231,7 @@ def _effort(tree: Tree, joint: Joint, stated: _Stated, missing: _Missing) -> flo
     return effort or math.inf
 
 
-def _ordered(at: str, span: tuple[float, float]) -> tuple[float, float]:
+def _ordered(at: str, span: _Span) -> _Span:
     if not span[0] < span[1]:
         raise RobotError(f"{at}: robot.limits.position is {span[0]:g} to {span[1]:g}, expected lower < upper")
     return span
@@ -262,17 +239,16 @@ def _ordered(at: str, span: tuple[float, float]) -> tuple[float, float]:
 
 def _stated(tree: Tree, setup: Setup) -> tuple[_Stated, list[str]]:
     """What the file says, overridden by what the user says."""
-    stated, told = _Stated(), []
-    if setup.limits_file:
-        told = _read_file(tree, Path(setup.limits_file).expanduser(), stated)
-    for kind in Limits.__dataclass_fields__:
+    stated: _Stated = {kind.name: {} for kind in fields(Limits)}
+    told = _read_file(tree, Path(setup.limits_file).expanduser(), stated) if setup.limits_file else []
+    for kind, values in stated.items():
         given = getattr(setup.limits, kind) or {}
         for name in given:
             if name not in tree.joints:
                 raise RobotError(
                     f"{tree.where} has no joint {name!r} of robot.limits.{kind}{meant(name, tree.joints)}"
                 )
-        getattr(stated, kind).update(given)
+        values.update(given)
     return stated, told
 
 
@@ -295,14 +271,12 @@ def _read_file(tree: Tree, path: Path, stated: _Stated) -> list[str]:
     for name in known:
         _read_joint(f"{path}: joint {name!r}", name, joints[name], stated)
     rest = [str(name) for name in joints if name not in tree.joints]
-    return [_tell_absent(path.name, rest, tree.joints.keys() - set(known))] if rest else []
-
-
-def _tell_absent(file: str, names: list[str], free: Iterable[str]) -> str:
-    """That a file limits joints that are not there, and which of the free ones it may mean."""
-    close = [near for name in names for near in difflib.get_close_matches(name, free, 1, _ALIKE)]
-    told = f"{file} limits {listed(names)}, which {'is' if len(names) == 1 else 'are'} not there"
-    return f"{told}; did you mean {listed(list(dict.fromkeys(close)))}?" if close else told
+    if not rest:
+        return []
+    free = tree.joints.keys() - set(known)
+    close = dict.fromkeys(near for name in rest for near in difflib.get_close_matches(name, free, 1, _ALIKE))
+    told = f"{path.name} limits {listed(rest)}, which {'is' if len(rest) == 1 else 'are'} not there"
+    return [f"{told}; did you mean {listed([*close])}?" if close else told]
 
 
 def _read_joint(at: str, name: str, values: dict[str, object], stated: _Stated) -> None:
@@ -320,9 +294,9 @@ def _read_joint(at: str, name: str, values: dict[str, object], stated: _Stated) 
             limit = number(key)
             if not limit > 0:
                 raise RobotError(f"{at}: {key} is {limit:g}, expected one above 0, or {plural}: false")
-            getattr(stated, kind)[name] = limit
+            stated[kind][name] = limit
     if values.get("has_position_limits", True) and {"min_position", "max_position"} <= set(values):
-        stated.position[name] = _ordered(at, (number("min_position"), number("max_position")))
+        stated["position"][name] = _ordered(at, (number("min_position"), number("max_position")))
 
 
 class _Loader(yaml.SafeLoader):

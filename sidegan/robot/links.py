@@ -7,8 +7,6 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.meshes import find_mesh
 
-Origin = tuple[tuple[float, ...], tuple[float, ...]]  # place [m]; angles of roll, pitch and yaw [rad]
-
 _SIZES = {  # of each shape: how many numbers each of its sizes has
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -36,17 +34,6 @@ def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
         link.remove(inertial)
         return 0.0, str(error)
     return mass, ""
-
-
-def mesh_origins(link: ET.Element, where: str) -> list[Origin]:
-    """Where a link's collision meshes are in its frame."""
-    origins = [
-        one.find("origin") for one in link.findall("collision") if one.find("geometry/mesh") is not None
-    ]
-    return [
-        (xml.vector(origin, "xyz", where, "0 0 0"), xml.vector(origin, "rpy", where, "0 0 0"))
-        for origin in origins
-    ]
 
 
 def strip_meshes(root: ET.Element) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -16,11 +15,6 @@ from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.named import by_name, close_names
 from sidegan.robot.setup import PLAIN, Setup
-
-if TYPE_CHECKING:
-    import pinocchio as pin
-
-    from sidegan.robot.shapes import Shape
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -79,7 +73,7 @@ def load_robot(
     description = read_description(path, setup, home, planning)
 
     from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
-    from sidegan.robot.shapes import PIECES_VERSION, capsules_of
+    from sidegan.robot.shapes import VERSION, capsules_of
 
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
@@ -87,11 +81,10 @@ def load_robot(
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
-    shapes = pin_model.collision_shapes(model, description, setup.pieces, setup.finer)
-    shapes += _kept(model, description, setup) if planning else []
+    shapes = pin_model.collision_shapes(model, description, setup.pieces)
     capsules = capsules_of(shapes)
-    stamped = sorted(shape.digest for shape in shapes if shape.digest) + _stamped(setup, description)
-    stamped += [] if capsules.pieces is None else [f"pieces {PIECES_VERSION} {setup.finer}"]
+    stamped = sorted({shape.digest for shape in shapes if shape.digest}) + _stamped(setup, description)
+    stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
     return Arm(
         name=description.name,
@@ -109,19 +102,6 @@ def load_robot(
         **numbers,
         **higher,
     )
-
-
-def _kept(model: "pin.Model", description: Description, setup: Setup) -> list["Shape"]:
-    """Those of the setup's kept shapes whose meshes are not there; these count as found."""
-    if setup.shapes is None:
-        return []
-    from sidegan.robot.kept import mesh_places, read_shapes
-
-    kept = read_shapes(Path(setup.shapes).expanduser(), mesh_places(model, description))
-    found = [shape for shape in kept if shape.owner in description.missing]
-    for shape in found:
-        del description.missing[shape.owner]
-    return found
 
 
 def _stamped(setup: Setup, description: Description) -> list[str]:

@@ -1,6 +1,8 @@
-"""Where the files are that a description names: beside it, in its package, or on the ROS paths."""
+"""Mesh files: where those are that a description names, what is in them, and a cache of made ones."""
 
+import hashlib
 import os
+import tempfile
 from collections.abc import Iterator
 from glob import escape
 from pathlib import Path
@@ -8,7 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sidegan.base.storage import write_bytes
 from sidegan.errors import ConfigError
+
+VARIABLE = "SIDEGAN_CACHE"  # environment variable that names the folder of the cache
 
 _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is looked for in
@@ -52,6 +57,29 @@ def read_mesh(file: Path) -> tuple[NDArray[np.float64], float]:
         return np.asarray(mesh.vertices, float), abs(float(mesh.volume))
     except Exception as error:  # readers of meshes raise whatever they like
         raise ConfigError(f"mesh file {file} cannot be read: {error}") from error
+
+
+def cache_folder() -> Path:
+    """Folder of ``SIDEGAN_CACHE``, or sidegan in the user's cache; a temporary one where it is read-only."""
+    usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
+    folder = Path(os.environ.get(VARIABLE) or usual)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return Path(tempfile.gettempdir()) / "sidegan"
+    return folder if os.access(folder, os.W_OK) else Path(tempfile.gettempdir()) / "sidegan"
+
+
+def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Path:
+    """A file of vertices [m], (V, 3), and triangles (F, 3) in the cache, under its digest."""
+    import trimesh
+    from trimesh.exchange.stl import export_stl
+
+    content = export_stl(trimesh.Trimesh(vertices, faces, process=False))
+    file = cache_folder() / "meshes" / f"{hashlib.sha256(content).hexdigest()}.stl"
+    if not (file.is_file() and file.read_bytes() == content):
+        write_bytes(file, content)
+    return file.resolve()
 
 
 def _relative(path: str, urdf: Path) -> Iterator[Path]:

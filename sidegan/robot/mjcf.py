@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.mjcf_shapes import GeomWriter, turn_of, words
+from sidegan.robot.mjcf_shapes import turn_of, words, write_collision, write_visual
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.sources import Source
+from sidegan.robot.xml import Source
 
 Vector = NDArray[np.float64]
 _KINDS = {
@@ -54,18 +54,16 @@ class _Writer:
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model = model
-        self.path = path
         self.root = ET.Element("robot", name=_model_name(model) or path.stem)
         self.dropped: list[str] = []
         self._efforts = _efforts(model)
-        geoms = GeomWriter(model, path)
         for body in range(model.nbody):
             link = ET.SubElement(self.root, "link", name=self.name("body", body))
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
-                geoms.write_visual(link, geom)
-                if not geoms.write_collision(link, geom):
+                write_visual(link, model, geom)
+                if not write_collision(link, model, geom):
                     self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
             if body:
                 self._joints(body)

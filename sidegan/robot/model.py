@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +14,9 @@ from torch import Tensor
 
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
-from sidegan.robot.enclosing import Points
-from sidegan.robot.refining import Refining
+from sidegan.robot.fitting import Points
+from sidegan.robot.hollow import hollow_links
+from sidegan.robot.meshes import cache_folder
 from sidegan.robot.shapes import Shape, shapes_of
 
 _log = logging.getLogger(__name__)
@@ -62,20 +63,31 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def collision_shapes(model: pin.Model, description: Description, pieces: int, finer: int) -> list[Shape]:
+def collision_shapes(model: pin.Model, description: Description, pieces: int) -> list[Shape]:
     """Capsules around the collision shapes that a description gives the links, and what is inside of them.
 
     Args:
         model: Pinocchio's.
         description: the same arm's.
         pieces: convex pieces that the mesh of a link is cut into, at most.
-        finer: the same where these refuse what the meshes allow.
     """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
     shapes = shapes_of(geometry, model, pieces)
-    further = Refining(model, geometry, description, pieces, finer).run(shapes)
+    if not any(shape.digest for shape in shapes):
+        return shapes
+    from joblib import Memory
+
+    hollow = Memory(cache_folder(), verbose=0).cache(_hollow, ignore=["scene"])
+    limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
+    known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
+    further = hollow(known, (model, geometry, description, shapes))
     return shapes_of(geometry, model, pieces, further) if further else shapes
+
+
+def _hollow(known: object, scene: tuple[Any, ...]) -> list[str]:
+    """Links to be cut further; ``known`` tells scenes apart."""
+    return hollow_links(*scene)
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:

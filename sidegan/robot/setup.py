@@ -39,9 +39,7 @@ class Setup:
     srdf: str | None = None  # path of a semantic description: named poses, pairs that may touch
     home: str | None = None  # a named pose of the SRDF, or a keyframe of the MJCF; null: trajectory.home
     pieces: Pieces = 4  # convex pieces that the mesh of a link is cut into, at most
-    finer: Pieces = 16  # the same of links whose pieces are in the way of what their meshes allow
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
-    shapes: str | None = None  # file of fitted shapes, for links whose meshes are not there
     srdf_pairs: bool = False  # whether pairs that the SRDF disables are not kept apart either
 
 

@@ -2,10 +2,9 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -14,34 +13,29 @@ import scipy  # its parts are imported when they are used
 import torch
 
 from sidegan.robot.arm import Capsules, Pieces
-from sidegan.robot.capsule_fit import hull_volume, volume
-from sidegan.robot.covers import Cover, cover_of
-from sidegan.robot.enclosing import Points, Segment, around_cylinder, around_points
+from sidegan.robot.covering import Part, cover_of
+from sidegan.robot.fitting import Points, around_box, around_cylinder, hull_volume, volume
 
-PIECES_VERSION = 2  # raise it when what is inside of capsules of sizes becomes something else
+VERSION = 4  # raise it when the shapes of the same description become others
 
-NONE: Mapping[str, int] = {}
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
 _HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
-@dataclass(frozen=True)
-class Shape:
-    """One or several capsules with what is inside of each, in the frame of the joint that moves them."""
+class Shape(NamedTuple):
+    """A capsule with what is inside of it, in the frame of the joint that moves both."""
 
     link: int  # that joint; -1 for the base
     owner: str  # the link of the description
     name: str
-    segments: tuple[Segment, ...]
-    corners: tuple[Points, ...]  # of the hull in each capsule [m], (V, 3); its ends where it is the shape
-    rounding: tuple[float, ...]  # radius of the ball that is added to each hull [m]
-    exact: bool  # whether the capsule is the shape
+    part: Part
+    exact: bool = False  # whether the capsule is the shape
     digest: str = ""  # of the meshes it was fitted to, and where they are
 
 
 def shapes_of(
-    geometry: pin.GeometryModel, model: pin.Model, pieces: int, further: Mapping[str, int] = NONE
+    geometry: pin.GeometryModel, model: pin.Model, pieces: int, hollow: Sequence[str] = ()
 ) -> list[Shape]:
     """The collision shapes of a description, those made of meshes link by link.
 
@@ -49,171 +43,127 @@ def shapes_of(
         geometry: the shapes as Pinocchio read them.
         model: the chain of links.
         pieces: into how many parts a link's meshes are cut at most.
-        further: into how many these are cut then, by link.
+        hollow: links that are cut into more.
     """
-    groups: dict[str, list[pin.GeometryObject]] = {}
+    groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
         owner = model.frames[one.parentFrame].name
-        key = f"{owner} meshes" if is_mesh(one) else one.name
-        groups.setdefault(key, []).append(one)
-    owners = [model.frames[group[0].parentFrame].name for group in groups.values()]
-    count = Counter(owners)
+        groups.setdefault((owner, "" if _is_mesh(one) else one.name), []).append(one)
+    count = Counter(owner for owner, _ in groups)
     shapes = []
-    for owner, group in zip(owners, groups.values()):
-        name = owner if count[owner] == 1 else group[0].name
-        if is_mesh(group[0]):
-            shape = _fitted(group, owner, pieces, further.get(owner, 0))
+    for (owner, primitive), group in groups.items():
+        link, name = group[0].parentJoint - 1, owner if count[owner] == 1 else group[0].name
+        if primitive:
+            exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
+            shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
         else:
-            shape = _primitive(group[0], owner)
-        shapes.append(replace(shape, name=name))
+            parts, digest = _fitted(group, pieces, owner in hollow)
+            shapes += [Shape(link, owner, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
 
 def capsules_of(shapes: Sequence[Shape]) -> Capsules:
     """All shapes side by side, as tensors."""
-    rows = [(shape, k) for shape in shapes for k in range(len(shape.segments))]
-    segments = [shape.segments[k] for shape, k in rows]
-    ends = np.array([segment[0] for segment in segments], dtype=np.float64).reshape(-1, 2, 3)
+    ends = np.array([shape.part.capsule[0] for shape in shapes], dtype=np.float64).reshape(-1, 2, 3)
     return Capsules(
-        link=torch.tensor([shape.link for shape, _ in rows], dtype=torch.long),
+        link=torch.tensor([shape.link for shape in shapes], dtype=torch.long),
         a=torch.from_numpy(ends[:, 0].copy()),
         b=torch.from_numpy(ends[:, 1].copy()),
-        radius=torch.tensor([radius for _, radius in segments], dtype=torch.float64),
-        names=tuple(shape.name for shape, _ in rows),
-        owners=tuple(shape.owner for shape, _ in rows),
-        pieces=None if all(shape.exact for shape in shapes) else _pieces(rows),
+        radius=torch.tensor([shape.part.capsule[1] for shape in shapes], dtype=torch.float64),
+        names=tuple(shape.name for shape in shapes),
+        owners=tuple(shape.owner for shape in shapes),
+        pieces=None if all(shape.exact for shape in shapes) else _pieces(shapes),
     )
 
 
-def _pieces(rows: list[tuple[Shape, int]]) -> Pieces:
-    corners = [shape.corners[k] for shape, k in rows]
-    starts = np.cumsum([0, *map(len, corners)])
+def _pieces(shapes: Sequence[Shape]) -> Pieces:
+    corners = [shape.part.corners for shape in shapes]
     return Pieces(
         corners=torch.from_numpy(np.concatenate(corners)),
-        start=torch.from_numpy(starts),
-        radius=torch.tensor([shape.rounding[k] for shape, k in rows], dtype=torch.float64),
-        exact=torch.tensor([shape.exact for shape, _ in rows]),
-        fitted=torch.tensor([bool(shape.digest) for shape, _ in rows]),
-        core=torch.tensor([_core(shape, k) for shape, k in rows], dtype=torch.float64),
-        digests=tuple(shape.digest for shape, _ in rows),
+        start=torch.from_numpy(np.cumsum([0, *map(len, corners)])),
+        radius=torch.tensor([shape.part.rounding for shape in shapes], dtype=torch.float64),
+        exact=torch.tensor([shape.exact for shape in shapes]),
+        fitted=torch.tensor([bool(shape.digest) for shape in shapes]),
+        core=torch.tensor([_core(shape) for shape in shapes], dtype=torch.float64),
+        digests=tuple(shape.digest for shape in shapes),
     )
 
 
-def _core(shape: Shape, k: int) -> float:
+def _core(shape: Shape) -> float:
     """Radius [m] of a capsule on the same axis, of the same volume as the piece."""
-    ends, radius = shape.segments[k]
+    (ends, radius), corners, rounding = shape.part
     if shape.exact:
         return radius
-    size = hull_volume(shape.corners[k])
+    size = hull_volume(corners)
     low, high = 0.0, radius
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if volume((ends, middle)) < size else (low, middle)
-    return max(high, shape.rounding[k])
+    return max(high, rounding)
 
 
-def is_mesh(one: pin.GeometryObject) -> bool:
+def _placed(part: Part, one: pin.GeometryObject) -> Part:
+    """A part of a shape in the frame of the joint that moves it."""
+    (ends, radius), corners, rounding = part
+    turn, place = one.placement.rotation.T, one.placement.translation
+    return Part((ends @ turn + place, radius), corners @ turn + place, rounding)
+
+
+def _primitive(shape: coal.CollisionGeometry) -> Part:
+    """A shape that the description gives by its sizes, in its own frame.
+
+    The hull is the shape itself but for a cylinder's facets; of a capsule or a ball it is the axis.
+    """
+    match shape:
+        case coal.Sphere():
+            return Part((np.zeros((2, 3)), shape.radius), np.zeros((2, 3)), shape.radius)
+        case coal.Capsule():
+            ends = np.outer([-shape.halfLength, shape.halfLength], [0.0, 0.0, 1.0])
+            return Part((ends, shape.radius), ends, shape.radius)
+        case coal.Cylinder():
+            half, radius = around_cylinder(shape.radius, shape.halfLength)
+            angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+            rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
+            prism = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in (-1, 1)])
+            return Part(
+                (np.outer([-half, half], [0.0, 0.0, 1.0]), radius), prism * [1, 1, shape.halfLength], 0.0
+            )
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
+    return Part(around_box(shape.halfSide), corners, 0.0)
+
+
+def _is_mesh(one: pin.GeometryObject) -> bool:
     """Whether a shape is one of triangles."""
     return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
-def _primitive(one: pin.GeometryObject, owner: str) -> Shape:
-    """A shape that the description gives by its sizes."""
-    local, radius = _enclose(one.geometry)
-    place, turn = one.placement.translation, one.placement.rotation
-    ends = local @ turn.T + place
-    exact = isinstance(one.geometry, coal.Capsule | coal.Sphere)
-    corners = ends if exact else _corners(one.geometry) @ turn.T + place
-    rounding = radius if exact else 0.0
-    return Shape(one.parentJoint - 1, owner, one.name, ((ends, radius),), (corners,), (rounding,), exact)
+def _fitted(group: list[pin.GeometryObject], pieces: int, hollow: bool) -> tuple[list[Part], str]:
+    """Capsules and hulls around the meshes of a link, in the frame of the first, and the meshes' digest."""
+    first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
+    for one in group:
+        relative = first.actInv(one.placement)
+        state.update(hashlib.sha256(Path(one.meshPath).read_bytes()).digest())
+        state.update(_rounded(np.r_[one.meshScale, relative.rotation.ravel(), relative.translation]))
 
-
-def _enclose(shape: coal.CollisionGeometry) -> Segment:
-    """End points, (2, 3), and radius of a capsule around a shape, in the shape's own frame."""
-    match shape:
-        case coal.Capsule():
-            return np.array([[0.0, 0.0, -shape.halfLength], [0.0, 0.0, shape.halfLength]]), shape.radius
-        case coal.Sphere():
-            return np.zeros((2, 3)), shape.radius
-        case coal.Cylinder():
-            return around_cylinder(shape.radius, shape.halfLength)
-    return around_points(_corners(shape))
-
-
-def _corners(shape: coal.CollisionGeometry) -> Points:
-    """Corners of a convex body, (V, 3), that holds a shape: the shape itself but for a cylinder's facets."""
-    match shape:
-        case coal.Box():
-            return np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
-        case coal.Cylinder():
-            angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
-            rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
-            half = shape.halfLength
-            return np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in (-half, half)])
-    return vertices_of(shape)
-
-
-def vertices_of(shape: coal.CollisionGeometry) -> Points:
-    """Vertices of a mesh, (V, 3)."""
-    points = shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices()
-    return np.array(points, dtype=np.float64)
-
-
-class MeshGroup:
-    """The meshes of one link, in the frame of the first of them."""
-
-    def __init__(self, group: list[pin.GeometryObject]) -> None:
-        self.group = group
-
-    @cached_property
-    def triangles(self) -> list[Points]:
-        """Corners of the triangles of each mesh that has some [m], (N, 3, 3)."""
-        first = self.group[0].placement
+    def triangles() -> list[Points]:
         parts = []
-        for one in self.group:
+        for one in group:
             relative = first.actInv(one.placement)
             parts.append(_triangles(one.geometry) @ relative.rotation.T + relative.translation)
         return [part for part in parts if len(part)]
 
-    @cached_property
-    def digest(self) -> str:
-        """Sha256 (hex) of the files, with their scale and place; the same on every machine."""
-        state = hashlib.sha256()
-        for one in self.group:
-            relative = self.group[0].placement.actInv(one.placement)
-            state.update(hashlib.sha256(Path(one.meshPath).read_bytes()).digest())
-            state.update(_rounded(np.r_[one.meshScale, relative.rotation.ravel(), relative.translation]))
-        return state.hexdigest()
-
-
-def _fitted(group: list[pin.GeometryObject], owner: str, pieces: int, further: int) -> Shape:
-    """Capsules and hulls around the meshes of a link."""
-    meshes, placement = MeshGroup(group), group[0].placement
-    cover: Cover = cover_of(meshes.digest, len(group), lambda: meshes.triangles, pieces, further)
-    where = hashlib.sha256(_rounded(np.r_[placement.rotation.ravel(), placement.translation])).hexdigest()
-
-    def placed(points: Points) -> Points:
-        return points @ placement.rotation.T + placement.translation
-
-    return Shape(
-        link=group[0].parentJoint - 1,
-        owner=owner,
-        name=owner,
-        segments=tuple((placed(ends), radius) for ends, radius in cover.segments),
-        corners=tuple(placed(corners) for corners in cover.corners),
-        rounding=cover.rounding,
-        exact=False,
-        digest=f"{cover.digest} {where} {group[0].parentJoint}",
-    )
+    parts = cover_of(state.hexdigest(), pieces, hollow, triangles)
+    where = hashlib.sha256(_rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
+    return parts, f"{state.hexdigest()} {pieces} {where} {group[0].parentJoint}"
 
 
 def _triangles(shape: coal.CollisionGeometry) -> Points:
     """Corners of a mesh's triangles [m], (N, 3, 3)."""
-    vertices = vertices_of(shape)
     if isinstance(shape, coal.ConvexBase):
+        vertices = np.array(shape.points(), dtype=np.float64)
         return vertices[scipy.spatial.ConvexHull(vertices).simplices]
     indices = [[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))]
-    return vertices[np.array(indices, dtype=int).reshape(-1, 3)]
+    return np.array(shape.vertices(), dtype=np.float64)[np.array(indices, dtype=int).reshape(-1, 3)]
 
 
 def _rounded(numbers: Points) -> bytes:

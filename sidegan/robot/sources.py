@@ -1,22 +1,16 @@
 """A robot's description as URDF, whatever it was written as."""
 
-import xml.etree.ElementTree as ET
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
+from sidegan.errors import RobotError
 from sidegan.robot import xml
+from sidegan.robot.xml import Source
 
-
-@dataclass(frozen=True)
-class Source:
-    """A description as URDF."""
-
-    text: bytes  # of the URDF
-    root: ET.Element
-    poses: dict[str, dict[str, float]] = field(default_factory=dict)  # named joint positions [rad or m]
-    told: tuple[str, ...] = ()  # what could not be carried over
-    gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
+_UNSET = re.compile(r"Undefined substitution argument (\w+)")
+_LOST = re.compile(r"Package not found: (\S+)")
+_SHALLOW = 4  # parts of a path whose folders are too many to be searched for packages
 
 
 def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
@@ -30,13 +24,42 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         RobotError: when the file cannot be read, or is none of these.
     """
     if path.suffix == ".xacro":
-        from sidegan.robot.expand import expand
-
-        text = expand(path, args or {})
+        text = _expanded(path, args or {})
         return Source(text, xml.parse_text(text, path))
     root = xml.parse(path, ("robot", "mujoco"))
     if root.tag == "mujoco":
-        from sidegan.robot.mjcf import read_mjcf
+        from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
     return Source(path.read_bytes(), root)
+
+
+def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
+    """The URDF of a xacro file; packages are looked for above it, beside its own one, and on the ROS paths.
+
+    Raises:
+        RobotError: when xacrodoc is not installed or refuses the file, with what resolves it.
+    """
+    try:
+        from xacrodoc import XacroDoc, packages
+    except ImportError:
+        raise RobotError(
+            f"{path} needs xacrodoc: pip install 'sidegan[xacro]', or in ROS: xacro {path.name} > arm.urdf"
+        ) from None
+    if not path.is_file():
+        raise RobotError(f"there is no xacro file {path}")
+    packages.reset()
+    around = path.resolve().parents[2:3]
+    if around and len(around[0].parts) >= _SHALLOW:
+        packages.look_in([str(around[0])], priority=1)
+    try:
+        document = XacroDoc.from_file(path, subargs=dict(args), resolve_packages=False)
+        return document.dom.toxml("utf-8")
+    except Exception as error:  # xacro evaluates expressions: anything can go wrong in there
+        words = " ".join(str(error).split()) or type(error).__name__
+        if unset := _UNSET.search(words):
+            given = "".join(f"{name}: {value}, " for name, value in args.items())
+            words += f"; state it by 'robot.args={{{given}{unset[1]}: …}}'"
+        elif lost := _LOST.search(words):
+            words = f"there is no package {lost[1]}; put the folder that holds it on ROS_PACKAGE_PATH"
+        raise RobotError(f"{path}: xacro refuses it: {words}") from error

@@ -57,7 +57,7 @@ class Tree:
     def path(self, link: str) -> list[Joint]:
         """The joints from the root to a link."""
         found: list[Joint] = []
-        while link in self.above:
+        while link in self.above and len(found) <= len(self.joints):  # else they form a ring
             found.append(self.above[link])
             link = found[-1].parent
         return found[::-1]
@@ -87,30 +87,24 @@ def meant(name: str, known: Iterable[str], setting: str = "") -> str:
     return ", expected for example " + " or ".join(f"{setting}{one}" for one in close)
 
 
-def read_tree(root: ET.Element, where: str, base: str | None) -> Tree:
-    """The tree of a description; links and joints of other trees are taken out where a base is named.
+def read_tree(root: ET.Element, where: str) -> Tree:
+    """The tree of a description.
 
     Raises:
         RobotError: when names are missing or not unique, or the links do not form one tree.
     """
     joints = {joint.name: joint for joint in _joints(root, where)}
     links = [link.get("name", "") for link in root.findall("link")]
-    parents = {joint.child: joint.parent for joint in joints.values()}
-    bases = [link for link in links if link not in parents]
-    if len(bases) > 1 and base in links:
-        bases = [_topmost(base or "", parents)]
-        _drop_others(root, _reached(bases, parents))
-        return read_tree(root, where, base)
+    children = {joint.child for joint in joints.values()}
+    bases = [link for link in links if link not in children]
     if len(bases) != 1:
-        remedy = f"; choose one, {choice('base', bases[0])}" if bases else ""
-        raise RobotError(
-            f"{where} has {len(bases)} links without a parent {bases}, expected one, the base{remedy}"
-        )
-    if astray := sorted(set(links) - _reached(bases, parents)):
+        raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected one, the base")
+    tree = Tree(where, bases[0], joints)
+    if astray := sorted(link for link in children if not tree.path(link)[0].parent == bases[0]):
         raise RobotError(
             f"{where}: no joints lead from {bases[0]!r} to {', '.join(astray)}, expected one tree"
         )
-    return Tree(where, bases[0], joints)
+    return tree
 
 
 def check_kind(joint: Joint, at: str) -> None:
@@ -153,33 +147,3 @@ def _joints(root: ET.Element, where: str) -> list[Joint]:
         joints.append(Joint(name, element.get("type", ""), parent, child, element))
         check_kind(joints[-1], at)
     return joints
-
-
-def _reached(bases: list[str], parents: dict[str, str]) -> set[str]:
-    """All links that hang on these."""
-    reached = set(bases)
-    while more := {child for child, parent in parents.items() if parent in reached} - reached:
-        reached |= more
-    return reached
-
-
-def _topmost(link: str, parents: dict[str, str]) -> str:
-    """The link without a parent that a link hangs on; itself where its parents form a ring."""
-    start, seen = link, {link}
-    while link in parents:
-        link = parents[link]
-        if link in seen:
-            return start
-        seen.add(link)
-    return link
-
-
-def _drop_others(root: ET.Element, kept: set[str]) -> None:
-    """Take links out that are not to be kept, with the joints that lead to them."""
-    for link in root.findall("link"):
-        if link.get("name") not in kept:
-            root.remove(link)
-    for joint in root.findall("joint"):
-        child = joint.find("child")
-        if child is None or child.get("link") not in kept:
-            root.remove(joint)

@@ -1,7 +1,6 @@
-"""A URDF with other inertias and friction: the source's text, byte for byte, but for those elements."""
+"""A URDF with other inertias and friction, and nothing else changed."""
 
-import re
-import xml.parsers.expat as expat
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +17,7 @@ from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN
 from sidegan.robot.sources import read_source
 
-_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
-_CHILD, _GRANDCHILD = 2, 3  # depth of the robot's links and joints, and of what they are made of
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
-
-
-Element = tuple[str, str, str]  # a child of the robot's by tag and name, and the tag of the child's own child
 
 
 def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None = None) -> None:
@@ -41,26 +35,28 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None =
             for the inertia of rotors.
 
     Raises:
-        RobotError: when a link would not be physically consistent, the source is no longer the arm's,
-            or cannot carry the parameters.
+        RobotError: when a link would not be physically consistent, or the source is no longer the arm's.
         ShapeError: when the parameters are not (J, 10).
         StorageError: when the file cannot be written.
     """
     parameters = parameters.detach().double().cpu()
     require_consistent(arm, parameters)
     carriers = _carriers(arm)
-    inertials = {link: _inertial(row) for link, row in zip(arm.link_names, parameters)}
-    replacements: dict[Element, bytes] = {
-        ("link", link, "inertial"): inertials.get(link, b"")
-        for link, carrier in carriers.items()
-        if carrier is not None
-    }
+    inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
+    text = read_source(arm.urdf, arm.setup.args).text
+    root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        if carriers[name] is not None:
+            _put(link, "inertial", inertials.get(name))
     if drives is not None:
         pairs = zip(arm.joint_names, drives.viscous.tolist(), drives.coulomb.tolist())
-        replacements |= {("joint", name, "dynamics"): _dynamics(*friction) for name, *friction in pairs}
-    text = read_source(arm.urdf, arm.setup.args).text
+        dynamics = {name: _dynamics(*friction) for name, *friction in pairs}
+        for joint in root.findall("joint"):
+            if joint.get("name") in dynamics:
+                _put(joint, "dynamics", dynamics[joint.get("name", "")])
     with replacing(path) as draft:
-        draft.write_bytes(_replaced(text, replacements))
+        ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)
         _check(arm, parameters, draft)
 
 
@@ -91,85 +87,37 @@ def _carriers(arm: Arm) -> dict[str, str | None]:
     return {name: carrier(name) for link in root.findall("link") if (name := link.get("name", ""))}
 
 
-def _end(joint: "xml.ET.Element", end: str) -> str:
+def _end(joint: ET.Element, end: str) -> str:
     return xml.child(joint, end, joint.get("name", "")).get("link", "")
 
 
-def _inertial(parameters: Tensor) -> bytes:
+def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
+    """Put an element, or none, in the place of the one with this tag; first, where there is none yet."""
+    before = owner.find(tag)
+    index, tail = (0, "\n    ") if before is None else ([*owner].index(before), before.tail)
+    if before is not None:
+        owner.remove(before)
+    if element is not None:
+        ET.indent(element, level=2)
+        element.tail = tail
+        owner.insert(index, element)
+
+
+def _inertial(parameters: Tensor) -> ET.Element:
     """An `<inertial>` element of parameters (10,), about the centre of mass."""
     centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
-    place = " ".join(map(repr, centre.tolist()))
-    lines = [
-        "<inertial>",
-        f'      <mass value="{float(parameters[0])!r}"/>',
-        f'      <origin xyz="{place}" rpy="0 0 0"/>',
-        f'      <inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}"',
-        f'               iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/>',
-        "    </inertial>",
-    ]
-    return "\n".join(lines).encode("ascii")
+    moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+    element = ET.Element("inertial")
+    ET.SubElement(element, "mass", value=repr(float(parameters[0])))
+    ET.SubElement(element, "origin", xyz=" ".join(map(repr, centre.tolist())), rpy="0 0 0")
+    ET.SubElement(element, "inertia", {name: repr(x) for name, x in moments.items()})
+    return element
 
 
-def _dynamics(viscous: float, coulomb: float) -> bytes:
+def _dynamics(viscous: float, coulomb: float) -> ET.Element:
     """A `<dynamics>` element; neither coefficient below 0, which no reader takes."""
-    return f'<dynamics damping="{max(viscous, 0.0)!r}" friction="{max(coulomb, 0.0)!r}"/>'.encode("ascii")
-
-
-def _replaced(text: bytes, elements: dict[Element, bytes]) -> bytes:
-    """A URDF's text with these elements replaced, inserted, or (empty) taken out."""
-    parser = expat.ParserCreate()
-    path: list[str] = []
-    owner, opened = ("", ""), 0
-    spans: dict[Element, tuple[int, int]] = {}
-    missing: list[tuple[Element, int]] = []
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal owner, opened
-        path.append(tag)
-        if len(path) == _CHILD:
-            owner, opened = (tag, attributes.get("name", "")), parser.CurrentByteIndex
-        elif len(path) == _GRANDCHILD and (*owner, tag) in elements:
-            spans.setdefault((*owner, tag), _opened(text, parser.CurrentByteIndex))
-
-    def end(tag: str) -> None:
-        element = (*owner, tag)
-        if len(path) == _GRANDCHILD and element in spans and spans[element][1] < 0:
-            spans[element] = spans[element][0], _tag_end(text, parser.CurrentByteIndex)
-        elif len(path) == _CHILD:
-            own = (key for key in elements if key[:2] == owner and elements[key] and key not in spans)
-            missing.extend((key, opened) for key in own)
-        path.pop()
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(text, True)
-    edits = [(*span, elements[key]) for key, span in spans.items()]
-    edits += [_insertion(text, position, key[0], elements[key]) for key, position in missing]
-    for first, last, new in sorted(edits, reverse=True):
-        text = text[:first] + new + text[last:]
-    return text
-
-
-def _opened(text: bytes, position: int) -> tuple[int, int]:
-    """The span of an element that opens at a byte; its end is -1 where it is not closed by the same tag."""
-    end = _tag_end(text, position)
-    return position, end if text[end - 2 : end] == b"/>" else -1
-
-
-def _insertion(text: bytes, position: int, tag: str, element: bytes) -> tuple[int, int, bytes]:
-    """Put an element as first child into the one with this tag that opens at a byte."""
-    end = _tag_end(text, position)
-    if text[end - 2 : end] != b"/>":
-        return end, end, b"\n    " + element
-    return end - 2, end, b">\n    " + element + b"\n  </" + tag.encode("ascii") + b">"
-
-
-def _tag_end(text: bytes, position: int) -> int:
-    """The byte after the tag that opens at a byte."""
-    tag = _TAG.match(text, position)
-    if tag is None or b"\0" in tag.group():
-        raise RobotError("tags take more than a byte per letter in this file's encoding: save it as UTF-8")
-    return tag.end()
+    return ET.Element("dynamics", damping=repr(max(viscous, 0.0)), friction=repr(max(coulomb, 0.0)))
 
 
 def _check(arm: Arm, parameters: Tensor, file: Path) -> None:

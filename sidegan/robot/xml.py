@@ -1,6 +1,7 @@
 """XML read with care: no document types, and no number that is not one."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from sidegan.errors import RobotError
@@ -8,6 +9,17 @@ from sidegan.errors import RobotError
 _LARGEST_FILE = 50_000_000  # bytes
 _DEEPEST = 50  # levels; of URDF's own elements there are five
 _LARGEST = 1e18  # of any number in SI units: products of a few of them are still numbers
+
+
+@dataclass(frozen=True)
+class Source:
+    """A description as URDF."""
+
+    text: bytes  # of the URDF
+    root: ET.Element
+    poses: dict[str, dict[str, float]] = field(default_factory=dict)  # named joint positions [rad or m]
+    told: tuple[str, ...] = ()  # what could not be carried over
+    gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
 
 
 def parse(path: Path, tags: tuple[str, ...] = ("robot",)) -> ET.Element:

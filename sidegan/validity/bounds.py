@@ -7,16 +7,14 @@ jerks drift, where they are limited, follows from the next derivative at the sam
 after.
 """
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-
-if TYPE_CHECKING:
-    from sidegan.validity.constraints import Constraints
+from sidegan.robot.consistency import inertia_matrices
 
 COARSE = 0.1  # [s] longest cell of the first pass
 SPLIT = 3  # parts that a cell is cut into where it cannot be decided
@@ -44,25 +42,25 @@ def derivative_bound(trajectory: Trajectory, c: Tensor, order: int) -> Tensor:
     return torch.einsum("bjhx,hx->bj", c.abs(), trajectory.derivative_bound(order).to(c))
 
 
-class Reaches:
-    """How far the motion of each joint can change distances [m per rad or m].
+class Reaches(NamedTuple):
+    """How far the motion of each joint can change distances [m per rad or m]."""
 
-    Attributes:
-        pairs: of capsules, (P, J).
-        pieces: of what is inside of them, (P, J).
-        regions: of guarded capsules to their regions, (K, J).
-    """
+    pairs: Tensor  # of capsules, (P, J)
+    pieces: Tensor  # of what is inside of them, (P, J)
+    regions: Tensor  # of guarded capsules to their regions, (K, J)
 
-    def __init__(self, constraints: "Constraints") -> None:
-        arm, link = constraints.arm, constraints.arm.capsules.link
-        reach = capsule_reach(arm)
-        # Between two capsules only the joints between their links count, and they carry the outer one.
-        first, second = link[constraints.pairs].unbind(1)
-        outer = torch.where(first > second, constraints.pairs[:, 0], constraints.pairs[:, 1])
+    @classmethod
+    def of(cls, arm: Arm, pairs: Tensor, guarded: Tensor) -> "Reaches":
+        """Reaches of pairs of capsules, (P, 2), and of regions and capsules, (K, 2).
+
+        Between two capsules only the joints between their links count, and they carry the outer one.
+        """
+        link, reach = arm.capsules.link, capsule_reach(arm)
+        first, second = link[pairs].unbind(1)
+        outer = torch.where(first > second, pairs[:, 0], pairs[:, 1])
         joints, far = torch.arange(arm.joints), torch.maximum(first, second)[:, None]
         between = (joints[None] > torch.minimum(first, second)[:, None]) & (joints[None] <= far)
-        self.pairs, self.pieces = reach[outer] * between, piece_reach(arm)[outer] * between
-        self.regions = reach[constraints.guarded[:, 1]]
+        return cls(reach[outer] * between, piece_reach(arm)[outer] * between, reach[guarded[:, 1]])
 
 
 def _travel(arm: Arm) -> Tensor:
@@ -117,10 +115,5 @@ def link_norms(arm: Arm) -> dict[str, Tensor]:
         "travel": _travel(arm),
         "mass": arm.inertial_parameters[:, 0].abs(),
         "first": arm.inertial_parameters[:, 1:4].norm(dim=1),
-        "spin": torch.linalg.matrix_norm(_inertia_matrices(arm), ord=2),
+        "spin": torch.linalg.matrix_norm(inertia_matrices(arm.inertial_parameters), ord=2),
     }
-
-
-def _inertia_matrices(arm: Arm) -> Tensor:
-    xx, xy, yy, xz, yz, zz = arm.inertial_parameters[:, 4:].unbind(1)
-    return torch.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], 1).reshape(-1, 3, 3)

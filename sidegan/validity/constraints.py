@@ -19,7 +19,7 @@ from sidegan.validity.regions import Plane, Region, tables
 
 # All that there are, in the order in which kernels have them.
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
-_DOUBTFUL = 0.25  # share of touching pairs from which on shapes are suspicious
+DISTANCES = NAMES[3:5]
 _SHOWN = 4  # excepted names that are told
 _FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them
 
@@ -226,23 +226,19 @@ class Constraints:
         near = self.guarded[self.guarded[:, 0] >= len(self.regions)]
         return f"{self.clearance:g} m{links}" + _except(self._guarded_names(near), "never so far")
 
-    def nearest(self, q: Tensor) -> Tensor:
-        """Smallest distance [m] of links from each other and from regions, (N,), at positions (N, J).
+    def nearest(self, q: Tensor) -> tuple[Tensor, Tensor]:
+        """Smallest distance [m], (N,), of links from each other and from regions, and whose, at (N, J).
 
-        Infinite where nothing is near. Links that never have the clearance from a plane are left out, and so
-        are joint origins, which stand for links without shapes.
+        Distances count from ``DISTANCES`` and their labels, one after the other, and are lower bounds from
+        some centimetres on. Infinite where nothing is near. Links that never have the clearance from a plane
+        are left out, and so are joint origins, which stand for links without shapes.
         """
+        far = q.new_full((len(q), 1), torch.inf)
         if self.arm.capsules.points:
-            return q.new_full((len(q),), torch.inf)
+            return far[:, 0], torch.zeros(len(q), dtype=torch.long)
         margins = self.at_rest(q)
-        near = [margins[name] + x for name, x in self.kept.items() if name in margins]
-        return torch.cat([q.new_full((len(q), 1), torch.inf), *near], 1).amin(1)
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether so many pairs are allowed to touch that the shapes are too large to mean anything."""
-        touching = len(self.excepted.get("collision", ()))
-        return touching > _DOUBTFUL * (touching + self._links)
+        near = [margins[name] + self.kept[name] for name in DISTANCES if name in margins]
+        return torch.cat([*near, far], 1).min(1)
 
     def refuse_home(self, home: Sequence[float]) -> None:
         """Refuse a home position where the arm cannot rest.

@@ -14,7 +14,7 @@ from sidegan.errors import ConfigError
 
 Points = NDArray[np.float64]
 
-_TOUCHING = 1e-12  # [m] keeps the gradient of a distance finite where it vanishes
+_TOUCHING = 1e-12  # [m] the least distance of a point, as compiled kernels have it
 _AROUND = 32  # planes around a cylinder or a cone: it grows by 0.5 % of its radius
 _TURN = np.radians(30)  # between planes that touch one edge
 _SAME_PLANE = 9  # digits by which planes are one
@@ -48,11 +48,9 @@ class Sphere:
         """Signed distance [m], (…), of segments with end points (3, …) to the region."""
         centre = a.new_tensor(self.centre).view(3, *(1 for _ in a.shape[1:]))
         along, start = b - a, centre - a
-        with torch.no_grad():
-            length = (along * along).sum(0).clamp_min(torch.finfo(a.dtype).tiny)
-            share = ((start * along).sum(0) / length).clamp(0, 1)
-        gap = a + share * along - centre
-        return (gap * gap).sum(0).clamp_min(_TOUCHING**2).sqrt() - self.radius
+        length = (along * along).sum(0).clamp_min(torch.finfo(a.dtype).tiny)
+        share = ((start * along).sum(0) / length).clamp(0, 1)
+        return (a + share * along - centre).norm(dim=0).clamp_min(_TOUCHING) - self.radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,27 +142,18 @@ class Convex:
         return torch.cat([self._margin(*part) for part in parts]).reshape(a.shape[1:])
 
     def _margin(self, a: Tensor, b: Tensor) -> Tensor:
-        """The least along the segments of the largest of linear functions: where two of them cross.
-
-        With the shares of both in which their slopes cancel, the value has the minimum's own gradient.
-        """
+        """The least along the segments of the largest of linear functions."""
         normals, offsets = a.new_tensor(self.normals), a.new_tensor(self.offsets)
-        with torch.no_grad():
-            start, slope = normals @ a - offsets[:, None], normals @ (b - a)
-            one, two, share, part = _lowest(start, slope)
-        spot = torch.lerp(a, b, share)
-        first, second = ((normals[k].T * spot).sum(0) - offsets[k] for k in (one, two))
-        return torch.lerp(first, second, part)
+        return _lowest(normals @ a - offsets[:, None], normals @ (b - a))
 
 
-def _lowest(start: Tensor, slope: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Where the largest of linear functions (K, S) is smallest over shares 0 … 1.
+def _lowest(start: Tensor, slope: Tensor) -> Tensor:
+    """The smallest value over shares 0 … 1, (S,), of the largest of linear functions (K, S).
 
-    The two functions that meet there, (S,), the share, and the second one's part in the minimum's gradient.
+    It is where two of them cross, one that falls and one that rises, each the largest on its side.
     """
     one, two = start.argmax(0), (start + slope).argmax(0)
-    columns = torch.arange(start.shape[1], device=start.device)
-    share = steep = da = db = torch.zeros_like(start[0])
+    columns, value = torch.arange(start.shape[1], device=start.device), start.amax(0)
     for _ in range(_STEPS):
         (a, da), (b, db) = ((start[k, columns], slope[k, columns]) for k in (one, two))
         steep = (db - da).clamp_min(torch.finfo(start.dtype).tiny)
@@ -176,9 +165,7 @@ def _lowest(start: Tensor, slope: Tensor) -> tuple[Tensor, Tensor, Tensor, Tenso
         rises = slope[top, columns] > 0
         one = torch.where(~settled & ~rises, top, one)
         two = torch.where(~settled & rises, top, two)
-    part = (-da / steep).clamp(0, 1)
-    part = torch.where(da >= 0, 0.0, torch.where(db <= 0, 1.0, part))
-    return one, two, share, part
+    return value
 
 
 def _touching(hull: "scipy.spatial.ConvexHull") -> Points:

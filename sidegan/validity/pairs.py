@@ -1,9 +1,8 @@
 """Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import torch
@@ -112,64 +111,30 @@ def tell_displaced(arm: Arm) -> str:
 
 
 def usual_gaps(arm: Arm) -> dict[Links, float]:
-    """How far those links of an arm are apart in half of the random configurations [m] that always touch.
+    """Distances [m] that half of the configurations exceed, of links that touch in every one.
 
-    Shapes that are thicker by a clearance touch where less than it is between them: the gaps of such an arm
-    are below zero, and minus infinity where hulls overlap.
+    They are below zero, and minus infinity where hulls overlap.
     """
-    candidates = _candidates(arm)
-    touching = _Touching(arm, candidates.pairs, candidates.of)
-    return {
-        links: touching.gap(links)
-        for links in _marked(candidates.of, candidates.open)
-        if touching.always(links)
-    }
-
-
-class _Candidates(NamedTuple):
-    """Pairs of capsules on links that some joint moves against each other."""
-
-    pairs: Tensor  # (P, 2)
-    of: list[Links]  # the links of each
-    near: list[bool]  # whether these are neighbours
-    named: list[bool]  # whether somebody named them
-    open: list[bool]  # whether they are to be kept apart
-    said: dict[Links, str]  # who named which
-
-
-def _candidates(arm: Arm) -> _Candidates:
-    link, owners = arm.capsules.link, arm.capsules.owners
-    pairs = torch.combinations(torch.arange(0 if arm.capsules.points else len(link)))
-    apart = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs()
-    pairs, apart = pairs[apart > 0], apart[apart > 0]
-    of = [_sorted(owners[i], owners[j]) for i, j in pairs.tolist()]
-    parents = None if arm.parents is None else {_sorted(*pair) for pair in arm.parents}
-    near = [bool(d == 1) and (parents is None or links in parents) for d, links in zip(apart, of)]
-    said = {_sorted(one, other): why for one, other, why in arm.may_touch}
-    named = [links in said and not n for links, n in zip(of, near)]
-    return _Candidates(pairs, of, near, named, [not (n or m) for n, m in zip(near, named)], said)
+    touching = _Touching(arm)
+    return {links: touching.gap(links) for links in touching.open if touching.always(links)}
 
 
 def _find(arm: Arm) -> Pairs:
-    pairs, of, near, named, open_, said = _candidates(arm)
-    touching = _Touching(arm, pairs, of)
-    _refuse(arm, touching, _marked(of, open_))
-    kept = torch.tensor([k for k, o in enumerate(open_) if o], dtype=torch.long)
-    kept = kept[~never_touching(arm, pairs[kept])]
-    left = {of[k] for k in kept.tolist()}
+    touching = _Touching(arm)
+    _refuse(arm, touching)
+    kept = torch.tensor([k for links in touching.open for k in touching.rows[links]], dtype=torch.long)
+    kept = kept.sort().values
+    kept = kept[~never_touching(arm, touching.pairs[kept])]
+    owners = arm.capsules.owners
+    left = {_sorted(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
     return Pairs(
-        checked=pairs[kept],
+        checked=touching.pairs[kept],
         links=len(left),
-        neighbours=tuple(Exemption(links, "neighbours") for links in _marked(of, near)),
-        named=tuple(Exemption(links, said[links], touching.share(links)) for links in _marked(of, named)),
-        never=tuple(Exemption(links, "never touch") for links in _marked(of, open_) if links not in left),
-        often=tuple(touching.often(_marked(of, open_))),
+        neighbours=tuple(Exemption(links, "neighbours") for links in touching.near),
+        named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
+        never=tuple(Exemption(links, "never touch") for links in touching.open if links not in left),
+        often=tuple(touching.often()),
     )
-
-
-def _marked(links: list[Links], marks: list[bool]) -> list[Links]:
-    """The pairs of links that are marked, each once."""
-    return list(dict.fromkeys(pair for pair, mark in zip(links, marks) if mark))
 
 
 def _sorted(one: str, other: str) -> Links:
@@ -177,21 +142,38 @@ def _sorted(one: str, other: str) -> Links:
 
 
 class _Touching:
-    """In which share of random configurations pairs of links touch."""
+    """In which share of random configurations links touch that some joint moves against each other.
 
-    def __init__(self, arm: Arm, pairs: Tensor, of: list[Links]) -> None:
-        self.arm = arm
-        self.mine: dict[Links, list[int]] = {}
-        for k, links in enumerate(of):
-            self.mine.setdefault(links, []).append(k)
-        self.q = sampled(arm)
-        self.inside = PieceDistances(arm, pairs)
-        distances = capsule_distances(arm, self.q, pairs) if len(pairs) else torch.zeros(0, SAMPLES)
-        self.apart, self.capsules = distances > 0, distances[:, :_INSIDE].clone()
+    Attributes:
+        pairs: of capsules on such links, (P, 2).
+        rows: of these, by link.
+        near: links that are neighbours.
+        named: links that somebody named, and who.
+        open: links that are to be kept apart.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        link, owners = arm.capsules.link, arm.capsules.owners
+        pairs = torch.combinations(torch.arange(0 if arm.capsules.points else len(link)))
+        apart = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs()
+        self.pairs, apart = pairs[apart > 0], apart[apart > 0]
+        self.rows: dict[Links, list[int]] = {}
+        for k, (i, j) in enumerate(self.pairs.tolist()):
+            self.rows.setdefault(_sorted(owners[i], owners[j]), []).append(k)
+        parents = None if arm.parents is None else {_sorted(*pair) for pair in arm.parents}
+        said = {_sorted(one, other): why for one, other, why in arm.may_touch}
+        beside = [links for links, rows in self.rows.items() if apart[rows[0]] == 1]
+        self.near = [links for links in beside if parents is None or links in parents]
+        rest = [links for links in self.rows if links not in set(self.near)]
+        self.named = {links: said[links] for links in rest if links in said}
+        self.open = [links for links in rest if links not in said]
+        self.q, self.inside = sampled(arm), PieceDistances(arm, self.pairs)
+        found = capsule_distances(arm, self.q, self.pairs) if len(self.pairs) else torch.zeros(0, SAMPLES)
+        self.apart, self.capsules = found > 0, found[:, :_INSIDE].clone()
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""
-        mine = self.mine[links]
+        mine = self.rows[links]
         apart = self.apart[mine].all(0)
         if not self.inside.finer[mine].any():
             return float((~apart).double().mean())
@@ -208,10 +190,10 @@ class _Touching:
                 touch[asked] = True
         return float(touch.double().mean() * (~apart).double().mean())
 
-    def often(self, links: Iterable[Links]) -> Iterator[Exemption]:
-        """Those of some pairs of links that touch in most configurations."""
-        for pair in links:
-            if float((~self.apart[self.mine[pair]].all(0)).double().mean()) < _OFTEN:
+    def often(self) -> Iterator[Exemption]:
+        """Links that are to be kept apart and touch in most configurations."""
+        for pair in self.open:
+            if float((~self.apart[self.rows[pair]].all(0)).double().mean()) < _OFTEN:
                 continue
             share = self.share(pair)
             if share >= _OFTEN:
@@ -219,7 +201,7 @@ class _Touching:
 
     def gap(self, links: Links) -> float:
         """Distance of two links that half of the configurations exceed [m]."""
-        mine = self.mine[links]
+        mine = self.rows[links]
         nearest = torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
         rows = torch.arange(_INSIDE)
         for k in mine:
@@ -232,19 +214,18 @@ class _Touching:
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
-        mine = self.mine[links]
+        mine = self.rows[links]
         return not bool(self.apart[mine].all(0).any()) and self.share(links) == 1.0
 
 
-def _refuse(arm: Arm, touching: _Touching, links: Iterable[Links]) -> None:
+def _refuse(arm: Arm, touching: _Touching) -> None:
     """Refuse links that always touch and that nobody named."""
-    every = list(links)
-    stuck = [pair for pair in every if touching.always(pair)]
+    stuck = [pair for pair in touching.open if touching.always(pair)]
     if not stuck:
         return
-    if len(stuck) == len(every) > _FEW:
+    if len(stuck) == len(touching.open) > _FEW:
         raise InfeasibleError(
-            f"all {len(every)} pairs of links of {arm.name} that are not adjacent touch in every one of "
+            f"all {len(stuck)} pairs of links of {arm.name} that are not adjacent touch in every one of "
             f"{SAMPLES:,} random configurations, so that none can be checked: are the shapes in metres?"
         )
     names = listed([" and ".join(pair) for pair in stuck], _SHOWN)

@@ -12,7 +12,6 @@ from sidegan.kernels.chain import BALL, BOX, CONVEX, PLANE
 from sidegan.validity.obstacles import Convex, Sphere
 
 _HALVINGS = 36  # of a capsule's axis: leaves 1e-11 of its length
-_TOUCHING = 1e-12  # [m] keeps the gradient of a distance finite where it vanishes
 
 
 @dataclass(frozen=True)
@@ -75,32 +74,25 @@ class Box:
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region.
 
-        The signed distance to a convex body is convex along a segment: halving by the sign of its
-        slope finds the minimum. Inside, that lies where two faces are equally near; blended so that
-        their slopes cancel, the two sides' distances have the minimum's own gradient.
+        The signed distance to a convex body is convex along a segment: halving by the sign of its slope finds
+        the minimum.
         """
         shape = (3,) + (1,) * (a.ndim - 1)
         lower, upper = a.new_tensor(self.lower).view(shape), a.new_tensor(self.upper).view(shape)
-        half = (upper - lower) / 2
-        a, b = a - lower - half, b - lower - half
-        with torch.no_grad():
-            along = b - a
-            low, high = torch.zeros_like(a[0]), torch.ones_like(a[0])
-            for _ in range(_HALVINGS):
-                middle = (low + high) / 2
-                falls = (_outwards(a + middle * along, half) * along).sum(0) < 0
-                low, high = torch.where(falls, middle, low), torch.where(falls, high, middle)
-            fall, rise = (_slope(a + s * along, half, along) for s in (low, high))
-            fall, rise = -fall.clamp_max(0), rise.clamp_min(0)
-            share = rise / (fall + rise).clamp_min(torch.finfo(a.dtype).tiny)
-        before, after = (_distance(torch.lerp(a, b, s), half) for s in (low, high))
-        return torch.lerp(after, before, share)
+        half, along = (upper - lower) / 2, b - a
+        a = a - lower - half
+        low, high = torch.zeros_like(a[0]), torch.ones_like(a[0])
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            falls = (_outwards(a + middle * along, half) * along).sum(0) < 0
+            low, high = torch.where(falls, middle, low), torch.where(falls, high, middle)
+        return torch.minimum(_distance(a + low * along, half), _distance(a + high * along, half))
 
 
 def _distance(x: Tensor, half: Tensor) -> Tensor:
     """Signed distance [m], (…), of points (3, …) from a box at the origin."""
     beyond = x.abs() - half
-    outside = (beyond.clamp_min(0) ** 2).sum(0).clamp_min(_TOUCHING**2).sqrt()
+    outside = beyond.clamp_min(0).norm(dim=0)
     return outside + beyond.amax(0).clamp_max(0)
 
 
@@ -109,11 +101,6 @@ def _outwards(x: Tensor, half: Tensor) -> Tensor:
     beyond = x.abs() - half
     farthest = beyond.amax(0)
     return torch.where(farthest > 0, beyond.clamp_min(0), (beyond == farthest).to(x)).copysign(x)
-
-
-def _slope(x: Tensor, half: Tensor, along: Tensor) -> Tensor:
-    direction = _outwards(x, half)
-    return (direction * along).sum(0) / direction.norm(dim=0)
 
 
 Region = Plane | Box | Sphere | Convex

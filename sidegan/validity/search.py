@@ -122,7 +122,7 @@ def _cuts(which: Tensor) -> list[int]:
 
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
-    arm, reaches = constraints.arm, Reaches(constraints)
+    arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
     limit = arm.torque_limit
     tensors = {
         "parameters": arm.inertial_parameters.flatten(),

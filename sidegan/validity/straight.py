@@ -8,11 +8,10 @@ from torch import Tensor
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.validity.bounds import Reaches
-from sidegan.validity.constraints import Constraints
+from sidegan.validity.constraints import DISTANCES, Constraints
 
 _CELLS = 16  # of the way, to begin with
 _LEVELS = 12  # of halving: 1.5e-5 of the way at the finest
-_DISTANCES = ("collision", "keep_out")
 
 
 def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:
@@ -29,16 +28,18 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
     if {len(start), len(end)} != {joints} or not all(map(math.isfinite, (*start, *end))):
         raise ShapeError(f"ends of a way must be {joints} finite joint positions each")
     ends = torch.tensor([list(start), list(end)], dtype=torch.float64)
-    change, slack = (ends[1] - ends[0]).abs(), _reaches(constraints)
+    reaches = Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
+    each = torch.maximum(reaches.pairs, reaches.pieces), reaches.regions
+    change = (ends[1] - ends[0]).abs()
+    slack = {name: x @ change for name, x in zip(DISTANCES, each) if name in constraints.labels}
     share, half = (torch.arange(_CELLS, dtype=torch.float64) + 0.5) / _CELLS, 0.5 / _CELLS
     # The ends are looked at themselves: no cell's middle is there.
-    _refuse(constraints, ends, torch.tensor([0.0, 1.0], dtype=torch.float64))
+    _margins(constraints, ends, torch.tensor([0.0, 1.0], dtype=torch.float64))
     for _ in range(_LEVELS):
-        q = torch.lerp(ends[0], ends[1], share[:, None])
-        margins = _refuse(constraints, q, share)
+        margins = _margins(constraints, ends, share)
         unsure = torch.zeros_like(share, dtype=torch.bool)
-        for name, reach in slack.items():
-            unsure |= (margins[name] < reach @ (half * change)).any(1)
+        for name, most in slack.items():
+            unsure |= (margins[name] < half * most).any(1)
         if not unsure.any():
             return
         half /= 2
@@ -46,16 +47,9 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
     raise InfeasibleError(f"the straight way passes too close to be sure, {float(share[0]):.1%} along it")
 
 
-def _reaches(constraints: Constraints) -> dict[str, Tensor]:
-    """How far [m per rad or m] unit motion of each joint can change each distance, (K, J), by constraint."""
-    reaches = Reaches(constraints)
-    each = torch.maximum(reaches.pairs, reaches.pieces), reaches.regions
-    return {name: reach for name, reach in zip(_DISTANCES, each) if name in constraints.labels}
-
-
-def _refuse(constraints: Constraints, q: Tensor, share: Tensor) -> dict[str, Tensor]:
-    """Margins of configurations (N, J) at these shares of the way, (N,); raises where one is negative."""
-    margins = constraints.at_rest(q)
+def _margins(constraints: Constraints, ends: Tensor, share: Tensor) -> dict[str, Tensor]:
+    """Margins between ends (2, J) at these shares of the way, (N,); raises where one is negative."""
+    margins = constraints.at_rest(torch.lerp(ends[0], ends[1], share[:, None]))
     for name, margin in margins.items():
         bad = torch.nonzero(margin < 0)
         if len(bad):

@@ -135,7 +135,7 @@ def test_a_stated_clearance_is_kept_by_all_that_can_have_it(planar):
     margins = constraints.at_rest(home)
     above = torch.tensor(["upper_arm" in name for name in constraints.labels["keep_out"]])
     told = torch.cat([margins["collision"][0], margins["keep_out"][0][~above]]).min() + 0.2
-    assert float(constraints.nearest(home)) == pytest.approx(float(told))
+    assert float(constraints.nearest(home)[0]) == pytest.approx(float(told))
     assert float(told) > float(margins["keep_out"][0][above].min()) > 0
     with pytest.raises(InfeasibleError, match="cannot be kept") as refused:
         Workspace(torque=True, regions=[floor], clearance=0.6).around(planar)

@@ -111,7 +111,7 @@ def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_c
     assert "0 of 0 pairs" in said and "4 of 4 joint origins in 1 region" in said and "clear" not in said
     low = torch.tensor([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).double()
     assert (constraints.at_rest(low)["keep_out"].amin(1) > 0).tolist() == [False, True]
-    assert constraints.nearest(low).isinf().all()
+    assert constraints.nearest(low)[0].isinf().all()
 
 
 @pytest.mark.parametrize(

@@ -109,14 +109,12 @@ def test_an_arm_with_other_inertias_is_written_for_the_same_part(load, tmp_path)
 
 FLOATING = two_joints().replace('name="first" type="revolute"', 'name="first" type="floating"')
 MIMIC = two_joints(extra='<mimic joint="first"/>')
-TWO_TREES = more(one_joint(), link("lost"))
 SIX = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
 FINGERS = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
 HAND = robot(link("l0", ""), *SIX, *FINGERS)
 ENDS = r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"
 REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
-    "two trees": (TWO_TREES, r"choose one, robot\.base=base", Setup(base="base"), "turn"),
     "a floating base": (FLOATING, r"robot\.base=lower has it stand still", Setup(base="lower"), "second"),
     "a hand": (
         HAND,

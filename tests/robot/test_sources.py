@@ -15,7 +15,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, write_urdf
 from sidegan.robot.looks import visual_parts
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.mjcf_shapes import GeomWriter
+from sidegan.robot.mjcf_shapes import write_collision
 from sidegan.validity.capsules import capsule_axes, place_points
 
 from .urdf import one_joint, outside
@@ -135,25 +135,17 @@ class TestMjcf:
         assert_same_extent(arm, data.qpos[:3], points, bare.link, model, data, geom)
         assert max(abs(part.vertices).max() for part in visual_parts(arm)) < 2  # no floor, nothing hidden
 
-    def test_a_dent_of_a_mesh_without_a_file_is_shown_and_collides_as_its_hull(self, mjcf):
+    def test_a_dent_of_a_mesh_without_a_file_is_no_part_of_its_shapes(self, mjcf):
         """A tetrahedron of 1 l, one face of which has a dent that takes away 0.4 of it."""
         corners, dent = "0 0 0  0.1 0 0  0 0.2 0  0 0 0.3", "0.02 0.04 0.06"
         faces = "0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"
         mesh = f'<mesh name="dented" vertex="{corners}  {dent}" face="{faces}"/>'
         body = '<worldbody><geom type="mesh" mesh="dented"/></worldbody>'
         model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
-        writer, link = GeomWriter(model, mjcf), ET.Element("link")
-        assert writer.write_collision(link, 0)
-        writer.write_visual(link, 0)
-        files = {shape.tag: shape.find("geometry/mesh").get("filename") for shape in link}
-        volumes = {tag: abs(trimesh.load(file).volume) for tag, file in files.items()}
-        assert volumes == pytest.approx({"collision": 1e-3, "visual": 0.6e-3}, rel=1e-5)
-
-    def test_a_cache_that_cannot_be_written_leaves_a_capsule(self, mjcf, monkeypatch):
-        (mjcf.parent / "file").touch()
-        monkeypatch.setenv("SIDEGAN_CACHE", str(mjcf.parent / "file"))
-        arm = load_robot(mjcf, Setup(limits=SPEEDS))
-        assert (~arm.capsules.pieces.fitted).sum() == 2
+        link = ET.Element("link")
+        assert write_collision(link, model, 0)
+        file = link.find("collision/geometry/mesh").get("filename")
+        assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
     def test_limits_poses_and_what_is_left_out(self, mjcf):
         with pytest.raises(RobotError, match=r"'robot\.limits\.velocity=\{one: 1, two: 1, slide: 0.1\}'"):

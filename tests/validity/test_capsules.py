@@ -11,12 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from sidegan.robot import Arm, capsule_geometry, load_robot, pinocchio_model
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.robot import Arm, capsule_geometry, pinocchio_model
+from sidegan.validity import Constraints
 from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.closest import closest
 from tests.chains import lenient, random_chain, random_states
-from tests.robot.urdf import INERTIA, collision, joint, link, robot
 
 from .critical import random_segments
 
@@ -90,22 +88,20 @@ def test_points_are_where_pinocchio_puts_them(joints: int) -> None:
                 np.testing.assert_allclose(found[:, k, n], expected, atol=1e-13)
 
 
-def coal_results(model, geometry, pairs, q):
-    """By coal, at each position: distances [m] of pairs with nearest points, and where the shapes are."""
-    for pair in pairs:
+def coal_distances(constraints: Constraints, q: Tensor) -> np.ndarray:
+    """Distances [m] of the capsules by coal, (N, P); below zero where they overlap."""
+    model, geometry = pinocchio_model(constraints.arm), capsule_geometry(constraints.arm)
+    for pair in constraints.pairs.tolist():
         geometry.addCollisionPair(pin.CollisionPair(*pair))
     data, shapes = model.createData(), geometry.createData()
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    shapes.distanceRequests[:] = [request] * len(pairs)
-    for position in q.numpy():
+    shapes.distanceRequests[:] = [request] * len(constraints.pairs)
+    found = np.empty((len(q), len(constraints.pairs)))
+    for row, position in zip(found, q.numpy()):
         pin.computeDistances(model, data, geometry, shapes, position)
-        yield list(shapes.distanceResults), shapes.oMg
-
-
-def of_capsules(constraints, q):
-    arm = constraints.arm
-    return coal_results(pinocchio_model(arm), capsule_geometry(arm), constraints.pairs.tolist(), q)
+        row[:] = [result.min_distance for result in shapes.distanceResults]
+    return found
 
 
 @pytest.mark.parametrize("thicker", [0.0, 0.05, 0.15])
@@ -115,80 +111,11 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     constraints = Constraints(arm)
     q = random_states(arm, 1_000, seed=7)[0]
     ours = constraints.at_rest(q)["collision"].numpy()
-    theirs = np.array([[one.min_distance for one in results] for results, _ in of_capsules(constraints, q)])
+    theirs = coal_distances(constraints, q)
     apart, deep = theirs > 1e-6, theirs < -1e-6
     assert apart.sum() > 1000 and (thicker < 0.1 or deep.sum() > 1000)
     np.testing.assert_allclose(ours[apart], theirs[apart], atol=1e-9)
     assert (ours[deep] < 0).all()
-
-
-def test_the_closest_pair_and_its_points_are_coals(arm):
-    constraints, q = Constraints(arm), random_states(arm, 60)[0]
-    found, names, apart = closest(constraints, q), constraints.labels["collision"], 0
-    for k, (results, _) in enumerate(of_capsules(constraints, q)):
-        which = int(np.argmin([one.min_distance for one in results]))
-        distance = results[which].min_distance
-        assert float(found.distance[k]) == pytest.approx(distance, abs=1e-6)
-        if distance < 0.01:
-            continue  # coal's points of what overlaps are others
-        apart += 1
-        assert found.names[int(found.which[k])] == names[which]
-        between = np.linalg.norm(results[which].getNearestPoint1() - results[which].getNearestPoint2())
-        one, other = found.points[k].numpy()
-        assert np.linalg.norm(one - other) == pytest.approx(float(found.distance[k]), abs=1e-9)
-        assert np.linalg.norm(one - other) == pytest.approx(between, abs=1e-5)
-    assert apart > 20
-
-
-def test_points_of_pieces_are_coals_own(tmp_path, monkeypatch):
-    """Two plates that turn about axes askew: capsules around them touch long before they do."""
-    monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path))
-    box = collision('<box size="0.5 0.4 0.02"/>'), collision('<box size="0.3 0.01 0.2"/>', 'xyz="0 0.1 0.2"')
-    first = joint("j0", "l0", "l1", origin='xyz="0 0 0.15"', axis='<axis xyz="1 0.3 0"/>')
-    second = joint("j1", "l1", "l2", origin='xyz="0.05 0 0.1"', axis='<axis xyz="0 1 1"/>')
-    links = link("l0", box[0]), link("l1"), link("l2", INERTIA + box[1])
-    file = tmp_path / "plates.urdf"
-    file.write_text(robot(*links, first, second))
-    constraints = Constraints(load_robot(file))
-    assert bool(constraints.pieces.finer.all())
-    q = random_states(constraints.arm, 200)[0]
-    found = closest(constraints, q)
-    whole = pin.buildModelFromUrdf(str(file))
-    geometry = pin.buildGeomFromUrdf(whole, str(file), pin.GeometryType.COLLISION)
-    apart = 0
-    for k, (results, places) in enumerate(coal_results(whole, geometry, [(0, 1)], q)):
-        theirs = results[0].min_distance
-        if theirs < 1e-3:
-            continue
-        apart += 1
-        one, other = found.points[k].numpy()
-        assert np.linalg.norm(one - other) == pytest.approx(theirs, abs=1e-6)
-        assert float(found.distance[k]) == pytest.approx(theirs, abs=1e-6)
-        for point, body in ((one, 0), (other, 1)):
-            local = places[body].actInv(point)
-            half = np.array([[0.25, 0.2, 0.01], [0.15, 0.005, 0.1]][body])
-            assert (np.abs(local) <= half + 1e-9).all() and np.isclose(np.abs(local), half).any()
-    assert apart > 60
-
-
-def test_points_at_regions_lie_on_their_surfaces(planar):
-    box = Box((0.5, -0.1, 0.0), (0.9, 0.1, 0.3))
-    constraints = Constraints(planar, [Plane((0.0, 0.0, 1.0), -0.2), box])
-    found = closest(constraints, random_states(planar, 400)[0])
-    ours = {name: found.which == k for k, name in enumerate(found.names)}
-    desk = ours["forearm in region 0"]
-    assert desk.sum() > 5
-    torch.testing.assert_close(found.points[desk][:, 1, 2], torch.full_like(found.distance[desk], -0.2))
-    boxed = ours["forearm in region 1"] & (found.distance > 0)
-    assert boxed.sum() > 20
-    lower, upper = torch.tensor(box.lower), torch.tensor(box.upper)
-    touched = found.points[boxed][:, 1]
-    torch.testing.assert_close(touched, touched.clamp(lower, upper), atol=1e-6, rtol=0)
-    gap = (found.points[boxed][:, 0] - touched).norm(dim=1)
-    torch.testing.assert_close(gap, found.distance[boxed], atol=1e-9, rtol=0)
-
-
-def test_nothing_is_closest_where_nothing_is_checked(planar):
-    alone = Constraints(planar)
-    alone.labels.pop("collision")
-    assert closest(alone, random_states(planar, 3)[0]) is None
+    distance, which = constraints.nearest(q)
+    np.testing.assert_allclose(distance, ours.min(1), atol=0)
+    assert (which.numpy() == ours.argmin(1)).all()

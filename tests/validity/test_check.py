@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, Arm, built_in_robots, load_robot
+from sidegan.robot import HIGHER, Arm, load_robot
 from sidegan.validity import Constraints, Plane, check
 from tests.chains import random_chain
 
@@ -76,9 +76,7 @@ def family(arm: Arm, period: float = 3.0) -> Trajectory:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("robot", built_in_robots())
-def test_every_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, robot: str) -> None:
-    arm = load_robot(robot)
+def test_every_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, arm: Arm) -> None:
     (constraints, name), trajectory = isolated(arm, kind), family(arm)
 
     def least(rate: float, c: Tensor) -> Tensor:
@@ -123,7 +121,7 @@ def near_the_limits(name: str | int) -> tuple[Constraints, Trajectory, Tensor, T
     return constraints, trajectory, c, dense
 
 
-@pytest.mark.parametrize("name", ["kuka_lwr4", "planar2", 1, 3, 10, 11])
+@pytest.mark.parametrize("name", ["kuka_lwr4", "planar2", 1, 10])
 def test_valid_means_that_dense_sampling_finds_nothing(name):
     constraints, trajectory, c, dense = near_the_limits(name)
     validity = check(constraints, trajectory, c)

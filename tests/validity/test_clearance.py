@@ -13,7 +13,6 @@ from sidegan.errors import InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane, check
-from sidegan.validity.closest import closest
 from tests.chains import random_chain, random_states
 
 from .critical import BALL, BENT, BOX, DESK, HULL, moderate, smallest
@@ -29,7 +28,6 @@ FAR = 0.04  # [m]
         ([DESK], FAR, 0.0),
         ([BOX, DESK], 0.005, 0.005),
         ([BALL], FAR, 0.01),
-        ([HULL], FAR, FAR),
         ([HULL, DESK], 0.005, 0.005),
     ],
 )
@@ -44,9 +42,9 @@ def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, cleara
     shared = [clear.labels["collision"].index(x) for x in plain.labels["collision"]]
     torch.testing.assert_close(other["collision"][:, shared], one["collision"] - apart)
     trajectory = Trajectory(7, 6, 16.0, BENT)
-    assert_sound(clear, trajectory, 0.4 * moderate(arm, trajectory, 30, seed=1))
+    assert_sound(clear, trajectory, 0.4 * moderate(arm, trajectory, 4, seed=1))
     if BOX not in regions:
-        shown = [torch.as_tensor(closest(x, states[0]).distance) for x in (plain, clear)]
+        shown = [x.nearest(states[0])[0] for x in (plain, clear)]
         torch.testing.assert_close(*shown)
 
 

@@ -77,7 +77,6 @@ def test_links_that_always_touch_are_refused_with_a_remedy_that_works(load) -> N
     assert {one.links for one in named} == set(pairs)
     assert all(one.share == 1.0 for one in named)
     assert "may touch: base – two (robot.may_touch, touch in 100 %)" in constraints.described()
-    assert constraints.doubtful
     assert words(arm.setup) == [f"'robot.may_touch={remedy}'"]
     assert arm.digest != load(text).digest
 

@@ -46,7 +46,7 @@ def assert_sound(constraints: Constraints, trajectory: Trajectory, c: Tensor, ex
     return found.valid
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     joints=st.integers(1, 9),
     seed=st.integers(0, 10_000),

@@ -31,7 +31,7 @@ from sidegan.robot import HIGHER, words
 from sidegan.validity import check
 from sidegan.validity.home import refuse_degrees
 
-FOLDER, VIEW, SHAPES, GOAL = "trajectories", "view.html", "shapes.npz", "goal"
+FOLDER, VIEW, GOAL = "trajectories", "view.html", "goal"
 _EXECUTE = "Execute them, at a quarter of the speed first (controllers.speed=0.25 writes that):"
 _LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
@@ -51,7 +51,6 @@ def _show(task: Task, tracker: Tracker) -> None:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
     family, run = _as_run(task, chosen)
     chosen.save(folder / LIBRARY)
-    _keep_shapes(task, folder)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
     information = information_of(task.body, family, run.coefficients)
     criteria = criteria_of(information.stacked(torch.arange(len(run))))
@@ -186,13 +185,6 @@ def _steps(task: Task) -> list[tuple[str, str]]:
     ]
 
 
-def _keep_shapes(task: Task, folder: Path) -> None:
-    """Write what was fitted to the arm's meshes, with which the set can be checked where these are not."""
-    from sidegan.robot.kept import save_shapes  # Pinocchio takes a second to import
-
-    save_shapes(task.arm, folder / SHAPES)
-
-
 def _pool(task: Task) -> Library:
     """All trajectories of the configured pools."""
     parts: dict[str, list[Artifact]] = {name: [] for name in task.cfg.excite}
@@ -234,7 +226,7 @@ def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
 def _nearest(task: Task, family: Trajectory, run: Library) -> Tensor:
     """Smallest distance [m] along each trajectory, (N,), as ``Constraints.nearest`` has it."""
     q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
-    return task.constraints.nearest(q.flatten(0, 1)).view(len(q), -1).amin(1)
+    return task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
 
 
 def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, list[str]]:

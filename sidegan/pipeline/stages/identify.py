@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from sidegan.base.storage import read_json, replacing
-from sidegan.errors import ConfigError, RecordingError, RobotError
+from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.lacking import BIASED
 from sidegan.identification.workflow import identify_arm
 from sidegan.pipeline.graph import Artifact, Build, Metrics
@@ -24,8 +24,8 @@ from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.sent import sent_files
 from sidegan.recording.settings import Files, Recorded
 from sidegan.recording.standing import standing
-from sidegan.report.identification import PARAMETERS, REPORT, VERDICT, Origin, show_checks, write_results
-from sidegan.robot import Arm, load_robot, tell_doubtful, usd_installed, words, write_usd
+from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
+from sidegan.robot import Arm, load_robot, tell_doubtful, words
 
 log = logging.getLogger(__name__)
 
@@ -130,8 +130,6 @@ def _show(task: Task, tracker: Tracker) -> None:
             with replacing(target / path.name) as neighbour:
                 shutil.copyfile(path, neighbour)
             tracker.log_artifact(path, "identify")
-    if usd_installed():
-        _leave_usd(recorded_arm(task), target, tracker)
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
     log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
@@ -139,20 +137,6 @@ def _show(task: Task, tracker: Tracker) -> None:
     for line in (verdict["advice"], *verdict["reasons"], *biased):
         log.info("  %s", line)
     log.info("report: %s", target / REPORT)
-
-
-def _leave_usd(arm: Arm, folder: Path, tracker: Tracker) -> None:
-    """Write the consistent model as USD beside the URDF that it is made from."""
-    numbers = read_json(folder / PARAMETERS)
-    rotors = numbers["consistent"]["terms"].get("rotor_inertia", [])
-    urdf = (folder / numbers["mjcf"]).with_suffix(".urdf")
-    armature = {name: max(x, 0.0) for name, x in zip(numbers["joints"], rotors)}
-    try:
-        write_usd(urdf, arm.urdf, armature, urdf.with_suffix(".usdc"))
-    except RobotError as error:  # of a converter whose limits are not ours; all else is there
-        log.warning("%s", error)
-        return
-    tracker.log_artifact(urdf.with_suffix(".usdc"), "identify")
 
 
 def _digest(path: Path) -> str:

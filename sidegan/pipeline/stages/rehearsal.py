@@ -37,7 +37,7 @@ def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
     worst, joint = error.amax(0).max(0)
     share = (executed.torque.abs() / task.whole_arm.torque_limit).amax(0)
     stride = max(1, round(_EVERY * task.cfg.plant.rate))
-    nearest = float(task.constraints.nearest(executed.position[::stride]).min())
+    nearest = float(task.constraints.nearest(executed.position[::stride])[0].min())
     return {
         "tracking error [rad]": f"{float(worst):.2g} ({task.arm.joint_names[int(joint)]})",
         "largest torque": f"{float(share.max()):.0%} ({task.arm.joint_names[int(share.argmax())]})",

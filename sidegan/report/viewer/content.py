@@ -17,7 +17,7 @@ from sidegan.report.style import PALETTE
 from sidegan.report.viewer.surfaces import arm_parts, packed, region_surface
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane
-from sidegan.validity.closest import closest
+from sidegan.validity.constraints import DISTANCES
 
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
 _SHARE = 16_000  # steps of a whole limit
@@ -121,17 +121,17 @@ def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion)
 
 
 def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
-    """Which pair is closest, its distance [m], and the nearest points [m]."""
+    """Which pair is closest, and its distance [m]."""
     batch, samples, joints = motion.position.shape
-    found = closest(constraints, motion.position.reshape(-1, joints))
-    view.head["pairs"] = [] if found is None else list(found.names)
-    if found is None:
+    names = [label for name in DISTANCES for label in constraints.labels.get(name, ())]
+    distance, which = constraints.nearest(motion.position.reshape(-1, joints))
+    view.head["pairs"] = []
+    if not distance.isfinite().all():
         return
-    used, which = torch.unique(found.which, return_inverse=True)
-    view.head["pairs"] = [found.names[k] for k in used.tolist()]
+    used, which = torch.unique(which, return_inverse=True)
+    view.head["pairs"] = [names[k] for k in used.tolist()]
     view.arrays["pair"] = which.numpy().astype(np.uint16).reshape(batch, samples)
-    view.arrays["distance"] = found.distance.numpy().astype(np.float32)
-    view.arrays["points"] = found.points.numpy().round(4).astype(np.float32)
+    view.arrays["distance"] = distance.numpy().astype(np.float32)
 
 
 def _add_surfaces(view: View, constraints: Constraints) -> None:

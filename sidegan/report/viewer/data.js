@@ -25,17 +25,12 @@ function positions(data, trajectory, sample) {
   return data.joints.map((_, j) => data.middle[j] + scale[j] * share(data, "position", trajectory, sample, j));
 }
 
-// Names and distance of the closest pair, and its nearest points.
+// Name and distance of the closest pair.
 function nearest(data, trajectory, sample) {
   if (!data.arrays.distance) return null;
   const row = trajectory * (data.samples + 1);
   const low = Math.min(Math.floor(sample), data.samples - 1), part = sample - low;
-  const here = row + Math.min(Math.round(sample), data.samples), { pair, distance, points } = data.arrays;
-  const same = pair[row + low] === pair[row + low + 1], spot = [];
-  for (let k = 0; k < 6; k++) {
-    const a = points[(row + low) * 6 + k], b = points[(row + low + 1) * 6 + k];
-    spot.push(same ? a + part * (b - a) : points[here * 6 + k]);
-  }
+  const here = row + Math.min(Math.round(sample), data.samples), { pair, distance } = data.arrays;
   const gap = distance[row + low] * (1 - part) + distance[row + low + 1] * part;
-  return { name: data.pairs[pair[here]], distance: gap, points: spot };
+  return { name: data.pairs[pair[here]], distance: gap };
 }

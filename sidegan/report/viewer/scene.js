@@ -20,8 +20,6 @@ class Space {
     this.solid = this.surfaces("arm", (head) => paint(head));
     this.shapes = this.surfaces("shapes", () => clear(SHAPE, 0.35));
     this.surfaces("obstacles", () => clear(OBSTACLE, 0.45)).forEach((mesh) => mesh.add(edges(mesh.geometry, OBSTACLE)));
-    this.pointer = pointer();
-    this.scene.add(this.pointer.group);
     this.measure();
     this.light();
     this.ground();
@@ -129,11 +127,6 @@ class Space {
     this.scene.add(this.path);
   }
 
-  point(found) {
-    this.pointer.group.visible = Boolean(found);
-    if (found) this.pointer.aim(found.points, this.ball.radius);
-  }
-
   show(what, visible) {
     if (what === "path") this.path.visible = visible;
     else {
@@ -221,22 +214,4 @@ function geometry(arrays, name, { low, step }) {
   made.setAttribute("position", new THREE.BufferAttribute(corners, 3));
   made.setAttribute("normal", new THREE.BufferAttribute(normals, 3));
   return made;
-}
-
-// A rod between the nearest points of the closest pair, seen through everything.
-function pointer() {
-  const material = new THREE.MeshBasicMaterial({ color: linear(NEAR), depthTest: false, transparent: true });
-  const rod = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 12), material);
-  const ends = [0, 1].map(() => new THREE.Mesh(new THREE.SphereGeometry(1, 20, 12), material));
-  const group = new THREE.Group().add(rod, ...ends);
-  for (const mesh of group.children) mesh.renderOrder = 9;
-  const aim = (points, radius) => {
-    const a = new THREE.Vector3(...points.slice(0, 3)), b = new THREE.Vector3(...points.slice(3));
-    const way = b.clone().sub(a), thick = 0.004 * radius;
-    rod.position.copy(a).add(b).multiplyScalar(0.5);
-    rod.scale.set(thick, Math.max(way.length(), 1e-6), thick);
-    rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), way.lengthSq() ? way.normalize() : new THREE.Vector3(0, 1, 0));
-    ends.forEach((ball, k) => { ball.position.copy(k ? b : a); ball.scale.setScalar(2.6 * thick); });
-  };
-  return { group, aim };
 }

@@ -137,7 +137,6 @@ class Viewer {
     const { data, trajectory } = this, part = this.time / data.period, sample = part * data.samples;
     const found = nearest(data, trajectory, sample);
     this.space?.pose(positions(data, trajectory, sample));
-    this.space?.point(found);
     by("time").value = part;
     by("clock").textContent = `${said(this.time, 2)} / ${Number(data.period.toPrecision(6))} s`;
     const line = by("nearest");

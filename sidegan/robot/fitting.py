@@ -1,0 +1,179 @@
+"""Capsules and convex hulls around points: small ones, and never such that something sticks out of them."""
+
+import numpy as np
+import scipy  # its parts are imported when they are used
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+Segment = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] around the segment between them
+
+_GROWN = 1 + 1e-12  # of a radius, so that rounding leaves no point outside
+_RADII = 12  # tried between the thinnest capsule along an axis and a sphere
+_CYLINDERS = 200  # the same around a cylinder
+_WIDER = 0.6  # how far towards the sphere those around points go
+_MANY = 100  # points, above which the extreme ones stand for all in a guess
+_ROUNDS = ((0.1, 250), (0.03, 250))  # of refinement: first step, as a share of the size, and evaluations
+_ADDED = 40  # rounds of adding corners to a hull
+_AT_ONCE = 200_000  # pairs of points and triangles
+_SPARED = 1e-10  # [m] what qhull may leave out of a hull as rounding
+
+
+def _directions(count: int) -> Points:
+    """Unit vectors, (count, 3), spread evenly: a Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], 1)
+
+
+DIRECTIONS = _directions(72)
+
+
+def from_segment(ends: Points, points: Points) -> Points:
+    """Distances [m], (N,), of points (N, 3) from a segment with end points (2, 3)."""
+    along = ends[1] - ends[0]
+    share = np.clip((points - ends[0]) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+    return np.linalg.norm(points - ends[0] - share[:, None] * along, axis=1)
+
+
+def volume(segment: Segment) -> float:
+    """Volume [m³] of a capsule."""
+    ends, radius = segment
+    return float(np.pi * radius**2 * (4 / 3 * radius + np.linalg.norm(ends[1] - ends[0])))
+
+
+def around(ends: Points, points: Points) -> Segment:
+    """The capsule with these ends, (2, 3), that just holds the points (N, 3)."""
+    return ends, float(from_segment(ends, points).max()) * _GROWN + 1e-12
+
+
+def around_cylinder(radius: float, half_length: float) -> tuple[float, float]:
+    """Half the length of the axis and the radius [m] of the smallest capsule around a cylinder."""
+    wide = np.linspace(radius, np.hypot(radius, half_length), _CYLINDERS)
+    half = np.maximum(half_length - np.sqrt(np.maximum(wide**2 - radius**2, 0.0)), 0.0)
+    best = int(np.argmin(wide**2 * (4 / 3 * wide + 2 * half)))
+    return float(half[best]), float(wide[best]) * _GROWN
+
+
+def around_box(half_side: Points) -> Segment:
+    """The smallest capsule along an edge of a box around the origin, given half its sides [m], (3,)."""
+    found = []
+    for k, axis in enumerate(np.eye(3)):
+        half, radius = around_cylinder(float(np.linalg.norm(np.delete(half_side, k))), float(half_side[k]))
+        found.append((np.outer([-half, half], axis), radius))
+    return min(found, key=volume)
+
+
+def extremes(points: Points) -> Points:
+    """The outermost points in many directions; all of them where there are few."""
+    if len(points) <= _MANY:
+        return points
+    return points[np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))]
+
+
+def corners(points: Points) -> Points:
+    """The corners of the points' convex hull; all of them, each once, where they lie in a plane."""
+    try:
+        return points[scipy.spatial.ConvexHull(points).vertices]
+    except (scipy.spatial.QhullError, ValueError):
+        return np.unique(points, axis=0)
+
+
+def hull_volume(points: Points) -> float:
+    """Volume [m³] of the points' convex hull; 0 where they lie in a plane."""
+    try:
+        return float(scipy.spatial.ConvexHull(points).volume)
+    except (scipy.spatial.QhullError, ValueError):
+        return 0.0
+
+
+def axes(points: Points) -> Points:
+    """The coordinate axes and the points' principal directions, (6, 3)."""
+    return np.concatenate([np.eye(3), np.linalg.svd(points - points.mean(0), full_matrices=False)[2]])
+
+
+def guess(points: Points) -> Segment:
+    """A small capsule around points (N, 3), or the outermost of many, along one of their axes."""
+    some = extremes(points)
+    return min((around(_along(some, axis), some) for axis in axes(some)), key=volume)
+
+
+def fit(points: Points) -> Segment:
+    """A capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
+    from scipy.optimize import minimize  # takes half a second to import
+
+    outer = corners(points)
+    size = float(np.ptp(outer, axis=0).max()) + 1e-9
+
+    def cost(x: Points) -> float:
+        ends = x.reshape(2, 3)
+        return volume((ends, float(from_segment(ends, outer).max())))
+
+    best = guess(outer)[0].ravel()
+    for step, evaluations in _ROUNDS:
+        start = np.concatenate([best[None], best + step * size * np.eye(6)])
+        fine = {"xatol": 1e-5 * size, "fatol": 1e-3 * cost(best)}
+        options = {"initial_simplex": start, "maxfev": evaluations, **fine}
+        found = minimize(cost, best, method="Nelder-Mead", options=options)
+        best = min(best, found.x, key=cost)
+    return around(best.reshape(2, 3), outer)
+
+
+def _along(points: Points, axis: Points) -> Points:
+    """End points, (2, 3), of a small capsule along an axis, (3,)."""
+    across = points - np.outer(points @ axis, axis)
+    foot = (across.max(0) + across.min(0)) / 2
+    foot = foot - (foot @ axis) * axis
+    along, beside = points @ axis, np.linalg.norm(across - foot, axis=1)
+    middle = (along.max() + along.min()) / 2
+    thin, wide = beside.max(), np.hypot(beside, along - middle).max()
+    radius = thin + (wide - thin) * _WIDER * np.arange(_RADII) / _RADII
+    cap = np.sqrt(np.maximum(radius[:, None] ** 2 - beside**2, 0.0))  # how far round ends reach over a point
+    low, high = (along + cap).min(1), (along - cap).max(1)
+    length = np.maximum(high - low, 0.0)
+    volumes = [*(radius**2 * (4 / 3 * radius + length)), 4 / 3 * wide**3]
+    best = int(np.argmin(volumes))
+    if best == _RADII:
+        place = np.array([middle, middle])
+    elif low[best] > high[best]:
+        place = np.full(2, (low[best] + high[best]) / 2)
+    else:
+        place = np.array([low[best], high[best]])
+    return foot + np.outer(place, axis)
+
+
+def thinned(points: Points, tolerance: float) -> tuple[Points, float]:
+    """Some corners of the points' hull, (V, 3), and how far at most other points are from their hull [m].
+
+    Whatever lies in the points' hull is within that distance of the corners' hull. Points in a plane are
+    all kept.
+
+    Args:
+        points: of a convex body [m], (N, 3).
+        tolerance: distance [m] above which one more corner is taken.
+    """
+    try:
+        kept = np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))
+        for _ in range(_ADDED):
+            hull = scipy.spatial.ConvexHull(points[kept])
+            beyond = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+            worst = np.unique(beyond.argmax(0)[beyond.max(0) > tolerance])
+            if not len(worst):
+                break
+            kept = np.unique(np.concatenate([kept[hull.vertices], worst]))
+        hull = scipy.spatial.ConvexHull(points[kept])
+    except (scipy.spatial.QhullError, ValueError):
+        return points, 0.0
+    outside = points[(points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1) > 0]
+    return points[kept[hull.vertices]], _farthest(outside, points[kept], hull.simplices) + _SPARED
+
+
+def _farthest(points: Points, vertices: Points, faces: NDArray[np.int32]) -> float:
+    """Largest distance [m] of points (N, 3) from a surface; 0 of none."""
+    import trimesh
+    from trimesh.proximity import closest_point_naive
+
+    surface = trimesh.Trimesh(vertices, faces, process=False)
+    rows = max(1, _AT_ONCE // len(faces))
+    parts = [points[k : k + rows] for k in range(0, len(points), rows)]
+    return max((float(closest_point_naive(surface, part)[1].max()) for part in parts), default=0.0)
