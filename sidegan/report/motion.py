@@ -4,7 +4,7 @@ Source: Jegorova et al. 2020, figure 2.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -21,12 +21,9 @@ from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.tables import Numbers
 from sidegan.report.style import DESK, PATH
-from sidegan.report.viewer.surfaces import capsule_mesh
 from sidegan.robot import Arm
+from sidegan.robot.looks import capsule_surface
 from sidegan.validity.capsules import capsule_axes, place_points
-
-if TYPE_CHECKING:  # slow to import
-    import trimesh
 
 _RATE = 25.0  # [Hz] of a drawn path
 _ROOM = 0.02  # [m] around what is drawn, at least
@@ -80,11 +77,11 @@ def snapshots(arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6
         raise ShapeError(f"snapshots are of one trajectory, got {len(coefficients)}")
     path, times = tip_paths(arm, family, coefficients)[0], family.grid(count)
     positions = family.derivative(coefficients.to("cpu", torch.float64), times, 0)[0]
-    meshes, figure = [arm_mesh(arm, q) for q in positions], Figure()
+    arms, figure = [arm_surface(arm, q) for q in positions], Figure()
     shades = colormaps[_TIME](np.linspace(0.1, 0.8, count))[:, :3]
-    limits, titles = bounds([path, *(mesh.vertices for mesh in meshes)]), [f"{t:.1f} s" for t in times]
+    limits, titles = bounds([path, *arms]), [f"{t:.1f} s" for t in times]
     for k, axis in enumerate(_panels(figure, 3.0, titles, _COLUMNS - 1, limits)):
-        visible = [(meshes[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
+        visible = [(arms[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
         axis.add_collection3d(_surfaces(visible), autolim=False)
         so_far = path[: 1 + round(len(path) * float(times[k]) / family.period)]
         axis.plot(*so_far.T, color=PATH, linewidth=1.0, zorder=3)
@@ -105,13 +102,11 @@ def tip_paths(arm: Arm, family: Trajectory, coefficients: Tensor) -> Numbers:
     return tips.T.unflatten(0, motion.position.shape[:2]).numpy()
 
 
-def arm_mesh(arm: Arm, position: Tensor) -> "trimesh.Trimesh":
-    """The capsules' surfaces at one joint position [rad or m], (J,)."""
-    import trimesh
-
+def arm_surface(arm: Arm, position: Tensor) -> Numbers:
+    """Triangles [m], (N, 3, 3), of the capsules at one joint position [rad or m], (J,)."""
     a, b = (ends[..., 0].T.numpy() for ends in capsule_axes(arm, position[:, None]))
-    each = [capsule_mesh(*capsule) for capsule in zip(a, b, arm.capsules.radius.tolist())]
-    return sum(each, trimesh.Trimesh())
+    each = [capsule_surface(*capsule) for capsule in zip(a, b, arm.capsules.radius.tolist())]
+    return np.concatenate([np.zeros((0, 3, 3)), *(vertices[faces] for vertices, faces in each)])
 
 
 def bounds(points: Sequence[Numbers]) -> Numbers:
@@ -125,10 +120,10 @@ def bounds(points: Sequence[Numbers]) -> Numbers:
     return np.stack([low, high])
 
 
-def _surfaces(visible: "Sequence[tuple[trimesh.Trimesh, Numbers, float]]") -> Poly3DCollection:
-    """Arms (mesh, colour, opacity) as one collection, which sorts all their faces by depth."""
-    faces = np.concatenate([mesh.triangles for mesh, _, _ in visible])
-    paints = [np.tile([*shade, opacity], (len(mesh.faces), 1)) for mesh, shade, opacity in visible]
+def _surfaces(visible: Sequence[tuple[Numbers, Numbers, float]]) -> Poly3DCollection:
+    """Arms (triangles, colour, opacity) as one collection, which sorts all their faces by depth."""
+    faces = np.concatenate([triangles for triangles, _, _ in visible])
+    paints = [np.tile([*shade, opacity], (len(triangles), 1)) for triangles, shade, opacity in visible]
     return Poly3DCollection(
         faces, facecolors=np.concatenate(paints), shade=True, lightsource=_LIGHT, linewidths=0, zorder=2
     )

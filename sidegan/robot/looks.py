@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # slow to import
     import trimesh
 
 _log = logging.getLogger(__name__)
+_CAPSULE = 8, 16  # rings of a capsule's half spheres, and points around it
 Colour = tuple[float, float, float]  # red, green and blue, 0 to 1
 
 
@@ -111,6 +112,19 @@ def _solid(shape: ET.Element) -> "trimesh.Trimesh":
         return creation.icosphere(3, radius)
     (length,) = xml.positive(shape, "length", f"a {shape.tag}")
     return creation.cylinder(radius, length) if shape.tag == "cylinder" else creation.capsule(length, radius)
+
+
+def capsule_surface(
+    a: NDArray[np.float64], b: NDArray[np.float64], radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices [m], (V, 3), and triangles (F, 3) of a capsule around the segment from a to b [m]."""
+    from trimesh import creation, geometry
+
+    length = float(np.linalg.norm(b - a))
+    made = creation.capsule(length, radius, _CAPSULE)
+    if length > 0:
+        made.apply_transform(geometry.align_vectors([0.0, 0.0, 1.0], b - a))
+    return np.asarray(made.vertices) + (a + b) / 2, np.asarray(made.faces)
 
 
 def _colours(root: ET.Element) -> dict[str, Colour]:

@@ -10,16 +10,10 @@ import pytest
 import torch
 import yaml
 
-from sidegan.controllers import (
-    Course,
-    csv_text,
-    goal_text,
-    knots,
-    run_of,
-    script_text,
-    slower,
-    write_mcap,
-)
+from sidegan.controllers.course import Course, knots, run_of, slower
+from sidegan.controllers.ros2 import goal_text, write_mcap
+from sidegan.controllers.table import csv_text
+from sidegan.controllers.urscript import script_text
 from sidegan.errors import ShapeError, StorageError
 from sidegan.motion.trajectory import Trajectory
 from tests.recording.conftest import load_recording, of_file

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.controllers import Course, csv_text
+from sidegan.controllers import Course
+from sidegan.controllers.table import csv_text
 from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant

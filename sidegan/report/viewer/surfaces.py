@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidegan.robot import Arm
-from sidegan.robot.looks import Colour, Part, visual_parts
+from sidegan.robot.looks import Colour, Part, capsule_surface, visual_parts
 from sidegan.validity import Convex, Plane, Region, Sphere
 
 if TYPE_CHECKING:  # slow to import
@@ -16,8 +16,7 @@ if TYPE_CHECKING:  # slow to import
 
 _TRIANGLES = 120_000  # of an arm; more are merged
 _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and the factor to the next ones
-_AROUND = (14, 10)  # points around a capsule, and from pole to pole
-_THIN = 1e-6  # [m] below which a surface has no thickness, and a capsule is a ball
+_THIN = 1e-6  # [m] below which a surface has no thickness
 _STEPS = 65_535  # of a coordinate within its surface's box
 
 
@@ -28,21 +27,9 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
     """
     capsules, looks = arm.capsules, visual_parts(arm)
     each = zip(capsules.link.tolist(), capsules.a.numpy(), capsules.b.numpy(), capsules.radius.tolist())
-    shapes = [_part(capsule_mesh(a, b, radius), link) for link, a, b, radius in each]
+    shapes = [Part(link, *capsule_surface(a, b, radius), None) for link, a, b, radius in each]
     seen = {part.link for part in looks}
     return fewer(merged([*looks, *(part for part in shapes if part.link not in seen)])), merged(shapes)
-
-
-def capsule_mesh(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> "trimesh.Trimesh":
-    """Surface of all points within ``radius`` [m] of the segment from a to b [m], (3,) each."""
-    import trimesh
-
-    length = float(np.linalg.norm(b - a))
-    along = (b - a) / length if length > _THIN else [0.0, 0.0, 1.0]
-    mesh = trimesh.creation.capsule(max(length, _THIN), radius, _AROUND)
-    mesh.apply_translation(-mesh.bounds.mean(0))
-    mesh.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], along))
-    return mesh.apply_translation((a + b) / 2)
 
 
 def region_surface(region: Region) -> Part | None:
@@ -58,8 +45,8 @@ def region_surface(region: Region) -> Part | None:
     return _part(trimesh.creation.box(bounds=[region.lower, region.upper]))
 
 
-def _part(mesh: "trimesh.Trimesh", link: int = -1) -> Part:
-    return Part(link, np.asarray(mesh.vertices), np.asarray(mesh.faces), None)
+def _part(mesh: "trimesh.Trimesh") -> Part:
+    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces), None)
 
 
 def merged(parts: Sequence[Part]) -> list[Part]:
