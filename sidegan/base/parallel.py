@@ -11,6 +11,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,37 +79,29 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
     Raises:
         SideganError: when workers were lost for good; what jobs wrote to their work folders stays.
     """
-    most, results = min(cores(workers), len(jobs)), []
+    global _spent
+    most = min(cores(workers), len(jobs))
     with bar(description, total) as progress:
 
         def report_of(job: int) -> Report:
             return lambda done, steps: progress(round(total * (job + done / max(steps, 1)) / len(jobs)))
 
-        if most > 1 or (jobs and _client):
-            with closing(_elsewhere(description, jobs, most)) as done:
-                for job, result in enumerate(done):
+        if most < 2 and not (jobs and _client):
+            with one_thread():
+                return [job(report_of(number)) for number, job in enumerate(jobs)]
+        results = []
+        try:
+            with closing(_by_dask(jobs, _client) if _client else _by_joblib(jobs, most)) as done:
+                for number, (result, used) in enumerate(done):
+                    _spent += used
                     results.append(result)
-                    report_of(job)(1, 1)
-            return results
-        with one_thread():
-            return [job(report_of(number)) for number, job in enumerate(jobs)]
-
-
-def _elsewhere(description: str, jobs: Sequence[Job], workers: int) -> Generator[Any, None, None]:
-    """Results of jobs that workers do."""
-    global _spent
-    calls = _by_joblib(jobs, workers) if _client is None else _by_dask(jobs, _client)
-    try:
-        with closing(calls) as done:
-            for result, used in done:
-                _spent += used
-                yield result
-    except Exception as error:
-        if why := _lost(error):
-            raise SideganError(
-                f"{description}: {why}; the same command again goes on where it was"
-            ) from error
-        raise
+                    report_of(number)(1, 1)
+        except Exception as error:
+            if why := _lost(error):
+                rest = "the same command again goes on where it was"
+                raise SideganError(f"{description}: {why}; {rest}") from error
+            raise
+        return results
 
 
 def _by_joblib(jobs: Sequence[Job], workers: int) -> Generator[tuple[Any, float], None, None]:
@@ -158,10 +151,8 @@ def _leave_with(parent: int) -> None:
 
 def _lost(error: Exception) -> str:
     """Why workers were lost for good; empty for an error of a job."""
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
     killed = "a worker process was killed, perhaps for want of memory"
-    if isinstance(error, TerminatedWorkerError):
+    if isinstance(error, BrokenProcessPool):
         return killed
     if _client is None:
         return ""

@@ -46,15 +46,13 @@ def known_model(folder: Path, arm: Arm) -> Known:
         model = TorqueModel(RigidBody(arm), terms, stribeck)
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"])):
             raise ConfigError(f"{path} is of another arm than {arm.name}: its links are placed otherwise")
-        return Known(
-            model,
-            covariance=_tensor(numbers["covariance"]),
-            certainty=_tensor(numbers["certainty"]),
-            rate=float(numbers["rate"]),
+        covariance, certainty = (
+            torch.tensor(numbers[name], dtype=torch.float64) for name in ("covariance", "certainty")
         )
+        return Known(model, covariance, certainty, float(numbers["rate"]))
+    except ConfigError:
+        raise
     except (SideganError, KeyError, TypeError, ValueError, RuntimeError) as error:
-        if isinstance(error, ConfigError):
-            raise
         raise ConfigError(
             f"known is {str(folder)!r}, expected the folder of a run of +experiment=identify: {error}"
         ) from error
@@ -71,7 +69,3 @@ def _close(one: str, other: str) -> bool:
         return math.isclose(float(one), float(other), rel_tol=_ROUNDED)
     except ValueError:
         return False
-
-
-def _tensor(values: list[float]) -> Tensor:
-    return torch.tensor(values, dtype=torch.float64)
