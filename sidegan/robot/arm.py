@@ -29,7 +29,6 @@ class Pieces:
     exact: Tensor  # whether a piece is the capsule itself, (C,) bool
     fitted: Tensor  # whether capsule and piece were fitted to meshes, (C,) bool
     core: Tensor  # radius of the capsule on the same axis that has the piece's volume [m], (C,)
-    digests: tuple[str, ...] = ()  # of the meshes of each, and of their place; empty where there are none
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,25 +66,24 @@ def read_description(
         for link in root.findall("link")
     }
     told = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
-    for joint_name, value in chain.locked.items():
-        lock(tree.joints[joint_name], value, tree.at(tree.joints[joint_name]))
+    for joint, value in ((tree.joints[name], value) for name, value in chain.locked.items()):
+        lock(joint, value, tree.at(joint))
     semantics = read_semantics(setup, tree, source.poses)
     limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home), planning)
     may_touch = own + touching_of(setup, tree, semantics)
-    missing = {}
     if not planning:
         strip_meshes(root)
-    for link in root.findall("link"):
-        link_name = link.get("name", "")
-        absent = prepare_shapes(link, path, f"{where}: link {link_name!r}")
-        if absent:
-            missing[link_name] = absent
+    absent = {
+        link.get("name", ""): prepare_shapes(link, path, f"{where}: link {link.get('name')!r}")
+        for link in root.findall("link")
+    }
+    missing = {name: files for name, files in absent.items() if files}
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
         hang(root, tree.root, mount)
         told.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     moved = {joint.name: joint.child for joint in chain.moving}
-    shaped = {link.get("name", "") for link in root.findall("link") if _has_shape(link)}
+    shaped = {link.get("name", "") for link in root.findall("link") if link.find("collision") is not None}
     return Description(
         name=name,
         path=path,
@@ -99,10 +98,6 @@ def read_description(
         mount=mount,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
-
-
-def _has_shape(link: ET.Element) -> bool:
-    return link.find("collision") is not None
 
 
 def _centre(

@@ -49,15 +49,12 @@ def load_robot(
 
     Links behind fixed joints, and behind joints that the setup locks, become part of the link that carries
     them. The tip is the frame of the link that the setup names, or of the link furthest from the last joint
-    among those it carries. Spheres, cylinders, capsules (a cylinder that `<collision_checking>` marks as
-    one), boxes and meshes become capsules that enclose them; a link whose mesh files are absent is left
-    without that shape, and a warning says so.
+    among those it carries. Collision shapes become capsules that enclose them; a link whose mesh files are
+    absent is left without that shape, and a warning says so.
 
     Args:
-        name_or_path: a built-in name, such as "kuka_lwr4" or "planar2", a name that robot_descriptions
-            knows where that is installed, or the path of a URDF, xacro or MJCF file. The effort limit of a
-            joint may be absent or zero: it is then infinite. Everything else that motion planning needs
-            must be there, or be stated by the setup.
+        name_or_path: a built-in name ("kuka_lwr4", "planar2"), a name that robot_descriptions knows where
+            that is installed, or the path of a URDF, xacro or MJCF file.
         setup: which part of the description is the arm, and what overrides its limits.
         home: home position [rad or m], (J,): joints that turn without end may go half a turn to each side.
         planning: whether motions are to be planned. Without, meshes are left out, and plain limits of

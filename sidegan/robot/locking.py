@@ -4,6 +4,7 @@ import math
 import xml.etree.ElementTree as ET
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
 
 from sidegan.errors import RobotError
@@ -56,16 +57,13 @@ def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
 
 
 def rotation(axis: Matrix, angle: float) -> Matrix:
-    """Rotation (3, 3) by an angle [rad] about a unit vector (3,): Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    """Rotation (3, 3) by an angle [rad] about a unit vector (3,)."""
+    return scipy.spatial.transform.Rotation.from_rotvec(angle * axis).as_matrix()
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Matrix:
     """Rotation (3, 3) of roll, pitch and yaw [rad]."""
-    roll, pitch, yaw = (rotation(axis, angle) for axis, angle in zip(np.eye(3), rpy))
-    return yaw @ pitch @ roll
+    return scipy.spatial.transform.Rotation.from_euler("xyz", rpy).as_matrix()
 
 
 def to_rpy(turn: Matrix) -> tuple[float, float, float]:

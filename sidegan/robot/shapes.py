@@ -85,7 +85,6 @@ def _pieces(shapes: Sequence[Shape]) -> Pieces:
         exact=torch.tensor([shape.exact for shape in shapes]),
         fitted=torch.tensor([bool(shape.digest) for shape in shapes]),
         core=torch.tensor([_core(shape) for shape in shapes], dtype=torch.float64),
-        digests=tuple(shape.digest for shape in shapes),
     )
 
 

@@ -9,13 +9,13 @@ from torch import Tensor
 
 from sidegan.base.storage import replacing
 from sidegan.errors import RobotError
-from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN
 from sidegan.robot.sources import read_source
+from sidegan.robot.tree import read_tree
 
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
 
@@ -68,27 +68,14 @@ def _carriers(arm: Arm) -> dict[str, str | None]:
     """
     if not arm.urdf.is_file():
         raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
-    root = read_source(arm.urdf, arm.setup.args).root
-    joints = [j for j in root.findall("joint") if j.get("type") is not None]
-    ends = {_end(j, "child"): (_end(j, "parent"), j) for j in joints}
-    moved = {_end(j, "child"): j.get("name") for j in joints if j.get("name") in arm.joint_names}
-    free = {j.get("name") for j in joints if j.get("type") != "fixed"}
+    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
+    moved = {joint.child: name for name, joint in tree.joints.items() if name in arm.joint_names}
+    free = {name for name, joint in tree.joints.items() if joint.kind != "fixed"}
     locked = arm.setup != PLAIN or bool(arm.told)
     if moved != dict(zip(arm.link_names, arm.joint_names)) or not (locked or free == set(moved.values())):
         raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
-
-    def carrier(link: str) -> str | None:
-        while link not in moved:
-            if link not in ends:
-                return None
-            link = ends[link][0]
-        return link
-
-    return {name: carrier(name) for link in root.findall("link") if (name := link.get("name", ""))}
-
-
-def _end(joint: ET.Element, end: str) -> str:
-    return xml.child(joint, end, joint.get("name", "")).get("link", "")
+    paths = {link: [joint.child for joint in tree.path(link) if joint.child in moved] for link in tree.links}
+    return {link: path[-1] if path else None for link, path in paths.items()}
 
 
 def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
