@@ -9,7 +9,7 @@ from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
 from sidegan.design import physics
-from sidegan.design.objective import smooth_condition
+from sidegan.design.physics import smooth_condition
 from sidegan.design.problem import HOPELESS, Problem
 
 

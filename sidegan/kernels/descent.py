@@ -1,4 +1,7 @@
-"""L-BFGS on one plan, compiled: the rules of ``sidegan.design.lbfgs``, without its overhead."""
+"""L-BFGS with backtracking on one plan, compiled.
+
+Source: Nocedal and Wright 2006, algorithm 7.5.
+"""
 
 import math
 from typing import NamedTuple

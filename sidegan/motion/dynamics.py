@@ -6,6 +6,7 @@ Compiled kernels do the work, in float64 on the processor, whatever the states' 
 from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -18,6 +19,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 __all__ = ["LINK_PARAMETERS", "BaseParameters", "RigidBody", "gram", "gram_of"]
+
+_found: WeakKeyDictionary[Arm, BaseParameters] = WeakKeyDictionary()
 
 
 class RigidBody:
@@ -42,8 +45,10 @@ class RigidBody:
 
     @cached_property
     def base(self) -> BaseParameters:
-        """Base parameters of the arm, from the regressor over random states."""
-        return BaseParameters.of(self.arm)
+        """Base parameters of the arm, from the regressor over random states; found once for each arm."""
+        if self.arm not in _found:
+            _found[self.arm] = BaseParameters.of(self.arm)
+        return _found[self.arm]
 
     @cached_property
     def chain(self) -> Chain:

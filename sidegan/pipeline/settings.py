@@ -14,9 +14,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.controllers import Delivery
+from sidegan.design.search import SearchSettings
 from sidegan.design.selection import Selection
-from sidegan.design.sequence import Search
-from sidegan.designer.settings import DesignerSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings
@@ -97,7 +96,6 @@ class Config:
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
-    excite: list[str] = _group("excite")  # pools that stage excite picks from: seeds, random, variants
     controllers: Delivery = _group("controllers")
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
@@ -107,7 +105,6 @@ class Config:
     condition: Condition = _group("condition")
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
     discussion: Discussion = _group("discussion")
-    designer: DesignerSettings = _group("designer")
     recordings: list[Recorded] = _group("recordings")  # to identify from, each a file or one for each signal
     # recordings that are held out, or which share of every recording, its last part
     validation: list[Recorded] | Open = _group("validation")
@@ -115,7 +112,7 @@ class Config:
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
     goal: GoalSettings = _group("goal")  # what excite designs for
-    search: Search = _group("search")  # of such trajectories
+    search: SearchSettings = _group("search")  # for them
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")
@@ -144,8 +141,6 @@ class Config:
         _each_once("stages", self.stages, "stage", empty=True)
         if self.has("trainings"):
             _each_once("trainings", self.trainings, "number")
-        if self.has("excite"):
-            _each_once("excite", self.excite, "pool")
         if self.has("gan") and not self.gan:
             raise ConfigError("gan is empty, expected one variant or more")
         if self.has("recordings", "validation"):

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.design.objective import Evaluation
 from sidegan.design.problem import Problem
 from sidegan.seeds.result import SeedBatch, collect
 
@@ -33,8 +34,6 @@ class ConditionProblem:
     """
 
     def __init__(self, problem: Problem, box: float) -> None:
-        from sidegan.design.evaluation import Evaluation
-
         self.evaluation = Evaluation(problem, _DISTANCE)
         self.box, self.shape = box, problem.trajectory.shape
 

@@ -19,8 +19,7 @@ from sidegan.validity import Constraints
 class Seeds:
     """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
-    # compiled: as gradient, each start by itself, by ``sidegan.designer.Compiled``
-    method: Literal["gradient", "paper", "compiled", "published"]
+    method: Literal["gradient", "paper", "published"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
     samples: Size  # time points per period
@@ -44,10 +43,8 @@ class Seeds:
             raise ConfigError(f"{', '.join(of_paper)} are of method paper; choose seeds={self.method}")
         if self.method != "paper" and (self.strongest, self.shipped) != (None, None):
             raise ConfigError(f"strongest and shipped are of method paper; choose seeds={self.method}")
-        if (self.method in ("gradient", "compiled")) != (self.reserve is not None):
-            raise ConfigError(
-                "methods gradient and compiled, and no others, need reserve; choose one by seeds=gradient"
-            )
+        if (self.method == "gradient") != (self.reserve is not None):
+            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}, and seeds.folder=SIDE-GAN-Pytorch")
 
@@ -65,7 +62,7 @@ class Seeds:
 
     @property
     def optimiser(self) -> Method:
-        """The configured method, where it is none of ``sidegan.designer``."""
+        """The configured method."""
         if self.ants is not None and self.evaluations is not None and self.box is not None:
             return Paper(self.steps, self.ants, self.evaluations, self.box, self.attempts)
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)

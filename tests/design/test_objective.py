@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from sidegan.design.excitation import excitation_of, excite
-from sidegan.design.objective import smooth_condition, value_and_gradient
+from sidegan.design.objective import value_and_gradient
 from sidegan.design.objectives import log_condition
 from sidegan.design.penalty import Penalty
+from sidegan.design.physics import smooth_condition
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from tests.chains import random_chain
 
 from .conftest import assert_slopes
 
@@ -36,11 +36,6 @@ def test_the_gradient_agrees_with_finite_differences(planar, random, diagonal, r
     problem = Problem(Constraints(planar, [region]), Trajectory(2, 3, 8.0), 24, diagonal)
     c = problem.start(4, random, reach)
     assert_slopes(lambda x: value_and_gradient(problem, x, Penalty(30.0)), c, random, rtol=1e-4, atol=1e-5)
-
-
-def test_the_gradient_of_the_lwr_agrees_with_finite_differences(lwr_problem, random):
-    c, penalty = lwr_problem.start(2, random, 0.9), Penalty(300.0)
-    assert_slopes(lambda x: value_and_gradient(lwr_problem, x, penalty), c, random, rtol=2e-3, atol=1e-3)
 
 
 def test_the_value_is_a_smooth_log_condition_number_and_what_violations_cost(planar_problem, random):
@@ -130,10 +125,3 @@ def assert_defined_so(problem, c, penalty, random):
 def test_the_value_is_that_of_its_definition(arm, random, regions):
     problem = Problem(Constraints(arm, regions), Trajectory(7), 40)
     assert_defined_so(problem, problem.start(6, random, 1.3), Penalty(300.0, distance=1.0), random)
-
-
-@pytest.mark.parametrize("joints", [3, 6])
-def test_sliding_joints_are_no_exception(joints, random):
-    constraints = Constraints(random_chain(joints, 0)[0], [Plane((0, 0, 1), -0.3)])
-    problem = Problem(constraints, Trajectory(joints, 2, 8.0, [0.0] * joints), 20)
-    assert_defined_so(problem, problem.start(4, random, 1.0), Penalty(10.0, distance=2.0), random)

@@ -1,8 +1,6 @@
 """Pools of trajectories that sets are picked from, and the excitation sets that are compared."""
 
-from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import partial
 
 from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
@@ -55,15 +53,14 @@ def pools(task: Task) -> list[Pool]:
     return [_pool(task, RANDOM, None, (random_set(task),)), _pool(task, SEEDS, None, (seeds,)), *grown]
 
 
-def own_pools(task: Task, names: Collection[str] | None = None) -> list[Pool]:
-    """The same with each generator's own trajectories alone; those of some names where they are given."""
-    makers: list[tuple[str, int | None, Callable[[], Artifact]]] = [
-        (RANDOM, None, lambda: random_set(task)),
-        (SEEDS, None, lambda: seed_set(task)),
-        *((*one, partial(library, task, *one)) for one in generators(task)),
+def own_pools(task: Task) -> list[Pool]:
+    """The same with each generator's own trajectories alone."""
+    generated = [_pool(task, *one, (library(task, *one),)) for one in generators(task)]
+    return [
+        _pool(task, RANDOM, None, (random_set(task),)),
+        _pool(task, SEEDS, None, (seed_set(task),)),
+        *generated,
     ]
-    wanted = [one for one in makers if names is None or one[0] in names]
-    return [_pool(task, name, training, (made(),)) for name, training, made in wanted]
 
 
 def _pool(task: Task, name: str, training: int | None, parts: tuple[Artifact, ...]) -> Pool:
