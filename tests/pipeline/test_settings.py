@@ -143,4 +143,4 @@ def test_dvc_runs_the_paper_by_stages_whose_files_and_versions_are_there():
     assert {name for some in used for name in some.split(",")} == set(configured().stages)
 
 
-OTHERS = {"seeds", "compiled_seeds", "identify"}  # makers that no condition of dvc.yaml has
+OTHERS = {"seeds", "identify"}  # makers that no condition of dvc.yaml has

@@ -141,8 +141,8 @@ def test_settings_give_the_optimiser():
         ("method paper needs ants, evaluations and box", "paper", {"ants": 30}),
         ("ants, evaluations, box are of method paper", "gradient", {"reserve": 0.2, "ants": 30}),
         ("strongest and shipped are of method paper", "gradient", {"reserve": 0.2, "strongest": 35}),
-        ("methods gradient and compiled, and no others, need reserve", "gradient", {}),
-        ("methods gradient and compiled", "paper", {"ants": 3, "evaluations": 9, "box": 1, "reserve": 0.2}),
+        ("method gradient, and no other, needs reserve", "gradient", {}),
+        ("method gradient, and no other", "paper", {"ants": 3, "evaluations": 9, "box": 1, "reserve": 0.2}),
         ("folder is not set: git clone https://", "published", {}),
     ],
 )
