@@ -28,7 +28,8 @@ from sidegan.validity import Validity, check
 
 _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: at first the search moves freely
 _ROUGH_SHARE = 0.7  # of the evaluations
-_REFINE = 3  # finer points for each sample, for limits on motion and distances
+_DENSE = 12  # points per period of the highest harmonic at which limits on motion and distances are taken
+_REFINE = 3  # finer points for each sample, where these are fewer
 _RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shortest=1e-6)
 _MEMORY = 25  # pairs of steps and slopes
 _REACH = 0.7  # share of the tightest limit that a joint of a start uses
@@ -71,7 +72,8 @@ class Descent:
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
         self.problem, self.coordinates = problem, Coordinates.of(problem)
         rough, strict = (Penalty.reserving(weight, reserve) for weight in (_ROUGH, _STRICT))
-        self._objective = Objective(problem, goal, rough, _REFINE, self.coordinates.matrix)
+        refine = 1 if problem.samples >= _DENSE * problem.trajectory.harmonics else _REFINE
+        self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
         self._strict = self._objective.penalised(self._objective.plan, strict)
         joints, harmonics, _ = problem.trajectory.shape
         self._state = descent.search(joints, 2 * harmonics, _MEMORY)

@@ -41,6 +41,7 @@ log = logging.getLogger(__name__)
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
+_RENAMED = {"goal.wanted": "goal.objective"}
 _MODE = ("hydra.mode", "hydra.searchpath", "--config-", "-cd", "-cp", "-cn")  # of a command that may set it
 EVERYTHING = "--help-all"
 # What names of runs leave out.
@@ -213,6 +214,8 @@ def _unknown(key: str, inner: str) -> str:
     from sidegan.base.typed import settings_of, suggest
     from sidegan.pipeline.settings import Config
 
+    if inner in _RENAMED:
+        return f"{inner}: this setting is called {_RENAMED[inner]} now"
     group, _, name = inner.rpartition(".")
     beside = settings_of(Config, group)
     if inner != key and beside and name not in beside:

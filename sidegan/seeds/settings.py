@@ -27,7 +27,6 @@ class Seeds:
     steps: Count  # evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
     reserve: Share | None = None  # not paper: share of each limit that seeds keep free
-    enough: Count | None = None  # seeds that do where no more become valid; null: all
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
     box: Positive | None = None  # paper only: largest absolute coefficient [rad/s]
@@ -51,7 +50,7 @@ class Seeds:
     def stamped(self) -> dict[str, Any]:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""
         if self.method != "published":
-            changes_nothing = ("enough", "folder", "shipped")
+            changes_nothing = ("folder", "shipped")
             return {name: x for name, x in asdict(self).items() if name not in changes_nothing}
         return {"method": self.method, "count": self.count, "files": self.published.digest}
 

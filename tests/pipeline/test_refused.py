@@ -132,7 +132,7 @@ OF_LIMITS = "robot.limits: joint_1 is no setting of this group, which has positi
         ("stages.count=0", "stages.count: what this would set is a list, and count names"),
         (
             "+experiment=excite goal.wanted=all",
-            "wanted is no setting of this group, which has count, objective",
+            "this setting is called goal.objective now",
         ),
         ("gan=eigne", "Could not find 'gan/eigne'"),
         ("experiment=exp1", "use +experiment=exp1"),

@@ -63,7 +63,7 @@ def _make(task: Task, build: Build) -> None:
         batch = shipped(CONF / "seeds" / settings.shipped, origin(task), settings.count)
     if batch is None:
         problem = settings.problem(task.constraints, task.trajectory)
-        tasks = Tasks(settings.count, settings.batch, build.work, workers, settings.enough)
+        tasks = Tasks(settings.count, settings.batch, build.work, workers)
         batch = make_seeds(problem, settings.optimiser, tasks, task.random("seeds"))
     else:
         log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
