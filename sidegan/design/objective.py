@@ -47,8 +47,8 @@ class Objective:
         arm, compiled = constraints.arm, Compiled(goal, body)
         joints, harmonics, _ = trajectory.shape
         lower, upper = array(arm.position_lower), array(arm.position_upper)
-        middle, room, free = (upper + lower) / 2, (upper - lower) / 2, np.full(joints, np.inf)
-        torque = array(arm.torque_limit) if constraints.torque else free
+        middle, room = (upper + lower) / 2, (upper - lower) / 2
+        torque = array(arm.torque_limit) if constraints.torque else np.full(joints, np.inf)
         parameters = array(arm.inertial_parameters.flatten())
         higher = array(constraints.higher_rows).reshape(-1, joints)
         if matrix is None:
@@ -69,8 +69,7 @@ class Objective:
             matrix=array(matrix),
             basis=basis(self.samples, 3),
             fine=basis(self.finer, 2 + len(higher)),
-            torques=Limits(0.0, 0.0, 0.0, middle, free, free, torque, parameters),
-            bounds=Limits(0.0, 0.0, 0.0, middle, room, array(arm.velocity_limit), free, parameters),
+            limits=Limits(0.0, 0.0, 0.0, 0.0, middle, room, array(arm.velocity_limit), torque, parameters),
             higher=higher,
             close=0.0,
             reach=0.0,
@@ -82,10 +81,15 @@ class Objective:
 
     def penalised(self, plan: plans.Plan, penalty: Penalty) -> plans.Plan:
         """The same plan with another penalty."""
-        weight = penalty.weight if np.isfinite(plan.torques.torque).any() else 0.0
+        of_torques = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
+        limits = plan.limits._replace(
+            weight=penalty.weight / self.finer,
+            reserve=penalty.limits,
+            torque_weight=of_torques / self.samples,
+            torque_reserve=penalty.torque,
+        )
         return plan._replace(
-            torques=plan.torques._replace(weight=weight / self.samples, torque_reserve=penalty.torque),
-            bounds=plan.bounds._replace(weight=penalty.weight / self.finer, reserve=penalty.limits),
+            limits=limits,
             close=penalty.close / self.finer,
             reach=penalty.reach,
         )

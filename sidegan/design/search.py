@@ -13,12 +13,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Count, Share, Size
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
+from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
 from sidegan.kernels.chain import array
@@ -39,16 +39,6 @@ _SLIGHTLY = 0.9  # such a share, where there is a proven trajectory already
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
 _PROOF = 4e-3  # [s] that is left for a proof before a deadline
 _SAMPLES = 80  # at which the information of a trajectory of a set is taken
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """How much is spent on each trajectory of a set."""
-
-    evaluations: Count  # of the goal, for each trajectory
-    patience: Count  # of them from one start
-    samples: Size  # time points per period at which information and torques are taken
-    reserve: Share  # of each limit that a search keeps free, and half of it in metres as clearance
 
 
 @dataclass(frozen=True)
@@ -85,11 +75,11 @@ class Descent:
     def run(self, x: Tensor, evaluations: int) -> Tensor:
         """Coefficients [rad/s], (J, H, 2), within the limits on motion, to which a point leads."""
         first = round(_ROUGH_SHARE * evaluations)
-        self._state.x[:] = array(x)
+        self._state.x[:] = array(x).ravel()
         for plan, count in ((self._objective.plan, first), (self._strict, evaluations - first)):
             self._state.numbers[descent.STARTED] = 0.0
             descent.descend(plan, _RULES, self._state, self._objective.room, count)
-        c = self.coordinates.coefficients(torch.from_numpy(self._state.x.copy())[None])
+        c = self.coordinates.coefficients(torch.from_numpy(self._state.x.copy()).view(1, *x.shape))
         return (c / (self.problem.limit_use(c) / _FULL).clamp_min(1.0)[:, :, None, None])[0]
 
     def value(self, c: Tensor) -> float:

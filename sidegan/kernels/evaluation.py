@@ -47,18 +47,18 @@ def room(plan: plans.Plan) -> Room:
 @kernel
 def _limits(plan: plans.Plan, measure: Measure, numbers: Array, work: plans.Room) -> None:
     """Write the violations of positions, velocities, torques and higher derivatives."""
-    middle, most, torque = plan.bounds.middle, plan.torques.torque, work.slope[:1]
+    middle, most, torque = plan.limits.middle, plan.limits.torque, work.slope[:1]
     limited = False
     for j in range(len(most)):
         limited |= math.isfinite(most[j])
     if limited:
         lanes.torques(plan.chain, work.states, measure.parameters, torque, work.lanes)
     for j in range(len(most)):
-        q, room = work.fine[Q, 0, j], plan.bounds.room[j]
+        q, room = work.fine[Q, 0, j], plan.limits.room[j]
         for n in range(len(q) if math.isfinite(room) else 0):
             numbers[POSITION] = max(numbers[POSITION], abs(q[n] - middle[j]) / room - 1.0)
         numbers[POSITION] = max(numbers[POSITION], -1.0)
-        numbers[VELOCITY] = max(numbers[VELOCITY], -within(work.fine[DQ, 0, j], plan.bounds.speed[j]))
+        numbers[VELOCITY] = max(numbers[VELOCITY], -within(work.fine[DQ, 0, j], plan.limits.speed[j]))
         if limited:
             numbers[TORQUE] = max(numbers[TORQUE], -within(torque[0, 0, j], most[j]))
     for j in range(measure.higher.shape[1]):

@@ -33,8 +33,7 @@ class Plan(NamedTuple):
     basis: Array  # derivatives 0 to 2 of the K basis functions at T samples, (3, K, T)
     # derivatives 0, 1 and what ``higher`` limits at S finer ones, some of them the same, (2 + L, K, S)
     fine: Array
-    torques: Limits  # what torques cost, at the samples
-    bounds: Limits  # what positions, velocities and what is higher cost, at the finer samples
+    limits: Limits  # what torques cost, at the samples, and all else, at the finer ones
     higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
     close: float  # weight of what small distances lack, at the finer samples [1/m²]
     reach: float  # smallest distance that costs nothing [m]
@@ -131,7 +130,7 @@ def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: floa
 @kernel
 def _bound(plan: Plan, work: Room) -> float:
     """What positions, velocities and higher derivatives cost; writes their slopes."""
-    bounds, fine, push, total = plan.bounds, work.fine, work.push, 0.0
+    bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
     for j in range(len(bounds.room)):
         total += _cost_of(fine[Q, 0, j], bounds.middle[j], bounds.room[j], reserve, weight, push[0, 0, j])
@@ -177,7 +176,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
             work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
     directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
     cost = weighted_slopes(
-        plan.chain, plan.torques, work.states, extra, plan.roots, directions, work.slope, work.lanes
+        plan.chain, plan.limits, work.states, extra, plan.roots, directions, work.slope, work.lanes
     )
     cost += _bound(plan, work)
     cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)

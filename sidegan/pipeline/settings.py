@@ -14,8 +14,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.controllers import Delivery
-from sidegan.design.search import SearchSettings
 from sidegan.design.selection import Selection
+from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.surrogates import SurrogateSettings

@@ -6,9 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.design.goal import Goal
 from sidegan.design.problem import Problem
-from sidegan.design.search import Descent
 from sidegan.seeds.result import SeedBatch, collect
 
 
@@ -27,6 +25,9 @@ class Gradient:
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
         """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
+        from sidegan.design.goal import Goal
+        from sidegan.design.search import Descent  # compiled: imported when it is used
+
         goal = Goal("diagonal" if problem.diagonal else "condition")
         descent = Descent(problem, goal, self.reserve)
 

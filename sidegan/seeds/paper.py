@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.design.objective import Evaluation
 from sidegan.design.problem import Problem
 from sidegan.seeds.result import SeedBatch, collect
 
@@ -34,6 +33,8 @@ class ConditionProblem:
     """
 
     def __init__(self, problem: Problem, box: float) -> None:
+        from sidegan.design.objective import Evaluation  # compiled: imported when it is used
+
         self.evaluation = Evaluation(problem, _DISTANCE)
         self.box, self.shape = box, problem.trajectory.shape
 

@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.design.search import proven
 from sidegan.errors import InfeasibleError
 from sidegan.validity import summarise_faults
 from sidegan.validity.home import REMEDIES
@@ -70,6 +69,8 @@ def settle(problem: Problem, c: Tensor, smallest: float = _SMALLEST) -> SeedBatc
 
     They shrink to no less than a share of their size.
     """
+    from sidegan.design.search import proven  # compiled: imported when it is used
+
     c, valid, verdict = proven(problem, c, smallest)
     fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)
     good = valid & (fitness < HOPELESS)

@@ -12,7 +12,8 @@ from sidegan.design.objective import Objective
 from sidegan.design.penalty import Penalty
 from sidegan.design.physics import smooth_condition
 from sidegan.design.problem import Problem
-from sidegan.design.search import SearchSettings, search
+from sidegan.design.search import search
+from sidegan.design.settings import SearchSettings
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane

@@ -14,7 +14,8 @@ from sidegan.design.excitation import excite
 from sidegan.design.goal import Goal
 from sidegan.design.information import information_of
 from sidegan.design.problem import Problem
-from sidegan.design.search import Condition, SearchSettings, design_set, search
+from sidegan.design.search import Condition, design_set, search
+from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody

@@ -11,7 +11,8 @@ import torch
 
 from sidegan.design.objective import Objective
 from sidegan.design.problem import Problem
-from sidegan.design.search import SearchSettings, design_set
+from sidegan.design.search import design_set
+from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.identification import FULL, estimate
 from sidegan.identification.goals import Parameters, Prediction, Tool
