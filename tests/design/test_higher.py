@@ -15,7 +15,7 @@ from sidegan.seeds.paper import Paper
 from sidegan.validity import Constraints, check
 from tests.validity.critical import limited
 
-from .conftest import assert_slopes
+from .conftest import assert_slopes, states_of
 
 BOTH = ["acceleration", "jerk"]
 
@@ -53,7 +53,7 @@ def test_what_stays_below_the_reserve_costs_nothing(planar_problem, random):
         value_and_gradient(problem, c, penalty), value_and_gradient(planar_problem, c, penalty)
     )
     values = [value_and_gradient(one, 1.3 * c, penalty)[0] for one in (problem, planar_problem)]
-    states, limits = problem.states(1.3 * c), problem.constraints.higher
+    states, limits = states_of(problem, 1.3 * c), problem.constraints.higher
     beyond = [(states[HIGHER[x]].abs() / limits[x] - 0.8).clamp_min(0) for x in BOTH]
     cost = 300 * (torch.cat(beyond, 2) ** 2).sum(2).mean(1)
     assert (cost > 0).all()

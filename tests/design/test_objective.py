@@ -15,7 +15,7 @@ from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 
-from .conftest import assert_slopes
+from .conftest import assert_slopes, states_of
 
 DESK, BESIDE = Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2))
 OBSTACLES = (Sphere((0.4, 0.2, 0.5), 0.2), Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1))
@@ -99,7 +99,7 @@ def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
 def value_of(problem, c, penalty):
     """Log fitness and what violations cost, by their definitions, (B,)."""
     arm, constraints = problem.constraints.arm, problem.constraints
-    states = problem.states(c)
+    states = states_of(problem, c)
     q, dq, *_ = states
     middle, room = (
         (arm.position_upper + arm.position_lower) / 2,
