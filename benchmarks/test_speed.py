@@ -35,7 +35,7 @@ from sidegan.validity import Constraints, Plane, check
 _DESK = Plane((0.0, 0.0, 1.0), 0.10)
 _SAMPLES = 80  # states of a trajectory
 _CELLS = 160  # configurations of a trajectory that the opponent checks, 0.1 s apart
-_SEEDS = {"sidegan": ("compiled", 50), "gaco + compass": ("paper", 2)}  # method, seeds
+_SEEDS = {"sidegan": ("gradient", 50), "gaco + compass": ("paper", 2)}  # method, seeds
 _EPOCHS = 2
 
 
@@ -113,7 +113,7 @@ def test_seeds(rate: Rate, by: str, tmp_path: Path) -> None:
 
 def test_set_of_ten(rate: Rate, tmp_path: Path) -> None:
     """Ten trajectories to execute, by excite's search, with controllers' files and the page."""
-    words = ["+experiment=excite", "robot=kuka_lwr4", "selection.count=10"]
+    words = ["+experiment=excite", "robot=kuka_lwr4", "goal.count=10"]
     rate(lambda place: _run(place, *words), 1, "sets", 3, setup=_places(tmp_path))
 
 

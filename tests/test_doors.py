@@ -30,7 +30,7 @@ DOORS = {
     "cvxpy": {"identification"},
     "rosbags": {"recording", "controllers"},
 }
-ORDER = ["errors", "base", "robot", "motion", "validity", "design", "library", "seeds", "designer", "gan"]
+ORDER = ["errors", "base", "robot", "motion", "validity", "design", "library", "seeds", "gan"]
 ORDER += ["plant", "recording", "identification", "controllers", "report", "pipeline", "run"]
 STRANGERS = [{"gan"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
 

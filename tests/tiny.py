@@ -38,7 +38,7 @@ TINY = (
 
 # What keeps an experiment small besides; artifacts that several tests use are made with these settings alone.
 SMALL = {
-    "excite": ("controllers.rate=20",),
+    "excite": ("controllers.rate=20", "goal.count=6", "search.evaluations=60", "search.patience=60"),
     "reproduction": ("trainings=[0,1]", "discussion.sizes=[20]", "discussion.draws=30"),
 }
 

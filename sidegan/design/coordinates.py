@@ -5,9 +5,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.design.lbfgs import Function
-from sidegan.design.objective import value_and_gradient
-from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.robot import HIGHER
 
@@ -16,7 +13,7 @@ _POINTS = 20  # per harmonic, for the means over time
 
 @dataclass(frozen=True)
 class Coordinates:
-    """A linear map per joint from x, (B, J · 2 H), to coefficients [rad/s], (B, J, H, 2).
+    """A linear map per joint from x, (B, J, 2 H), to coefficients [rad/s], (B, J, H, 2).
 
     The quintic that brings a joint to rest ties its coefficients together: most changes of a single one
     move the arm far, few combinations hardly at all. At 560 s and 210 harmonics a random draw of
@@ -45,33 +42,18 @@ class Coordinates:
         return cls(vectors @ (vectors / values.sqrt()[:, None]).transpose(1, 2))
 
     def coefficients(self, x: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of points (B, J · 2 H)."""
-        joints, size, _ = self.matrix.shape
-        c = torch.einsum("jkl,bjl->bjk", self.matrix, x.reshape(-1, joints, size))
-        return c.reshape(len(x), joints, size // 2, 2)
+        """Coefficients [rad/s], (B, J, H, 2), of points (B, J, 2 H)."""
+        c = torch.einsum("jkl,bjl->bjk", self.matrix, x)
+        return c.unflatten(2, (-1, 2))
 
     def points(self, c: Tensor) -> Tensor:
-        """Points (B, J · 2 H) of coefficients [rad/s], (B, J, H, 2)."""
+        """Points (B, J, 2 H) of coefficients [rad/s], (B, J, H, 2)."""
         x = torch.linalg.solve(self.matrix, c.flatten(2).double().transpose(0, 1).transpose(1, 2))
-        return x.permute(2, 0, 1).flatten(1)
-
-    def pull_back(self, gradient: Tensor) -> Tensor:
-        """Gradient in x, (B, J · 2 H), from that in the coefficients, (B, J, H, 2)."""
-        return torch.einsum("jkl,bjk->bjl", self.matrix, gradient.flatten(2)).flatten(1)
+        return x.permute(2, 0, 1)
 
     def start(self, problem: Problem, count: int, generator: torch.Generator, reach: float) -> Tensor:
-        """Random points, (count, J · 2 H), each joint using ``reach`` of its tightest limit."""
+        """Random points, (count, J, 2 H), each joint using ``reach`` of its tightest limit."""
         joints, size, _ = self.matrix.shape
         x = torch.randn(count, joints, size, generator=generator, dtype=torch.float64)
-        use = problem.limit_use(self.coefficients(x.flatten(1)))
-        return (x * (reach / use)[:, :, None]).flatten(1)
-
-
-def objective(problem: Problem, penalty: Penalty, coordinates: Coordinates) -> Function:
-    """Penalised objective and its gradient at points in natural coordinates, (B, J · 2 H)."""
-
-    def function(x: Tensor) -> tuple[Tensor, Tensor]:
-        value, gradient = value_and_gradient(problem, coordinates.coefficients(x), penalty)
-        return value, coordinates.pull_back(gradient)
-
-    return function
+        use = problem.limit_use(self.coefficients(x))
+        return x * (reach / use)[:, :, None]

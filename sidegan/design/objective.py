@@ -1,4 +1,4 @@
-"""Value and exact gradient of the penalised condition number, for a whole batch at once.
+"""The penalised goal of trajectories and its exact gradient, by compiled kernels.
 
 For an eigenpair (λ, v) of YᵀY, dλ = 2 (Y v)ᵀ d(Y v), and Y v is the torque of the robot whose
 inertial parameters are v: the gradient of any function of a few eigenvalues costs a few inverse
@@ -6,110 +6,168 @@ dynamics, never a differentiated regressor.
 """
 
 import math
-from collections.abc import Iterator
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.design.goal import Compiled, Goal
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.threads import eigh
+from sidegan.kernels import evaluation, plans
+from sidegan.kernels.chain import array
+from sidegan.kernels.limits import Limits
+from sidegan.kernels.operations import columns_of_links
+from sidegan.motion.threads import share
+from sidegan.validity.constraints import NAMES
 
-_STATES_AT_ONCE = 8_192  # bounds the memory of a gradient to about 300 MB for seven joints
-# The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
-# spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
-LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
+Array = np.ndarray
 
-Directions = tuple[Tensor, Tensor]
+
+class Objective:
+    """Goal and penalty of single trajectories; not for several threads at once.
+
+    Args:
+        problem: of which they are.
+        goal: what is to be small.
+        penalty: what violations cost; None: nothing.
+        refine: odd; so many finer points for each sample, at which limits on motion and distances count.
+        matrix: coefficients [rad/s] of points, (J, K, K), symmetric; None: points are coefficients.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        goal: Goal,
+        penalty: Penalty | None = None,
+        refine: int = 1,
+        matrix: Tensor | None = None,
+    ) -> None:
+        constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
+        arm, compiled = constraints.arm, Compiled(goal, body)
+        joints, harmonics, _ = trajectory.shape
+        lower, upper = array(arm.position_lower), array(arm.position_upper)
+        middle, room = (upper + lower) / 2, (upper - lower) / 2
+        torque = array(arm.torque_limit) if constraints.torque else np.full(joints, np.inf)
+        parameters = array(arm.inertial_parameters.flatten())
+        higher = array(constraints.higher_rows).reshape(-1, joints)
+        if matrix is None:
+            matrix = torch.eye(2 * harmonics, dtype=torch.float64).expand(joints, -1, -1)
+
+        def basis(points: int, orders: int) -> Array:
+            times = trajectory.grid(points)
+            return array(torch.stack([trajectory.basis(times, k).flatten(1).T for k in range(orders)]))
+
+        self.samples, self.finer = problem.samples, refine * problem.samples
+        plan = plans.Plan(
+            chain=body.chain,
+            shapes=constraints.shapes,
+            columns=columns_of_links(body.base.columns, joints),
+            extra=compiled.terms,
+            subspace=compiled.subspace,
+            home=np.array(trajectory.home),
+            matrix=array(matrix),
+            basis=basis(self.samples, 3),
+            fine=basis(self.finer, 2 + len(higher)),
+            limits=Limits(0.0, 0.0, 0.0, 0.0, middle, room, array(arm.velocity_limit), torque, parameters),
+            higher=higher,
+            close=0.0,
+            reach=0.0,
+            roots=compiled.roots,
+            goal=compiled.during(trajectory.period),
+        )
+        self.plan = plan if penalty is None else self.penalised(plan, penalty)
+        self.room = plans.room(self.plan)
+
+    def penalised(self, plan: plans.Plan, penalty: Penalty) -> plans.Plan:
+        """The same plan with another penalty."""
+        of_torques = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
+        limits = plan.limits._replace(
+            weight=penalty.weight / self.finer,
+            reserve=penalty.limits,
+            torque_weight=of_torques / self.samples,
+            torque_reserve=penalty.torque,
+        )
+        return plan._replace(
+            limits=limits,
+            close=penalty.close / self.finer,
+            reach=penalty.reach,
+        )
+
+    def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
+        """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
+        return plans.objective(self.plan, x, gradient, self.room)
+
+
+class Evaluation:
+    """What an optimiser without gradients asks; not for several threads at once.
+
+    Args:
+        problem: of whose trajectories.
+        distance: clearance that counts like a whole limit [m].
+    """
+
+    def __init__(self, problem: Problem, distance: float) -> None:
+        self.problem, self._objective = problem, Objective(problem, Goal())
+        constraints = problem.constraints
+        self._measure = evaluation.Measure(
+            problem.diagonal,
+            problem.weakest,
+            HOPELESS,
+            distance,
+            array(constraints.higher_rows),
+            array(constraints.arm.inertial_parameters.reshape(1, 1, -1)),
+        )
+        self._room = evaluation.room(self._objective.plan)
+        self._kept = [0, *(1 + NAMES.index(name) for name in constraints.labels)]
+
+    def __call__(self, c: Array) -> Array:
+        """Log fitness, and the worst relative margin of each constraint with its sign turned, (B, 1 + G).
+
+        Coefficients [rad/s] are (B, J, H, 2), contiguous; constraints are in the order of their labels.
+        """
+        numbers = np.empty((len(c), evaluation.NUMBERS))
+        one, x = self._objective, c.reshape(*c.shape[:2], -1)
+        evaluation.evaluate(one.plan, self._measure, x, numbers, one.room, self._room)
+        return numbers[:, self._kept]
 
 
 def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> tuple[Tensor, Tensor]:
-    """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c."""
-    grams = problem.gram(c.detach())
-    if problem.diagonal:
-        values, order = grams.diagonal(dim1=1, dim2=2).sort(1)
-        vectors = torch.nn.functional.one_hot(order, values.shape[1]).to(values)
-    else:
-        values, vectors = eigenpairs(problem.body, grams, ends=True)
-    value, slopes = smooth_condition(values)
-    violation, gradient = pull_back(problem, c, directions_of(problem.body, vectors, slopes), penalty)
-    return value + violation, gradient
+    """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c [rad/s]."""
+    x = array(c.double().flatten(2))
+    value, gradient = np.empty(len(x)), np.empty(x.shape)
 
+    def work(k: slice) -> None:
+        objective = Objective(problem, Goal("diagonal" if problem.diagonal else "condition"), penalty)
+        for one, slope, n in zip(x[k], gradient[k], range(len(x))[k]):
+            value[n] = sum(objective(one, slope))
 
-def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Smooth log ratio of largest to smallest of positive values, ascending, (B,), and its slopes, (B, p).
-
-    At most (log 3 + log 2) / 6 above the logarithm of the ratio. What is under 10⁻¹² of the largest counts as
-    that much, and has the slope of it. None but the first three and the last two values matter. Where none is
-    positive nothing is told at all, which is as bad and has no slope.
-    """
-    told = values[:, -1] > 0
-    floor = (values[:, -1:] / HOPELESS).clamp_min(torch.finfo(values.dtype).tiny)
-    values = torch.maximum(values, floor)
-    low, high = values[:, :LOWEST], values[:, -HIGHEST:]
-    logs = -SHARPNESS * torch.log(low), SHARPNESS * torch.log(high)
-    slopes = torch.zeros_like(values)
-    slopes[:, :LOWEST] -= torch.softmax(logs[0], 1) / low
-    slopes[:, -HIGHEST:] += torch.softmax(logs[1], 1) / high
-    value = (torch.logsumexp(logs[0], 1) + torch.logsumexp(logs[1], 1)) / SHARPNESS
-    return value.where(told, math.log(HOPELESS)), slopes.where(told[:, None], 0.0)
-
-
-def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tensor, Tensor]:
-    """Eigenvalues of Gram matrices (B, p, p) in an orthonormal basis, ascending, and base vectors (B, K, p).
-
-    At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
-    """
-    from sidegan.kernels.operations import extremes
-
-    subspace = body.base.subspace
-    inner = subspace.T @ grams @ subspace
-    values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
-    return values, (subspace @ vectors).mT
-
-
-def directions_of(body: RigidBody, vectors: Tensor, weights: Tensor) -> Directions:
-    """Parameter vectors, (B, K, 10 J), of base vectors (B, L, p), and weights, (B, K), where any is not 0."""
-    used = (weights != 0).any(0)  # most functions depend on a few eigenvalues
-    full = weights.new_zeros(len(weights), int(used.sum()), 10 * body.joints)
-    full[:, :, body.base.columns] = vectors[:, used].to(full)
-    return full, weights[:, used]
+    share(work, len(x), problem.samples)
+    value[~np.isfinite(value)] = math.log(HOPELESS)
+    return torch.from_numpy(value), torch.from_numpy(gradient).reshape(c.shape)
 
 
 def pull_back(
-    problem: Problem, c: Tensor, directions: Directions | None, penalty: Penalty | None
+    problem: Problem,
+    c: Tensor,
+    vectors: Tensor,
+    weights: Tensor,
+    penalty: Penalty | None = None,
+    certainty: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """Penalty, (B,), and the gradient of penalty and energy, (B, J, H, 2), at coefficients c.
+    """Penalty, (B,), and the gradient of it and of an energy, (B, J, H, 2), at coefficients c [rad/s].
 
-    The energy is Σ weight · |Y v|² / T over directions v: for eigenvectors of YᵀY / T and the slopes of a
-    function of its eigenvalues, its gradient is that function's. Works through the states in pieces, then
-    carries the gradient from the motion back to the coefficients, in which it is linear: memory does not
-    grow with the number of samples.
+    The energy is Σ weight · |Y v|² / T over directions v, (B, D, p), with weights (B, D), D ≤ p: for
+    eigenvectors of YᵀY / T and the slopes of a function of its eigenvalues its gradient is that function's.
+    Each joint's rows of Y count by its certainty, (J,).
     """
-    with torch.enable_grad():
-        c = c.detach().requires_grad_(True)
-        motion = problem.states(c)
-    body = problem.body
-    vectors, weights = directions or (c.new_zeros(len(c), 0, 10 * body.joints), c.new_zeros(len(c), 0))
-    costs = penalty.costs(problem.constraints) if penalty else (None, None)
-    slopes, violation = [torch.zeros_like(x) for x in motion], c.new_zeros(len(c))
-    for rows in _pieces(len(c), _STATES_AT_ONCE // problem.samples):
-        for times in _pieces(problem.samples, _STATES_AT_ONCE):
-            states = [x[rows, times].detach() for x in motion[:3]]
-            cost, pieces = body.penalised_slopes(states, vectors[rows], weights[rows], *costs)
-            violation[rows] += cost / problem.samples
-            for slope, piece in zip(slopes, pieces):
-                slope[rows, times] = piece / problem.samples
-    if penalty is not None and problem.constraints.higher:
-        cost, pushes = penalty.higher(problem.constraints, [x.detach() for x in motion])
-        violation += cost / problem.samples
-        for order, push in pushes.items():
-            slopes[order] += push / problem.samples
-    (gradient,) = torch.autograd.grad(motion, c, slopes)
-    return violation, gradient
+    x, v, w = array(c.double().flatten(2)), array(vectors.double()), array(weights.double())
+    cost, gradient = np.empty(len(x)), np.empty(x.shape)
 
+    def work(k: slice) -> None:
+        one = Objective(problem, Goal(certainty=certainty), penalty)
+        for n in range(len(x))[k]:
+            cost[n] = plans.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.room)
 
-def _pieces(count: int, size: int) -> Iterator[slice]:
-    size = max(1, size)
-    return (slice(start, start + size) for start in range(0, count, size))
+    share(work, len(x), problem.samples)
+    return torch.from_numpy(cost), torch.from_numpy(gradient).reshape(c.shape)

@@ -8,8 +8,6 @@ import torch
 from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
-from sidegan.design import physics
-from sidegan.design.objective import smooth_condition
 from sidegan.design.problem import HOPELESS, Problem
 
 
@@ -21,6 +19,8 @@ def log_condition(x: Tensor) -> Tensor:
 class _LogCondition(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor) -> Tensor:
+        from sidegan.design.physics import smooth_condition  # compiled: imported when it is used
+
         value, slopes = smooth_condition(x)
         ctx.save_for_backward(slopes)
         return value
@@ -67,6 +67,8 @@ class Term:
 
     def __call__(self, problem: Problem, c: Tensor) -> Tensor:
         """Weighted mean over the sets of a batch (B, J, H, 2); 0-dimensional."""
+        from sidegan.design import physics  # compiled: imported when it is used
+
         whole = c[: len(c) // self.together * self.together]
         information = physics.SetInformation(problem, self.together, self.noise)
         if self.objective == "diagonal_ratio":

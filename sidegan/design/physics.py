@@ -4,6 +4,7 @@ The gradient of an eigenvalue of YᵀY needs the torques of one parameter vector
 regressor (``design.objective``); what follows from the eigenvalues is plain torch.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,11 +12,14 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from sidegan.design.goal import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.information import weighted_gram
-from sidegan.design.objective import directions_of, eigenpairs, pull_back
+from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
-from sidegan.design.problem import Problem
+from sidegan.design.problem import HOPELESS, Problem
 from sidegan.errors import ShapeError
+from sidegan.kernels.operations import extremes
+from sidegan.motion.threads import eigh
 
 
 @dataclass(frozen=True)
@@ -31,32 +35,32 @@ class SetInformation:
         if self.noise is not None and not (len(self.noise) == joints and min(self.noise) > 0):
             raise ShapeError(f"noise is {list(self.noise)}, expected {joints} positive deviations")
 
+    @property
+    def certainty(self) -> Tensor | None:
+        """What each joint's rows of Y are multiplied by, (J,)."""
+        return None if self.noise is None else 1 / torch.tensor(self.noise, dtype=torch.float64)
+
     def grams(self, c: Tensor) -> Tensor:
         """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient."""
         if self.together < 1 or len(c) % self.together:
             raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {self.together}")
-        problem, c = self.problem, c.detach().to("cpu", torch.float64)
-        if self.noise is None:
+        problem, c, certainty = self.problem, c.detach().to("cpu", torch.float64), self.certainty
+        if certainty is None:
             grams = problem.gram(c)
         else:
-            grams = weighted_gram(problem.body, problem.motion(c), 1 / c.new_tensor(self.noise))
+            grams = weighted_gram(problem.body, problem.motion(c), certainty)
         return grams.unflatten(0, (-1, self.together)).sum(1)
 
-    def slopes(self, c: Tensor, vectors: Tensor, weights: Tensor) -> Tensor:
-        """Gradient in c, (B, J, H, 2), of Σ weight · |Y v|² / T over the vectors, (S, K, p), of each set."""
-        problem = self.problem
-        v, w = (x.repeat_interleave(self.together, 0) for x in directions_of(problem.body, vectors, weights))
-        if not w.shape[1]:
-            return torch.zeros_like(c)
-        x = c.detach().to("cpu", torch.float64)
-        if self.noise is None:
-            return pull_back(problem, x, (v, w), None)[1].to(c)
-        with torch.enable_grad():
-            x.requires_grad_(True)
-            torque = problem.body.torques_of(*problem.motion(x)[1:], v)
-            energy = ((torque / x.new_tensor(self.noise)) ** 2).sum((2, 3)) / problem.samples
-            (gradient,) = torch.autograd.grad((w * energy).sum(), x)
-        return gradient.to(c)
+
+def eigenpairs(information: SetInformation, c: Tensor, ends: bool) -> tuple[Tensor, Tensor]:
+    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (S, K), and base vectors, (S, K, p).
+
+    At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
+    """
+    subspace = information.problem.body.base.subspace
+    inner = subspace.T @ information.grams(c) @ subspace
+    values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
+    return values, (subspace @ vectors).mT
 
 
 def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
@@ -64,8 +68,7 @@ def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tens
 
     At the ends, only those that a smooth condition number needs, in much less time.
     """
-    pairs = eigenpairs(information.problem.body, information.grams(c), ends)
-    return _Quadratic.apply(c, information, *pairs)
+    return _Quadratic.apply(c, information, *eigenpairs(information, c, ends))
 
 
 def diagonal(information: SetInformation, c: Tensor) -> Tensor:
@@ -91,13 +94,17 @@ class _Quadratic(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None, None]:
         c, vectors = ctx.saved_tensors
-        return ctx.information.slopes(c, vectors, slopes[0]), None, None, None
+        one = ctx.information
+        vectors, weights = (x.cpu().repeat_interleave(one.together, 0) for x in (vectors, slopes[0]))
+        _, gradient = pull_back(one.problem, c.detach().cpu(), vectors, weights, certainty=one.certainty)
+        return gradient.to(c), None, None, None
 
 
 class _Violation(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, c: Tensor, problem: Problem, penalty: Penalty) -> Tensor:
-        value, gradient = pull_back(problem, c.to("cpu", torch.float64), None, penalty)
+        none = torch.zeros(len(c), 0, problem.body.parameters_count)
+        value, gradient = pull_back(problem, c.detach().cpu(), none, none[:, :, 0], penalty)
         ctx.save_for_backward(gradient.to(c))
         return value
 
@@ -105,3 +112,22 @@ class _Violation(torch.autograd.Function):
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
         (gradient,) = ctx.saved_tensors
         return slopes[0].to(gradient)[:, None, None, None] * gradient, None, None
+
+
+def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
+    """Smooth log ratio of largest to smallest of positive values, ascending, (B,), and its slopes, (B, p).
+
+    At most (log 3 + log 2) / 6 above the logarithm of the ratio. What is under 10⁻¹² of the largest counts as
+    that much, and has the slope of it. None but the first three and the last two values matter. Where none is
+    positive nothing is told at all, which is as bad and has no slope.
+    """
+    told = values[:, -1] > 0
+    floor = (values[:, -1:] / HOPELESS).clamp_min(torch.finfo(values.dtype).tiny)
+    values = torch.maximum(values, floor)
+    low, high = values[:, :LOWEST], values[:, -HIGHEST:]
+    logs = -SHARPNESS * torch.log(low), SHARPNESS * torch.log(high)
+    slopes = torch.zeros_like(values)
+    slopes[:, :LOWEST] -= torch.softmax(logs[0], 1) / low
+    slopes[:, -HIGHEST:] += torch.softmax(logs[1], 1) / high
+    value = (torch.logsumexp(logs[0], 1) + torch.logsumexp(logs[1], 1)) / SHARPNESS
+    return value.where(told, math.log(HOPELESS)), slopes.where(told[:, None], 0.0)

@@ -90,15 +90,6 @@ class Problem:
         """Joint motion at the problem's time points, (B, samples, J)."""
         return self.trajectory.roll_out(c, self.trajectory.grid(self.samples))
 
-    def jerk(self, c: Tensor) -> Tensor:
-        """Jerk [rad/s³] at the problem's time points, (B, samples, J)."""
-        return self.trajectory.derivative(c, self.trajectory.grid(self.samples), HIGHER["jerk"])
-
-    def states(self, c: Tensor) -> list[Tensor]:
-        """Position, velocity, acceleration, and jerk where it is limited, (B, samples, J) each."""
-        jerk = [self.jerk(c)] if "jerk" in self.constraints.higher else []
-        return [*self.motion(c)[1:], *jerk]
-
     @torch.no_grad()
     def gram(self, c: Tensor) -> Tensor:
         """Gram matrices of the base regressor, (B, p, p); zero where a trajectory makes them non-finite."""

@@ -85,16 +85,16 @@ class KnownLoad:
 class GoalSettings:
     """What a set of trajectories is designed for, and what it is measured with."""
 
-    # "condition": each of a small condition number, of rigid bodies alone; the others are of the configured
-    # model, and a list is of links whose parameters are wanted
-    wanted: Literal["condition", "all", "payload", "prediction"] | list[str]
+    count: Count  # trajectories
+    # what is small with the set: variances of torques on tasks, of the model's parameters or, a list, of some
+    # links' parameters, of a tool's; or the condition number of rigid bodies
+    objective: Literal["prediction", "parameters", "payload", "condition"] | list[str]
     # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N];
     # null: that of the recordings where a model is known, else the share that is assumed
     noise: Positive | list[Positive] | None
     assumed: Positive
     correlation: Seconds  # time over which that noise keeps its sign
     believed: Positive  # deviation of the description's parameters, in their typical sizes
-    evaluations: Count  # of each trajectory, by the designer
 
     def deviation(self, usual: Tensor) -> Tensor:
         """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N].

@@ -1,28 +1,30 @@
 """What is uncertain of a model, as an aim of design: trajectories that tell it beside what is known."""
 
+from dataclasses import replace
 from functools import partial
 
 import torch
 from torch import Tensor
 
-from sidegan.design.linear import weighted_products
-from sidegan.designer.aim import Aim, noise_at
+from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.goals import Everything, OfLinks, Tool, Torques, Wanted
+from sidegan.identification.goals import Parameters, Prediction, Tool, Wanted
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import belief
 from sidegan.identification.settings import GoalSettings
 from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
 
 _FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's counts as at least
+_SAMPLES = 160  # at which the information of a trajectory is taken
 _LEAST = 1e-9  # of what is known of a parameter: keeps factors of singular information finite
 
 
 class Uncertain:
     """The uncertainty of what is wanted of a model, rotors and friction included.
 
-    A ``design.sequence.SetAim``: trajectories are designed one after another, each given those before it.
+    A ``design.search.SetGoal``: trajectories are designed one after another, each given those before it.
 
     Args:
         model: that was, or is to be, identified.
@@ -42,7 +44,7 @@ class Uncertain:
         covariance: Tensor,
         certainty: Tensor,
         rate: float,
-        wanted: Wanted = Everything,
+        wanted: Wanted = Parameters,
     ) -> None:
         if covariance.shape != (model.count, model.count) or certainty.shape != (model.joints,):
             raise ShapeError(
@@ -52,50 +54,39 @@ class Uncertain:
         self._model, self._certainty, self._rate = model, certainty, rate
         self._scale, self._before = _known(covariance)  # units of the parameters, information in these
         self._motion = torch.zeros_like(self._before)
-        self.goal = wanted(model, self._scale)
+        self.purpose = wanted(model, self._scale)
 
-    def information(self, q: Tensor, dq: Tensor, ddq: Tensor, seconds: float) -> Tensor:
-        """Information of B trajectories of so many seconds, each alone, at states (B, T, J): (B, P, P)."""
-        products = weighted_products(self._model, (q, dq, ddq), self._certainty, self._scale)
-        return self._rate * seconds / q.shape[1] * products
+    def information(self, trajectory: Trajectory, c: Tensor) -> Tensor:
+        """Information of a trajectory with coefficients [rad/s], (J, H, 2), alone, (P, P)."""
+        times = trajectory.grid(_SAMPLES)
+        states = [x[0] for x in trajectory.roll_out(c[None], times)[1:]]
+        y = (self._model.regressor(*states) * self._certainty[:, None] * self._scale).flatten(0, 1)
+        return self._rate * trajectory.period / len(times) * (y.mT @ y)
 
-    def value(self, information: Tensor) -> Tensor:
-        """The goal after each of B trajectories beside what is known, (B,)."""
-        return self.goal.value(self._before, self._motion + information)
+    def take(self, trajectory: Trajectory, c: Tensor) -> None:
+        """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
+        self._motion = self._motion + self.information(trajectory, c)
 
-    def take(self, information: Tensor) -> None:
-        """Count a trajectory of this information, (P, P), as known."""
-        self._motion = self._motion + information.detach()
-
-    def asked(self, rate: float) -> Aim:
-        """The same of a designer that takes torques at a rate [Hz].
-
-        Raises:
-            TypeError: when no designer knows the goal, which has no form then.
-        """
-        if self.goal.form is None:
-            raise TypeError("no designer knows this goal")
-        kind, interest, tasks = self.goal.form
-        information = (self._before + self._motion) / self._scale / self._scale[:, None]
-        noise = noise_at(rate, self._rate * self._certainty.square())
-        wanted = None if tasks is None else tasks.numpy()
-        return Aim(kind, information.numpy(), noise, interest, self._model, wanted)
+    def next(self) -> Goal:
+        """The goal of the next trajectory."""
+        prior = (self._before + self._motion) / self._scale / self._scale[:, None]
+        goal = self.purpose.goal
+        return replace(goal, prior=prior, certainty=self._certainty, rate=self._rate, model=self._model)
 
     @property
     def before(self) -> Tensor:
-        """Deviation of each of what is wanted without any trajectory, (K,)."""
-        return self.goal.deviations(self._before, torch.zeros_like(self._motion))
+        """Deviation of each of what is to be known without any trajectory, (K,)."""
+        return self.purpose.deviations(self._before, torch.zeros_like(self._motion))
 
     @property
     def deviations(self) -> Tensor:
-        """Deviation of each of what is wanted with those that count as known, (K,)."""
-        return self.goal.deviations(self._before, self._motion)
+        """Deviation of each of what is to be known with those of the set, (K,)."""
+        return self.purpose.deviations(self._before, self._motion)
 
     @property
     def left(self) -> float:
-        """Deviations of what is wanted over those without any trajectory, mean along the principal axes."""
-        values = (self.goal.value(self._before, x) for x in (self._motion, torch.zeros_like(self._motion)))
-        return float(((next(values) - next(values)) / 2).exp())
+        """Deviations with the set over those without, their geometric mean."""
+        return float((self.deviations / self.before).log().mean().exp())
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
@@ -127,17 +118,14 @@ def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:
-    """What the settings say is wanted of an arm with these usual torques (J,) [N·m or N].
-
-    Where nothing is said, everything: each of a small condition number is no goal for a set.
-    """
-    if isinstance(goal.wanted, list):
-        return partial(OfLinks, links=goal.wanted)
-    if goal.wanted == "payload":
+    """What the settings ask for of an arm with these usual torques (J,) [N·m or N]."""
+    if isinstance(goal.objective, list):
+        return partial(Parameters, links=goal.objective)
+    if goal.objective == "payload":
         return partial(Tool, identified=identified)
-    if goal.wanted == "prediction":
-        return partial(Torques, usual=usual)
-    return Everything
+    if goal.objective == "prediction":
+        return partial(Prediction, usual=usual)
+    return Parameters
 
 
 def usual_torque(body: RigidBody) -> Tensor:
@@ -149,6 +137,6 @@ def usual_torque(body: RigidBody) -> Tensor:
     if not body.arm.inertial_parameters.any():
         raise ConfigError(
             f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "
-            "goal.wanted=condition needs none, and the URDF that +experiment=identify leaves has masses"
+            "goal.objective=condition needs none, and the URDF that +experiment=identify leaves has masses"
         )
     return torch.from_numpy(torque_scale(body, _FLOOR))

@@ -128,6 +128,27 @@ def _regions(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array
 
 
 @kernel
+def stand(work: Room) -> None:
+    """Put the base where it stands."""
+    base = work.world[0]
+    for n in range(LANES):
+        for m in range(3):
+            for k in range(3):
+                base[(3 * m + k) * LANES + n] = 1.0 if m == k else 0.0
+            base[(PLACE + m) * LANES + n] = 0.0
+
+
+@kernel
+def place(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Room) -> None:
+    """Write frames and capsules in the world in a block of times."""
+    start, count = span
+    for i in range(states.shape[2]):
+        _place(joint(chain, i), states, (i, start, count), work.world[i], work.world[i + 1])
+    for k in range(len(shapes.frame)):
+        _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], count)
+
+
+@kernel
 def keep_apart(
     chain: Chain, shapes: Shapes, states: Array, weight: float, reach: float, push: Array, work: Room
 ) -> float:
@@ -138,21 +159,14 @@ def keep_apart(
     if weight == 0 or len(shapes.pairs) + len(shapes.guarded) == 0:
         return 0.0
     joints, samples, total = states.shape[2], states.shape[3], 0.0
-    step, base, slope = step_of(samples), work.world[0], push[0, 0]
+    step, slope = step_of(samples), push[0, 0]
     for j in range(joints):  # the weight is that of the sum: what is there already waits
         for n in range(samples):
             slope[j, n] /= weight
-    for n in range(LANES):
-        for m in range(3):
-            for k in range(3):
-                base[(3 * m + k) * LANES + n] = 1.0 if m == k else 0.0
-            base[(PLACE + m) * LANES + n] = 0.0
+    stand(work)
     for start in range(0, samples, step):
         span = start, min(step, samples - start)
-        for i in range(joints):
-            _place(joint(chain, i), states, (i, start, span[1]), work.world[i], work.world[i + 1])
-        for k in range(len(shapes.frame)):
-            _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], span[1])
+        place(chain, shapes, states, span, work)
         total += _pairs(chain, shapes, span, reach, slope, work)
         total += _regions(chain, shapes, span, reach, slope, work)
     for j in range(joints):

@@ -1,4 +1,7 @@
-"""L-BFGS on one plan, compiled: the rules of ``sidegan.design.lbfgs``, without its overhead."""
+"""L-BFGS with backtracking on one plan, compiled.
+
+Source: Nocedal and Wright 2006, algorithm 7.5.
+"""
 
 import math
 from typing import NamedTuple
@@ -25,13 +28,14 @@ class Rules(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Where a search is; written by it. Points are (J, K)."""
+    """Where a search is; written by it. Points are (J K,), one joint after another."""
 
     x: Array
     gradient: Array
     direction: Array
     trial: Array
     slope: Array  # the gradient there
+    rows: tuple[Array, Array]  # trial and slope again, (J, K)
     s: Array  # steps, (memory + 1, J K): one is room for a step that may not be kept
     y: Array  # what they changed of the gradient
     rho: Array  # (memory + 1,)
@@ -41,19 +45,16 @@ class Search(NamedTuple):
 
 def search(joints: int, functions: int, memory: int) -> Search:
     """Room for a search that has not begun."""
-    point, pairs = (joints, functions), (memory + 1, joints * functions)
-    shapes: dict[str, tuple[int, ...]] = {}
-    shapes |= {"x": point, "gradient": point, "direction": point, "trial": point, "slope": point}
-    shapes |= {"s": pairs, "y": pairs, "rho": pairs[:1], "alpha": pairs[:1], "numbers": (NUMBERS,)}
-    return Search(**{name: np.zeros(shape) for name, shape in shapes.items()})
+    size, slots = joints * functions, memory + 1
+    x, gradient, direction, trial, slope = (np.zeros(size) for _ in range(5))
+    rows = trial.reshape(joints, functions), slope.reshape(joints, functions)
+    pairs = np.zeros((slots, size)), np.zeros((slots, size)), np.zeros(slots), np.zeros(slots)
+    return Search(x, gradient, direction, trial, slope, rows, *pairs, np.zeros(NUMBERS))
 
 
 @kernel
-def _dot(x: Array, y: Array) -> float:
-    total = 0.0
-    for j in range(len(x)):
-        total += product(x[j], y[j], x.shape[1])
-    return total
+def _length(x: Array) -> float:
+    return max(math.sqrt(product(x, x, len(x))), 1e-12)
 
 
 @kernel
@@ -61,22 +62,19 @@ def _begin_anew(rules: Rules, state: Search) -> None:
     """Steepest descent, with nothing remembered."""
     state.numbers[USED] = 0.0
     state.numbers[LENGTH] = 1.0
-    factor = -rules.step / max(math.sqrt(_dot(state.gradient, state.gradient)), 1e-12)
-    for j in range(len(state.x)):
-        for k in range(state.x.shape[1]):
-            state.direction[j, k] = factor * state.gradient[j, k]
+    factor = -rules.step / _length(state.gradient)
+    for i in range(len(state.x)):
+        state.direction[i] = factor * state.gradient[i]
 
 
 @kernel
 def _remember(rules: Rules, state: Search) -> None:
     """Keep a step and what it changed, where the curvature is worth it."""
-    head = (int(state.numbers[HEAD]) + 1) % len(state.rho)
-    s, y, functions = state.s[head], state.y[head], state.x.shape[1]
-    for j in range(len(state.x)):
-        for k in range(functions):
-            s[j * functions + k] = state.trial[j, k] - state.x[j, k]
-            y[j * functions + k] = state.slope[j, k] - state.gradient[j, k]
-    size = len(s)
+    head, size = (int(state.numbers[HEAD]) + 1) % len(state.rho), len(state.x)
+    s, y = state.s[head], state.y[head]
+    for i in range(size):
+        s[i] = state.trial[i] - state.x[i]
+        y[i] = state.slope[i] - state.gradient[i]
     sy, ss, yy = product(s, y, size), product(s, s, size), product(y, y, size)
     if sy > rules.curvature * math.sqrt(ss * yy):
         state.numbers[HEAD] = head
@@ -87,66 +85,39 @@ def _remember(rules: Rules, state: Search) -> None:
 @kernel
 def _two_loops(rules: Rules, state: Search) -> None:
     """The direction that the remembered steps give. Source: Nocedal and Wright 2006, algorithm 7.4."""
-    joints, functions = state.x.shape
-    d, slots = state.direction, len(state.rho)
+    d, slots, size = state.direction, len(state.rho), len(state.x)
     head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
-    for j in range(joints):
-        for k in range(functions):
-            d[j, k] = -state.gradient[j, k]
+    for i in range(size):
+        d[i] = -state.gradient[i]
     for m in range(used):
         at = (head - m) % slots
-        total = 0.0
-        for j in range(joints):
-            total += product(state.s[at][j * functions : (j + 1) * functions], d[j], functions)
-        state.alpha[at] = state.rho[at] * total
-        for j in range(joints):
-            add_to(d[j], -state.alpha[at], state.y[at][j * functions : (j + 1) * functions], functions)
-    y = state.y[head]
-    scale = 1 / max(state.rho[head] * product(y, y, len(y)), 1e-300)
-    for j in range(joints):
-        for k in range(functions):
-            d[j, k] *= scale
+        state.alpha[at] = state.rho[at] * product(state.s[at], d, size)
+        add_to(d, -state.alpha[at], state.y[at], size)
+    scale = 1 / max(state.rho[head] * product(state.y[head], state.y[head], size), 1e-300)
+    for i in range(size):
+        d[i] *= scale
     for m in range(used - 1, -1, -1):
         at = (head - m) % slots
-        total = 0.0
-        for j in range(joints):
-            total += product(state.y[at][j * functions : (j + 1) * functions], d[j], functions)
-        change = state.alpha[at] - state.rho[at] * total
-        for j in range(joints):
-            add_to(d[j], change, state.s[at][j * functions : (j + 1) * functions], functions)
-    factor = min(1.0, 4 * rules.step / max(math.sqrt(_dot(d, d)), 1e-12))
-    for j in range(joints):
-        for k in range(functions):
-            d[j, k] *= factor
-
-
-@kernel
-def _try(state: Search) -> float:
-    """Write the next trial; the slope along the step."""
-    length, slope = state.numbers[LENGTH], 0.0
-    for j in range(len(state.x)):
-        slope += product(state.direction[j], state.gradient[j], state.x.shape[1])
-        for k in range(state.x.shape[1]):
-            state.trial[j, k] = state.x[j, k] + length * state.direction[j, k]
-    return length * slope
+        add_to(d, state.alpha[at] - state.rho[at] * product(state.y[at], d, size), state.s[at], size)
+    factor = min(1.0, 4 * rules.step / _length(d))
+    for i in range(size):
+        d[i] *= factor
 
 
 @kernel
 def _accept(state: Search, goal: float, cost: float) -> None:
     """Go where the trial is."""
-    numbers = state.numbers
-    for j in range(len(state.x)):
-        for k in range(state.x.shape[1]):
-            state.x[j, k], state.gradient[j, k] = state.trial[j, k], state.slope[j, k]
-    numbers[GOAL], numbers[COST], numbers[LENGTH] = goal, cost, 1.0
+    for i in range(len(state.x)):
+        state.x[i], state.gradient[i] = state.trial[i], state.slope[i]
+    state.numbers[GOAL], state.numbers[COST], state.numbers[LENGTH] = goal, cost, 1.0
 
 
 @kernel
 def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: float) -> None:
     """Accept or refuse the trial, and choose the next direction."""
-    numbers = state.numbers
+    numbers, size = state.numbers, len(state.x)
     enough = numbers[GOAL] + numbers[COST] + rules.armijo * expected
-    if not (goal + cost <= enough and math.isfinite(_dot(state.slope, state.slope))):
+    if not (goal + cost <= enough and math.isfinite(product(state.slope, state.slope, size))):
         if numbers[LENGTH] < rules.shortest:
             _begin_anew(rules, state)
         else:
@@ -156,7 +127,7 @@ def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: floa
     _accept(state, goal, cost)
     if numbers[USED] > 0:
         _two_loops(rules, state)
-    if not (numbers[USED] > 0 and _dot(state.direction, state.gradient) < 0):
+    if not (numbers[USED] > 0 and product(state.direction, state.gradient, size) < 0):
         _begin_anew(rules, state)
 
 
@@ -165,13 +136,14 @@ def descend(plan: plans.Plan, rules: Rules, state: Search, work: plans.Room, eva
     """So many evaluations; the first of a search that has not begun is that of its start."""
     for _ in range(evaluations):
         fresh = state.numbers[STARTED] == 0
-        if fresh:
-            state.numbers[LENGTH] = 0.0
-        expected = _try(state)
-        goal, cost = plans.objective(plan, state.trial, state.slope, work)
+        length = 0.0 if fresh else state.numbers[LENGTH]
+        for i in range(len(state.x)):
+            state.trial[i] = state.x[i] + length * state.direction[i]
+        goal, cost = plans.objective(plan, state.rows[0], state.rows[1], work)
         if fresh:
             _accept(state, goal, cost)
             _begin_anew(rules, state)
             state.numbers[STARTED] = 1.0
         else:
+            expected = length * product(state.direction, state.gradient, len(state.x))
             _judge(rules, state, expected, goal, cost)

@@ -15,7 +15,7 @@ from sidegan.kernels.jit import kernel
 from sidegan.kernels.lanes import clear
 from sidegan.kernels.matrices import add_to, all_eigenpairs, factorise, invert_factor, product
 
-CONDITION, DIAGONAL, DETERMINANT, VARIANCE, VOLUME = range(5)  # kinds of goals
+CONDITION, DIAGONAL, VARIANCE, VOLUME, TOOL = range(5)  # kinds of goals
 _TINY = 1e-300
 
 
@@ -31,15 +31,19 @@ class Smooth(NamedTuple):
 class Goal(NamedTuple):
     """What is to be made small.
 
-    The condition number, or the ratio of the diagonal, of G; for M = prior + amount · G in an orthonormal
-    basis, minus log det M, or the logarithm of trace or determinant of A M⁻¹ Aᵀ for targets A.
+    The ratio of the diagonal of G; for M = prior + amount · G in an orthonormal basis the condition number
+    of M, or the logarithm of trace or determinant of A M⁻¹ Aᵀ for targets A. For a tool, whose torques are
+    those of parameters A, the log determinant of its covariance with the others unknown, after so many runs
+    of which the last is with the tool.
     """
 
     kind: int
     smooth: Smooth
     prior: Array  # information that there is already, in the orthonormal basis, (p, p)
     amount: float  # what one unit of G is worth
-    targets: Array  # A, what variances are of, (R, p) with R ≤ p
+    targets: Array  # A, (R, p) with R ≤ p
+    doubt: Array  # information on a tool that there is already, (R, R)
+    runs: float  # 1 or 2
 
 
 class Room(NamedTuple):
@@ -54,13 +58,16 @@ class Room(NamedTuple):
     sound: Array  # (1,)
     rows: Array  # of ``eigen``
     shifts: Array  # of ``eigen``
-    weights: Array  # of the directions, (p,)
-    base: Array  # the directions over the base columns, (p, p)
+    halves: Array  # (R, p)
+    small: Array  # (R, R)
+    weights: Array  # of the directions, (D,)
+    base: Array  # the directions over the base columns, (D, p)
 
 
-def room(size: int, smooth: Smooth) -> Room:
-    """Room to work on p parameters."""
-    count = min(size, smooth.lowest + smooth.highest)
+def room(goal: Goal) -> Room:
+    """Room to work on a goal, and on any other with as many parameters and targets."""
+    size, targets, smooth = len(goal.prior), len(goal.targets), goal.smooth
+    count, most = min(size, smooth.lowest + smooth.highest), max(size, 2 * targets)
     rows, shifts = eigen.room(size, count)
     return Room(
         product=np.zeros((size, size)),
@@ -72,8 +79,10 @@ def room(size: int, smooth: Smooth) -> Room:
         sound=np.zeros(1, bool),
         rows=rows,
         shifts=shifts,
-        weights=np.zeros(size),
-        base=np.zeros((size, size)),
+        halves=np.zeros((targets, size)),
+        small=np.zeros((targets, targets)),
+        weights=np.zeros(most),
+        base=np.zeros((most, size)),
     )
 
 
@@ -173,15 +182,16 @@ def _ends(smooth: Smooth, scale: float, work: Room) -> None:
 
 
 @kernel
-def _condition(goal: Goal, subspace: Array, scale: float, work: Room) -> float:
-    """Smooth log condition number; writes its directions."""
+def _condition(goal: Goal, subspace: Array, work: Room) -> float:
+    """Smooth log condition number of the inner matrix; writes its directions."""
+    size, scale = len(subspace), 0.0
+    for i in range(size):
+        scale = max(scale, work.inner[i, i])
     _ends(goal.smooth, scale, work)
     value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
-    size = len(subspace)
     for k in range(len(work.values[0])):
-        work.weights[k] = work.slopes[k] / scale
-        for i in range(size):
-            work.base[k, i] = product(subspace[i], work.vectors[0, k], i + 1)
+        work.weights[k] = goal.amount * work.slopes[k] / scale
+        _onto(subspace, work.vectors[0, k], work.base[k])
     return value
 
 
@@ -201,65 +211,109 @@ def _diagonal(goal: Goal, gram: Array, work: Room) -> float:
 
 
 @kernel
-def _determinant(goal: Goal, subspace: Array, work: Room) -> float:
-    """Minus log det of the whole information; writes its directions."""
-    size, value = len(subspace), 0.0
-    for k in range(size):
-        value -= 2 * math.log(work.whole[0][k, k])
-        work.weights[k] = -goal.amount
-        for i in range(size):
-            work.base[k, i] = product(subspace[i], work.product[k], min(i, k) + 1)
-    return value
+def _onto(subspace: Array, x: Array, base: Array) -> None:
+    """Write a vector of the orthonormal basis over the base columns."""
+    for i in range(len(subspace)):
+        base[i] = product(subspace[i], x, i + 1)
 
 
 @kernel
-def _direction(subspace: Array, inverse: Array, half: Array, whole: Array, base: Array) -> None:
-    """Write the direction over the base columns that L⁻ᵀ makes of a half one, for the inverse L⁻¹."""
-    size = len(subspace)
-    clear(whole)
-    for i in range(size):
-        add_to(whole, half[i], inverse[i], i + 1)
-    for i in range(size):
-        base[i] = product(subspace[i], whole, i + 1)
+def _half(inverse: Array, x: Array, half: Array) -> None:
+    """Write L⁻¹ x."""
+    for i in range(len(inverse)):
+        half[i] = product(inverse[i], x, i + 1)
+
+
+@kernel
+def _whole(inverse: Array, half: Array, x: Array) -> None:
+    """Write L⁻ᵀ times a half one."""
+    clear(x)
+    for i in range(len(inverse)):
+        add_to(x, half[i], inverse[i], i + 1)
 
 
 @kernel
 def _variance(goal: Goal, subspace: Array, work: Room) -> float:
     """Log of the sum of the targets' variances; writes its directions."""
     size, inverse, total = len(subspace), work.product, 0.0
-    half = work.rows[0]  # of M⁻¹ a for a target a
+    half, whole = work.rows[0], work.rows[1]  # L⁻¹ a and M⁻¹ a for a target a
     for m in range(len(goal.targets)):
-        for i in range(size):
-            half[i] = product(inverse[i], goal.targets[m], i + 1)
+        _half(inverse, goal.targets[m], half)
         total += product(half, half, size)
-        _direction(subspace, inverse, half, work.rows[1], work.base[m])
+        _whole(inverse, half, whole)
+        _onto(subspace, whole, work.base[m])
     for m in range(len(goal.targets)):
         work.weights[m] = -goal.amount / total
     return math.log(total)
 
 
 @kernel
-def _volume(goal: Goal, subspace: Array, work: Room) -> float:
-    """Log det of the targets' covariance; writes its directions."""
-    size, count, inverse, halves = len(subspace), len(goal.targets), work.product, work.inner
-    for m in range(count):
-        for i in range(size):
-            halves[m, i] = product(inverse[i], goal.targets[m], i + 1)
-    covariance, value = work.whole[0, :count, :count], 0.0
-    for m in range(count):
-        for k in range(m + 1):
-            covariance[m, k] = product(halves[m], halves[k], size)
-    if not factorise(covariance):
-        return np.inf
-    for m in range(count):  # rows of L⁻¹ for L Lᵀ = A M⁻¹ Aᵀ, times those halves
+def _eliminate(factor: Array, rows: Array, size: int) -> None:
+    """Put R⁻¹ times some rows in their place, for a lower triangular R."""
+    for m in range(len(factor)):
         for k in range(m):
-            add_to(halves[m], -covariance[m, k], halves[k], size)
+            add_to(rows[m], -factor[m, k], rows[k], size)
         for i in range(size):
-            halves[m, i] /= covariance[m, m]
-        value += 2 * math.log(covariance[m, m])
+            rows[m, i] /= factor[m, m]
+
+
+@kernel
+def _log_det(factor: Array) -> float:
+    """Logarithm of det R Rᵀ for a lower triangular R."""
+    total = 0.0
+    for m in range(len(factor)):
+        total += 2 * math.log(factor[m, m])
+    return total
+
+
+@kernel
+def _volume(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
+    """Log det of the targets' covariance, and how many directions it wrote."""
+    size, count, inverse, halves = len(subspace), len(goal.targets), work.product, work.halves
+    for m in range(count):
+        _half(inverse, goal.targets[m], halves[m])
+        for k in range(m + 1):
+            work.small[m, k] = product(halves[m], halves[k], size)
+    if not factorise(work.small):
+        return np.inf, 0
+    _eliminate(work.small, halves, size)
+    for m in range(count):
         work.weights[m] = -goal.amount
-        _direction(subspace, inverse, halves[m], work.rows[1], work.base[m])
-    return value
+        _whole(inverse, halves[m], work.rows[1])
+        _onto(subspace, work.rows[1], work.base[m])
+    return _log_det(work.small), count
+
+
+@kernel
+def _tool(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
+    """Log det of a tool's covariance, and how many directions it wrote.
+
+    With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t its information is
+    S = doubt + Aᵀ t − tᵀ X, and dS = amount · ((A − X)ᵀ dG (A − X) + (runs − 1) Xᵀ dG X).
+    """
+    size, count, inverse = len(subspace), len(goal.targets), work.product
+    pulled, solved, halves = work.base[:count], work.base[count : 2 * count], work.halves
+    for m in range(count):
+        for i in range(size):
+            pulled[m, i] = goal.amount * product(work.inner[i], goal.targets[m], size)
+        _half(inverse, pulled[m], halves[m])
+        _whole(inverse, halves[m], solved[m])
+        for k in range(m + 1):
+            told = product(goal.targets[k], pulled[m], size) - product(halves[k], halves[m], size)
+            work.small[m, k] = goal.doubt[m, k] + told
+    if not factorise(work.small):
+        return np.inf, 0
+    for m in range(count):
+        for i in range(size):
+            pulled[m, i] = goal.targets[m, i] - solved[m, i]
+    _eliminate(work.small, pulled, size)
+    _eliminate(work.small, solved, size)
+    for m in range(2 * count):
+        work.weights[m] = -goal.amount * (1.0 if m < count else goal.runs - 1.0)
+        for i in range(size):
+            work.rows[1][i] = work.base[m, i]
+        _onto(subspace, work.rows[1], work.base[m])
+    return -_log_det(work.small), 2 * count if goal.runs > 1 else count
 
 
 @kernel
@@ -271,18 +325,22 @@ def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float
     scale = to_orthonormal(subspace, gram, work.product, work.inner)
     if not (math.isfinite(scale) and scale > 0):
         return np.inf, 0
-    if goal.kind == CONDITION:
-        return _condition(goal, subspace, scale, work), len(work.values[0])
     if goal.kind == DIAGONAL:
         return _diagonal(goal, gram, work), len(work.values[0])
+    runs = goal.runs if goal.kind == TOOL else 1.0
     for i in range(len(gram)):
         for j in range(len(gram)):
-            work.whole[0][i, j] = goal.prior[i, j] + goal.amount * work.inner[i, j]
+            work.whole[0, i, j] = goal.prior[i, j] + runs * goal.amount * work.inner[i, j]
+    if goal.kind == CONDITION:
+        for i in range(len(gram)):
+            for j in range(len(gram)):
+                work.inner[i, j] = work.whole[0, i, j]
+        return _condition(goal, subspace, work), len(work.values[0])
     if not factorise(work.whole[0]):
         return np.inf, 0
     invert_factor(work.whole[0], work.product)
-    if goal.kind == DETERMINANT:
-        return _determinant(goal, subspace, work), len(gram)
     if goal.kind == VOLUME:
-        return _volume(goal, subspace, work), len(goal.targets)
+        return _volume(goal, subspace, work)
+    if goal.kind == TOOL:
+        return _tool(goal, subspace, work)
     return _variance(goal, subspace, work), len(goal.targets)

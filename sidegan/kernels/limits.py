@@ -2,9 +2,7 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
-from sidegan.kernels.chain import Array, Shapes
+from sidegan.kernels.chain import Array
 
 
 class Limits(NamedTuple):
@@ -14,25 +12,12 @@ class Limits(NamedTuple):
     the reserve, as a share of the limit.
     """
 
-    weight: float  # of all costs
-    reserve: float  # share of position and velocity limits that is kept free
-    torque_reserve: float  # the same of torque limits
+    weight: float  # of positions, velocities and higher derivatives
+    reserve: float  # share of their limits that is kept free
+    torque_weight: float
+    torque_reserve: float
     middle: Array  # of the positions [rad or m], (J,)
     room: Array  # to both sides of it [rad or m], (J,)
     speed: Array  # largest [rad/s or m/s], (J,)
     torque: Array  # largest [N·m or N], (J,); infinite where it does not matter
     parameters: Array  # that torques follow from, (10 J,)
-
-    @classmethod
-    def none(cls, joints: int) -> "Limits":
-        """Limits that cost nothing."""
-        ones = np.ones(joints)
-        return cls(0.0, 0.0, 0.0, ones, ones, ones, ones, np.ones(10 * joints))
-
-
-class Near(NamedTuple):
-    """Distances that are kept: weight times the square of what a distance lacks."""
-
-    weight: float  # of the squares [1/m²]
-    reach: float  # smallest distance that costs nothing [m]
-    shapes: Shapes  # capsules and regions

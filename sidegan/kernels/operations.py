@@ -1,16 +1,13 @@
-"""Compiled dynamics as functions of tensors on the processor, in float64; torques with first derivatives."""
+"""Compiled dynamics as functions of tensors on the processor, in float64; none is differentiable."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
-from sidegan.kernels import apart, eigen, lanes, regressor, slopes
+from sidegan.kernels import eigen, lanes, regressor
 from sidegan.kernels.chain import Chain, array
-from sidegan.kernels.limits import Limits, Near
 from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
 States = Sequence[Tensor]
@@ -65,8 +62,15 @@ def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
 
 
 def torques(chain: Chain, states: States, sets: Tensor) -> Tensor:
-    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J), which get no gradient."""
-    return _Torques.apply(*states, sets.detach(), chain)
+    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J); not differentiable."""
+    parameters, (batch, count, joints) = array(sets), states[0].shape
+    torque = np.empty((batch, sets.shape[1], joints, count))
+
+    def work(k: slice) -> None:
+        lanes.torques(chain, _states(*(x[k] for x in states)), parameters[k], torque[k], lanes.room(joints))
+
+    share(work, batch, count)
+    return torch.from_numpy(torque).transpose(2, 3)
 
 
 def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tensor:
@@ -85,13 +89,6 @@ def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tenso
 
     each(work, threads)
     return torch.from_numpy(products.sum(0))
-
-
-def penalised_slopes(
-    chain: Chain, states: States, sets: Tensor, weights: Tensor, limits: Limits, near: Near | None
-) -> tuple[Tensor, list[Tensor]]:
-    """Penalty, (B,), and gradients in the states, (B, T, J) each, of it and of Σ weight · |Y v|²."""
-    return _slopes(chain, states, (sets, weights, weights.new_zeros(0, 0, 0, 0)), limits, near)
 
 
 @torch.no_grad()
@@ -117,53 +114,6 @@ def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
         for x_of_all, x_of_rest in zip(pairs, eigh(x[rest])):
             x_of_all[rest] = x_of_rest[..., ends]
     return pairs
-
-
-class _Torques(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, q: Tensor, dq: Tensor, ddq: Tensor, sets: Tensor, chain: Chain) -> Tensor:
-        ctx.save_for_backward(q, dq, ddq, sets)
-        ctx.chain, parameters = chain, array(sets)
-        batch, count, joints = q.shape
-        torque = np.empty((batch, sets.shape[1], joints, count))
-
-        def work(k: slice) -> None:
-            motion = _states(q[k], dq[k], ddq[k])
-            lanes.torques(chain, motion, parameters[k], torque[k], lanes.room(joints))
-
-        share(work, batch, count)
-        return torch.from_numpy(torque).transpose(2, 3)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, cotangent: Tensor) -> tuple[Tensor | None, ...]:
-        *states, sets = ctx.saved_tensors
-        fields = sets, sets.new_zeros(sets.shape[:2]), cotangent.transpose(2, 3)
-        slope = _slopes(ctx.chain, states, fields, Limits.none(states[0].shape[2]), None)[1]
-        return (*slope, None, None)
-
-
-def _slopes(
-    chain: Chain, states: States, sets: Sequence[Tensor], limits: Limits, near: Near | None
-) -> tuple[Tensor, list[Tensor]]:
-    """Penalty, (B,), and gradients of it and of the function of ``slopes.Sets``, given by its fields."""
-    batch, count, joints = states[0].shape
-    slope, value = np.empty((3, batch, joints, count)), np.zeros(batch)
-    arrays = [array(x) for x in sets]
-
-    def work(k: slice) -> None:
-        motion, mine = _states(*(x[k] for x in states)), slopes.Sets(*(x[k] for x in arrays))
-        slopes.slopes(chain, limits, motion, mine, value[k], slope[:, k], lanes.room(joints))
-        if near is not None:
-            room, push = apart.room(len(near.shapes.frame), joints), np.zeros((2, 1, joints, count))
-            for b in range(k.start, k.stop):
-                push[...] = 0.0
-                one = np.ascontiguousarray(motion[:, b - k.start, None])
-                value[b] += apart.keep_apart(chain, near.shapes, one, near.weight, near.reach, push, room)
-                slope[0, b] += push[0, 0]
-
-    share(work, batch, count)
-    return torch.from_numpy(value), [x.transpose(1, 2) for x in torch.from_numpy(slope)]
 
 
 def columns_of_links(columns: Tensor, joints: int) -> regressor.Columns:

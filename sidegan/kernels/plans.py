@@ -1,8 +1,4 @@
-"""The penalised objective of one trajectory and its exact gradient, compiled from end to end.
-
-The batch's code, ``sidegan.design.objective``, spends twenty times as long on a single trajectory, nearly all
-of it outside of the arithmetic.
-"""
+"""The penalised objective of one trajectory and its exact gradient, compiled from end to end."""
 
 import math
 from typing import NamedTuple
@@ -21,9 +17,9 @@ from sidegan.kernels.weighted import weighted_gram, weighted_slopes
 
 
 class Plan(NamedTuple):
-    """One situation: an arm among its regions, its trajectories, what is asked of them.
+    """An arm among its regions, its trajectories, and what is asked of them.
 
-    A point x, (J, K), stands for the coefficients turn @ (size · x) of each joint.
+    A point x, (J, K), stands for the coefficients matrix @ x of each joint.
     """
 
     chain: Chain
@@ -33,13 +29,11 @@ class Plan(NamedTuple):
     # lower triangular C of all P parameters; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (P, P)
     subspace: Array
     home: Array  # position that trajectories start from, (J,) [rad or m]
-    turn: Array  # (K, K)
-    size: Array  # (J, K)
+    matrix: Array  # coefficients of points, (J, K, K), symmetric
     basis: Array  # derivatives 0 to 2 of the K basis functions at T samples, (3, K, T)
     # derivatives 0, 1 and what ``higher`` limits at S finer ones, some of them the same, (2 + L, K, S)
     fine: Array
-    torques: Limits  # what torques cost, at the samples
-    bounds: Limits  # what positions, velocities and what is higher cost, at the finer samples
+    limits: Limits  # what torques cost, at the samples, and all else, at the finer ones
     higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
     close: float  # weight of what small distances lack, at the finer samples [1/m²]
     reach: float  # smallest distance that costs nothing [m]
@@ -58,7 +52,7 @@ class Room(NamedTuple):
     y: Array  # regressor
     gram: Array  # (P, P)
     goal: goals.Room
-    sets: Array  # inertial parameters of the directions, (P, 10 J)
+    sets: Array  # inertial parameters of the directions, (D, 10 J)
     signals: terms.Signals
     slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
     push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
@@ -68,8 +62,10 @@ class Room(NamedTuple):
 
 def room(plan: Plan) -> Room:
     """Room to work on a plan, and on any other with as many of everything."""
-    joints, functions = plan.size.shape
+    joints, functions, _ = plan.matrix.shape
     size, samples, finer = len(plan.subspace), plan.basis.shape[2], plan.fine.shape[2]
+    goal = goals.room(plan.goal)
+    sets = len(goal.weights)
     return Room(
         np.zeros((joints, functions)),
         lanes.aligned(5, 1, joints, samples),
@@ -78,9 +74,9 @@ def room(plan: Plan) -> Room:
         lanes.room(joints),
         lanes.aligned(size, joints * regressor.SPAN),
         np.zeros((size, size)),
-        goals.room(size, plan.goal.smooth),
-        np.zeros((size, 10 * joints)),
-        terms.room(plan.extra, samples, size),
+        goal,
+        np.zeros((sets, 10 * joints)),
+        terms.room(plan.extra, samples, sets),
         lanes.aligned(3, 1, joints, samples),
         lanes.aligned(len(plan.fine), 1, joints, finer),
         apart.room(len(plan.shapes.frame), joints),
@@ -89,19 +85,17 @@ def room(plan: Plan) -> Room:
 
 
 @kernel
-def coefficients(plan: Plan, x: Array, c: Array) -> None:
-    """Write the coefficients (J, K) [rad/s] of a point (J, K)."""
-    for j in range(len(c)):
-        for k in range(c.shape[1]):
-            total = 0.0
-            for m in range(c.shape[1]):
-                total += plan.turn[k, m] * plan.size[j, m] * x[j, m]
-            c[j, k] = total
+def _move(plan: Plan, x: Array, work: Room) -> None:
+    """Write the coefficients (J, K) [rad/s] of a point (J, K), and the states."""
+    for j in range(len(x)):
+        for k in range(x.shape[1]):
+            work.c[j, k] = product(plan.matrix[j, k], x[j], x.shape[1])
+    roll_out(plan, work)
 
 
 @kernel
-def _roll_out(plan: Plan, work: Room) -> None:
-    """Write the states at both grids of samples."""
+def roll_out(plan: Plan, work: Room) -> None:
+    """Write the states of the coefficients at both grids of samples."""
     fine, states = work.fine, work.states
     joints, samples, finer = len(plan.home), states.shape[3], fine.shape[3]
     every = finer // samples
@@ -136,7 +130,7 @@ def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: floa
 @kernel
 def _bound(plan: Plan, work: Room) -> float:
     """What positions, velocities and higher derivatives cost; writes their slopes."""
-    bounds, fine, push, total = plan.bounds, work.fine, work.push, 0.0
+    bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
     for j in range(len(bounds.room)):
         total += _cost_of(fine[Q, 0, j], bounds.middle[j], bounds.room[j], reserve, weight, push[0, 0, j])
@@ -166,26 +160,12 @@ def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
     for j in range(joints):
         clear(gradient[j])
         for k in range(functions):
-            add_to(gradient[j], work.back[j, k], plan.turn[k], functions)
-        for k in range(functions):
-            gradient[j, k] *= plan.size[j, k]
+            add_to(gradient[j], work.back[j, k], plan.matrix[j, k], functions)
 
 
 @kernel
-def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
-    """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
-
-    Where there is no goal it is infinite, and the gradient zero.
-    """
-    coefficients(plan, x, work.c)
-    _roll_out(plan, work)
-    extra = plan.extra, work.signals
-    weighted_gram(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
-    value, count = goals.goal_of(plan.goal, plan.subspace, work.gram, work.goal)
-    for j in range(len(gradient)):
-        clear(gradient[j])
-    if not math.isfinite(value):
-        return np.inf, 0.0
+def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
+    """Penalty of the states; writes the gradient of it and of the energy of so many directions."""
     columns, first, samples = plan.columns, plan.columns.first, work.states.shape[3]
     for k in range(count):
         work.goal.weights[k] /= samples
@@ -194,11 +174,42 @@ def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float,
                 work.sets[k, 10 * i + columns.kinds[m]] = work.goal.base[k, m]
         for e in range(len(plan.extra.kinds)):
             work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
-    directions = work.sets, work.goal.weights[:count]
+    directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
     cost = weighted_slopes(
-        plan.chain, plan.torques, work.states, extra, plan.roots, directions, work.slope, work.lanes
+        plan.chain, plan.limits, work.states, extra, plan.roots, directions, work.slope, work.lanes
     )
     cost += _bound(plan, work)
     cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
     _pull_back(plan, gradient, work)
-    return value, cost
+    return cost
+
+
+@kernel
+def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+    """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
+
+    Where there is no goal it is infinite, and the gradient zero.
+    """
+    _move(plan, x, work)
+    extra = plan.extra, work.signals
+    weighted_gram(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    value, count = goals.goal_of(plan.goal, plan.subspace, work.gram, work.goal)
+    for j in range(len(gradient)):
+        clear(gradient[j])
+    if not math.isfinite(value):
+        return np.inf, 0.0
+    return value, _penalised(plan, count, gradient, work)
+
+
+@kernel
+def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: Room) -> float:
+    """Penalty of a point (J, K); writes the gradient of it and of Σ weight · |Y v|² / T, (J, K).
+
+    The vectors v are (D, p), of rigid bodies alone; their rows count by the joints' weights.
+    """
+    _move(plan, x, work)
+    for k in range(len(weights)):
+        work.goal.weights[k] = weights[k]
+        for m in range(vectors.shape[1]):
+            work.goal.base[k, m] = vectors[k, m]
+    return _penalised(plan, len(weights), gradient, work)

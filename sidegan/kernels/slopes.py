@@ -1,11 +1,10 @@
-"""Compiled slopes of torques, and of what limits cost: inverse dynamics in reverse.
+"""Compiled slopes of torques, and of what their limits cost: inverse dynamics in reverse.
 
 For cotangents s of the torques, sᵀ τ is the sum over links of wrench · twist, where the twists are those of
 an arm that moves with joint speeds s. So the adjoint of a twist is the force that the recursion carries.
 """
 
 import math
-from typing import NamedTuple
 
 from sidegan.kernels.chain import Array, Chain
 from sidegan.kernels.formulas import (
@@ -34,31 +33,17 @@ from sidegan.kernels.lanes import (
     A,
     Block,
     Lanes,
-    Q,
     Room,
     clear,
-    enter,
-    forces,
     increase,
     load,
     load_motion,
     load_turn,
     load_wrench,
-    rest,
-    step_of,
     store,
 )
 from sidegan.kernels.limits import Limits
 from sidegan.kernels.links import Joint, joint, ten
-
-
-class Sets(NamedTuple):
-    """Parameter sets of B trajectories, and the function of their torques that slopes are of."""
-
-    parameters: Array  # (B, K, 10 J)
-    # the function is Σ weight · |τ|² over sets and time, (B, K); without meaning where there are cotangents
-    weights: Array
-    cotangents: Array  # of the torques, (B, K, J, T); none: (0, 0, 0, 0)
 
 
 @kernel
@@ -163,56 +148,12 @@ def beyond(x: float, limit: float, reserve: float) -> float:
 
 @kernel_in_any_order
 def keep(limits: Limits, work: Room, lanes: int) -> float:
-    """Penalty of a block; adds its slopes in q and dq to adjoints, puts those in torques in their place."""
+    """What the torques of a block cost; puts its slopes in them in their place."""
     total = 0.0
-    for i in range(len(limits.speed)):
-        state, torque, adjoint = work.state[i], work.torque[i], work.adjoints[i + 1]
-        middle, room, speed, most = limits.middle[i], limits.room[i], limits.speed[i], limits.torque[i]
+    for i in range(len(limits.torque)):
+        torque, most = work.torque[i], limits.torque[i]
         for n in range(min(lanes, LANES)):
-            q = beyond(state[Q * LANES + n] - middle, room, limits.reserve)
-            dq = beyond(state[DQ * LANES + n], speed, limits.reserve)
             tau = beyond(torque[n], most, limits.torque_reserve)
-            adjoint[SQ * LANES + n] += 2.0 * limits.weight / room * q
-            adjoint[SDQ * LANES + n] += 2.0 * limits.weight / speed * dq
-            torque[n] = 2.0 * limits.weight / most * tau
-            total += q * q + dq * dq + tau * tau
-    return limits.weight * total
-
-
-@kernel
-def _cotangents(sets: Sets, k: int, block: Block, width: int, torque: Array) -> None:
-    """Put cotangents in place of the torques of set k."""
-    b, start, lanes = block
-    for j in range(len(torque)):
-        if len(sets.cotangents) > 0:
-            for n in range(min(lanes, LANES)):
-                torque[j, n] = sets.cotangents[b, k, j, start + n]
-        else:
-            for n in range(min(width, LANES)):
-                torque[j, n] *= 2.0 * sets.weights[b, k]
-
-
-@kernel
-def slopes(
-    chain: Chain, limits: Limits, states: Array, sets: Sets, value: Array, slope: Array, work: Room
-) -> None:
-    """Write the slopes in q, dq and ddq, (3, B, J, T), of the function of ``sets`` and of what limits cost.
-
-    What the limits cost is added to value, (B,); that is nothing where their weight is zero.
-    """
-    count = states.shape[3]
-    rest(chain.gravity, work.links[0])
-    step = step_of(count)
-    for b in range(states.shape[1]):
-        for start in range(0, count, step):
-            block = b, start, min(step, count - start)
-            enter(chain, states, block, step, work)
-            for k in range(sets.parameters.shape[1]):
-                forces(chain, sets.parameters[b, k], work, step)
-                _cotangents(sets, k, block, step, work.torque)
-                push(chain, sets.parameters[b, k], work, step)
-            if limits.weight > 0:
-                forces(chain, limits.parameters, work, step)
-                value[b] += keep(limits, work, block[2])
-                push(chain, limits.parameters, work, step)
-            pull(chain, work, slope, block, step)
+            torque[n] = 2.0 * limits.torque_weight / most * tau
+            total += tau * tau
+    return limits.torque_weight * total

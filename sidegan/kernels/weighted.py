@@ -67,7 +67,7 @@ def weighted_slopes(
     slope: Array,
     work: Room,
 ) -> float:
-    """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what limits cost; the latter.
+    """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what torques cost; the latter.
 
     The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), with the terms' shares in each, joints and
     time, with the weights (K,) of the sets and w of the joints. The terms' signals are those of the states.
@@ -91,7 +91,7 @@ def weighted_slopes(
                     torque[n] *= factor
             push(chain, sets[k], work, step)
             push_terms(terms[0], terms[1], k, block, work.torque)
-        if limits.weight > 0:
+        if limits.torque_weight > 0:
             forces(chain, limits.parameters, work, step)
             cost += keep(limits, work, block[2])
             push(chain, limits.parameters, work, step)

@@ -3,28 +3,28 @@
 Compiled kernels do the work, in float64 on the processor, whatever the states' type and device.
 """
 
-from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.kernels.chain import Chain
-from sidegan.kernels.limits import Limits, Near
 from sidegan.motion.base_parameters import LINK_PARAMETERS, BaseParameters
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 __all__ = ["LINK_PARAMETERS", "BaseParameters", "RigidBody", "gram", "gram_of"]
 
+_found: WeakKeyDictionary[Arm, BaseParameters] = WeakKeyDictionary()
+
 
 class RigidBody:
     """Dynamics of a serial arm.
 
-    States are joint position [rad or m], velocity and acceleration, (…, J) each. Torques have derivatives in
-    them, the first ones; regressors and what is made of them have none.
+    States are joint position [rad or m], velocity and acceleration, (…, J) each. Nothing is differentiable.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -42,8 +42,10 @@ class RigidBody:
 
     @cached_property
     def base(self) -> BaseParameters:
-        """Base parameters of the arm, from the regressor over random states."""
-        return BaseParameters.of(self.arm)
+        """Base parameters of the arm, from the regressor over random states; found once for each arm."""
+        if self.arm not in _found:
+            _found[self.arm] = BaseParameters.of(self.arm)
+        return _found[self.arm]
 
     @cached_property
     def chain(self) -> Chain:
@@ -83,15 +85,6 @@ class RigidBody:
         torques: Tensor = _kernels().torques(self.chain, [x.reshape(shape) for x in states], sets)
         return torques.reshape(q.shape)
 
-    def torques_of(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor) -> Tensor:
-        """Regressor times several parameter sets, (B, K, T, J), of states (B, T, J) and sets (B, K, 10 J).
-
-        This is Y v for the K vectors v of each trajectory, at the cost of inverse dynamics.
-        """
-        sets = parameters.to("cpu", torch.float64)
-        torques: Tensor = _kernels().torques(self.chain, self._checked(q, dq, ddq), sets)
-        return torques
-
     def sums(self, q: Tensor, dq: Tensor, ddq: Tensor, torque: Tensor) -> Tensor:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 
@@ -100,25 +93,6 @@ class RigidBody:
         states, torque = self._checked(q, dq, ddq), torque.to("cpu", torch.float64)
         sums: Tensor = _kernels().sums(self.chain, self.base.columns, states, torque)
         return sums
-
-    def penalised_slopes(
-        self,
-        states: Sequence[Tensor],
-        parameters: Tensor,
-        weights: Tensor,
-        limits: Limits | None = None,
-        near: Near | None = None,
-    ) -> tuple[Tensor, list[Tensor]]:
-        """Penalty summed over time, (B,), and gradients, (B, T, J) each, of it and of Σ weight · |Y v|².
-
-        The vectors v are (B, K, 10 J), their weights (B, K); no limits and no distances cost nothing.
-        """
-        limits = limits or Limits.none(self.joints)
-        sets, weights = (x.to("cpu", torch.float64) for x in (parameters, weights))
-        found: tuple[Tensor, list[Tensor]] = _kernels().penalised_slopes(
-            self.chain, self._checked(*states), sets, weights, limits, near
-        )
-        return found
 
     def _checked(self, q: Tensor, dq: Tensor, ddq: Tensor) -> list[Tensor]:
         """The states as kernels take them."""

@@ -31,6 +31,7 @@ def times(*factors: Any) -> float | None:
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
 OmegaConf.register_new_resolver("times", times, replace=True)
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
+_RENAMED = {"goal.wanted": "goal.objective"}
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
@@ -86,6 +87,8 @@ def _unknown(key: str, inner: str) -> str:
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
+    if inner in _RENAMED:
+        return f"{inner}: this setting is called {_RENAMED[inner]} now"
     *group, name = place = tuple(inner.split("."))
     beside, near = names_in(Config, group), suggest(Config, place)
     if name in beside:

@@ -16,8 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
-from sidegan.design.sequence import Search
-from sidegan.designer.settings import DesignerSettings
+from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
 from sidegan.gan.settings import SurrogateSettings
@@ -99,7 +98,6 @@ class Config:
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
-    excite: list[str] = _group("excite")  # pools that stage excite picks from: seeds, random, variants
     controllers: Delivery = _group("controllers")
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
@@ -110,7 +108,6 @@ class Config:
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
-    designer: DesignerSettings = _group("designer")
     recordings: list[Recorded] = _group("recordings")  # to identify from, each a file or one for each signal
     # recordings that are held out, or which share of every recording, its last part
     validation: list[Recorded] | Open = _group("validation")
@@ -118,7 +115,7 @@ class Config:
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
     goal: GoalSettings = _group("goal")  # what excite designs for
-    search: Search = _group("search")  # of such trajectories
+    search: SearchSettings = _group("search")  # for them
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")
@@ -157,10 +154,9 @@ class Config:
                 yield f"device is {self.device!r}, which is not there: {str(error).splitlines()[0]}"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each stage once"
-        for name, what in (("trainings", "number"), ("excite", "pool")):
-            values = getattr(self, name) if self.has(name) else [name]
-            if not values or len(set(values)) < len(values):
-                yield f"{name} is {values}, expected one {what} or more, each once"
+        trainings = self.trainings if self.has("trainings") else [0]
+        if not trainings or len(set(trainings)) < len(trainings):
+            yield f"trainings is {trainings}, expected one number or more, each once"
         if self.has("gan") and not self.gan:
             yield "gan is empty, expected one variant or more"
 

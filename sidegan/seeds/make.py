@@ -1,6 +1,5 @@
 """Seed sets and long trajectories, made task by task: parallel, resumable, the same however many workers."""
 
-import logging
 import time
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,8 +13,6 @@ from sidegan.base.storage import read_torch, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
 from sidegan.seeds.result import SeedBatch
-
-log = logging.getLogger(__name__)
 
 _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
 _SPARE_STARTS = 4  # of a long trajectory, for each that is set, while none is valid
@@ -36,11 +33,10 @@ class Tasks:
     batch: int  # seeds of one task
     work: Path  # folder of the finished tasks' files, read again after an interrupt
     workers: int | None = None  # processes; None: one per core
-    enough: int | None = None  # seeds that do where no more become valid; None: all
 
 
 def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random.SeedSequence) -> SeedBatch:
-    """``tasks.count`` valid seeds, or as many as became valid where that is enough.
+    """``tasks.count`` valid seeds.
 
     Raises:
         InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
@@ -60,10 +56,7 @@ def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random
         batches += run_jobs("seeds", jobs, tasks.workers, missing)
     whole = SeedBatch.join(batches)
     if len(whole) < tasks.count:
-        short = whole.shortfall(tasks.count)
-        if len(whole) < (tasks.enough or tasks.count):
-            raise short
-        log.warning("%s", short)
+        raise whole.shortfall(tasks.count)
     return whole
 
 

@@ -33,7 +33,7 @@ class ConditionProblem:
     """
 
     def __init__(self, problem: Problem, box: float) -> None:
-        from sidegan.design.evaluation import Evaluation
+        from sidegan.design.objective import Evaluation  # compiled: imported when it is used
 
         self.evaluation = Evaluation(problem, _DISTANCE)
         self.box, self.shape = box, problem.trajectory.shape

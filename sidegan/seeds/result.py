@@ -11,10 +11,9 @@ from torch import Tensor
 
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.errors import InfeasibleError
-from sidegan.validity import check, summarise_faults
+from sidegan.validity import summarise_faults
 from sidegan.validity.home import REMEDIES
 
-_SHRINK = 0.99  # towards home, one step at a time
 _SMALLEST = 0.5  # a seed that must shrink further has failed
 _FINER = 3  # the fitness reported is taken at so many times the problem's samples
 _REACH = 0.7  # share of the tightest limit that the first starts use; less in each further round
@@ -70,15 +69,9 @@ def settle(problem: Problem, c: Tensor, smallest: float = _SMALLEST) -> SeedBatc
 
     They shrink to no less than a share of their size.
     """
-    c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
-    valid = torch.zeros(len(c), dtype=torch.bool)
-    scale = 1.0
-    while scale >= smallest and not valid.all():
-        left = torch.nonzero(~valid)[:, 0]
-        verdict = check(problem.constraints, problem.trajectory, c[left] * scale)
-        c[left[verdict.valid]] *= scale
-        valid[left[verdict.valid]] = True
-        scale *= _SHRINK
+    from sidegan.design.search import proven  # compiled: imported when it is used
+
+    c, valid, verdict = proven(problem, c, smallest)
     fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)
     good = valid & (fitness < HOPELESS)
     faults = Counter({_ILL: int((valid & ~good).sum())})

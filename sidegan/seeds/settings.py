@@ -19,8 +19,7 @@ from sidegan.validity import Constraints
 class Seeds:
     """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
-    # compiled: as gradient, each start by itself, by ``sidegan.designer.Compiled``
-    method: Literal["gradient", "paper", "compiled", "published"]
+    method: Literal["gradient", "paper", "published"]
     fitness: Literal["eigenvalue", "diagonal"]
     count: Count
     samples: Size  # time points per period
@@ -28,7 +27,6 @@ class Seeds:
     steps: Count  # evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
     reserve: Share | None = None  # not paper: share of each limit that seeds keep free
-    enough: Count | None = None  # seeds that do where no more become valid; null: all
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
     box: Positive | None = None  # paper only: largest absolute coefficient [rad/s]
@@ -44,17 +42,15 @@ class Seeds:
             raise ConfigError(f"{', '.join(of_paper)} are of method paper; choose seeds={self.method}")
         if self.method != "paper" and (self.strongest, self.shipped) != (None, None):
             raise ConfigError(f"strongest and shipped are of method paper; choose seeds={self.method}")
-        if (self.method in ("gradient", "compiled")) != (self.reserve is not None):
-            raise ConfigError(
-                "methods gradient and compiled, and no others, need reserve; choose one by seeds=gradient"
-            )
+        if (self.method == "gradient") != (self.reserve is not None):
+            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}, and seeds.folder=SIDE-GAN-Pytorch")
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""
         if self.method != "published":
-            changes_nothing = ("enough", "folder", "shipped")
+            changes_nothing = ("folder", "shipped")
             return {name: x for name, x in asdict(self).items() if name not in changes_nothing}
         return {"method": self.method, "count": self.count, "files": self.published.digest}
 
@@ -65,7 +61,7 @@ class Seeds:
 
     @property
     def optimiser(self) -> Method:
-        """The configured method, where it is none of ``sidegan.designer``."""
+        """The configured method."""
         if self.ants is not None and self.evaluations is not None and self.box is not None:
             return Paper(self.steps, self.ants, self.evaluations, self.box, self.attempts)
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)

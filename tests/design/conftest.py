@@ -25,6 +25,12 @@ def random():
     return torch.Generator().manual_seed(3)
 
 
+def states_of(problem, c):
+    """Positions and as many derivatives as are limited at a problem's samples, (B, T, J) each."""
+    family, times = problem.trajectory, problem.trajectory.grid(problem.samples)
+    return [family.derivative(c, times, order) for order in range(problem.constraints.orders)]
+
+
 def semidefinite(seed, count=1, size=4, rank=6):
     """Random matrices of a rank, (count, size, size)."""
     rows = torch.randn(count, rank, size, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)

@@ -8,12 +8,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.design.evaluation import Evaluation
+from sidegan.design.objective import Evaluation
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import constrained, random_chain
 from tests.validity.critical import limited
+
+from .conftest import states_of
 
 DESK = Plane((0.0, 0.0, 1.0), 0.1)
 ROUND = (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1))
@@ -32,7 +34,7 @@ def candidates(problem, count, seed=0, size=1.0):
 def by_definition(problem, coefficients):
     """Log fitness and violations, (B, 1 + G), from the problem's own."""
     c, constraints = torch.from_numpy(coefficients), problem.constraints
-    margins = constraints.margins(*(part.flatten(0, 1) for part in problem.states(c)))
+    margins = constraints.margins(*(part.flatten(0, 1) for part in states_of(problem, c)))
     shares = constraints.relative(margins, DISTANCE).values()
     violations = [-share.reshape(len(c), -1).amin(1) for share in shares]
     return torch.stack([problem.fitness(c).log(), *violations], 1).numpy()

@@ -7,15 +7,15 @@ import pytest
 import torch
 
 from sidegan.design.excitation import excitation_of, excite
-from sidegan.design.objective import smooth_condition, value_and_gradient
+from sidegan.design.objective import value_and_gradient
 from sidegan.design.objectives import log_condition
 from sidegan.design.penalty import Penalty
+from sidegan.design.physics import smooth_condition
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from tests.chains import random_chain
 
-from .conftest import assert_slopes
+from .conftest import assert_slopes, states_of
 
 DESK, BESIDE = Plane((0, 0, 1), 0.1), Box((-0.6, 0.2, 0.2), (-0.2, 0.5, 1.2))
 OBSTACLES = (Sphere((0.4, 0.2, 0.5), 0.2), Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1))
@@ -36,11 +36,6 @@ def test_the_gradient_agrees_with_finite_differences(planar, random, diagonal, r
     problem = Problem(Constraints(planar, [region]), Trajectory(2, 3, 8.0), 24, diagonal)
     c = problem.start(4, random, reach)
     assert_slopes(lambda x: value_and_gradient(problem, x, Penalty(30.0)), c, random, rtol=1e-4, atol=1e-5)
-
-
-def test_the_gradient_of_the_lwr_agrees_with_finite_differences(lwr_problem, random):
-    c, penalty = lwr_problem.start(2, random, 0.9), Penalty(300.0)
-    assert_slopes(lambda x: value_and_gradient(lwr_problem, x, penalty), c, random, rtol=2e-3, atol=1e-3)
 
 
 def test_the_value_is_a_smooth_log_condition_number_and_what_violations_cost(planar_problem, random):
@@ -104,7 +99,7 @@ def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
 def value_of(problem, c, penalty):
     """Log fitness and what violations cost, by their definitions, (B,)."""
     arm, constraints = problem.constraints.arm, problem.constraints
-    states = problem.states(c)
+    states = states_of(problem, c)
     q, dq, *_ = states
     middle, room = (
         (arm.position_upper + arm.position_lower) / 2,
@@ -130,10 +125,3 @@ def assert_defined_so(problem, c, penalty, random):
 def test_the_value_is_that_of_its_definition(arm, random, regions):
     problem = Problem(Constraints(arm, regions), Trajectory(7), 40)
     assert_defined_so(problem, problem.start(6, random, 1.3), Penalty(300.0, distance=1.0), random)
-
-
-@pytest.mark.parametrize("joints", [3, 6])
-def test_sliding_joints_are_no_exception(joints, random):
-    constraints = Constraints(random_chain(joints, 0)[0], [Plane((0, 0, 1), -0.3)])
-    problem = Problem(constraints, Trajectory(joints, 2, 8.0, [0.0] * joints), 20)
-    assert_defined_so(problem, problem.start(4, random, 1.0), Penalty(10.0, distance=2.0), random)

@@ -20,7 +20,7 @@ from sidegan.motion.dynamics import RigidBody
 from tests.settings import settings
 
 NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
-GOAL = GoalSettings(wanted="all", noise=None, assumed=0.05, correlation=0.03, believed=1.0, evaluations=100)
+GOAL = GoalSettings(1, "parameters", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
 

@@ -124,8 +124,12 @@ REFUSED = [
     (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
     (ConfigError, "forgetting factor 0.9, expected 1", lambda: summed(forgetting=0.9)),
     (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
-    (ConfigError, r"goal\.wanted names hand, expected some of .*forearm", lambda: goal(wanted=["hand"])),
-    (ConfigError, "expected some of .*forearm, or goal.wanted=all", lambda: goal(wanted=[])),
+    (
+        ConfigError,
+        r"names hand, expected some of .*forearm",
+        lambda: goal(objective=["hand"]),
+    ),
+    (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),
     (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),
     (ConfigError, "design with model.stribeck=false", lambda: goal(replace(FULL, stribeck=True))),
 ]

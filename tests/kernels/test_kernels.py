@@ -8,14 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from sidegan.kernels import lanes
 from sidegan.kernels.chain import Chain
-from sidegan.kernels.limits import Limits, Near
+from sidegan.kernels.limits import Limits
+from sidegan.kernels.terms import JointTerms, room
+from sidegan.kernels.weighted import weighted_slopes
 from sidegan.motion import threads
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints
 from tests.chains import random_chain, random_states
-from tests.motion.conftest import REGIONS, body_and_states, close, normal
+from tests.motion.conftest import body_and_states, close, normal
 from tests.threads import several_threads
 
 CHAINS = st.tuples(st.integers(1, 9), st.integers(0, 30))
@@ -41,94 +43,29 @@ def test_sums_are_those_of_the_regressor(chain, count):
 
 
 @settings(deadline=None, max_examples=15)
-@given(CHAINS, SIZES, st.integers(1, 4))
-def test_slopes_of_torques_are_pinocchios(chain, size, sets):
-    """Of several multiples of the arm's own parameters."""
-    (body, states), (_, model) = body_and_states(chain, *size), random_chain(*chain)
-    factors, cotangent = normal(size[0], sets), normal(size[0], sets, size[1], body.joints)
-    x, data = [part.requires_grad_(True) for part in states], model.createData()
-    torques = body.torques_of(*x, factors[:, :, None] * body.arm.inertial_parameters.flatten())
-    push = torch.einsum("bk,bktj->btj", factors, cotangent).flatten(0, 1).numpy()
-    rows = zip(push, *(part.detach().flatten(0, 1).numpy() for part in states))
-    slopes = [[one @ y for y in pin.computeRNEADerivatives(model, data, *state)] for one, *state in rows]
-    expected = torch.from_numpy(np.array(slopes)).reshape(*size, 3, body.joints).unbind(2)
-    close(torch.autograd.grad(torques, x, cotangent), expected, 1e-11)
-
-
-def cost_of(body, states, limits):
-    """What exceeds limits, by its definition, (B,)."""
-    middle, room, speed, most, own = map(torch.from_numpy, limits[3:])
-    torque = body.torques_of(*states, own.expand(len(states[0]), 1, -1))[:, 0]
-    uses = [(states[0] - middle).abs() / room, states[1].abs() / speed]
-    uses = [use + limits.reserve for use in uses] + [torque.abs() / most + limits.torque_reserve]
-    return limits.weight * sum(((use - 1).clamp_min(0) ** 2).sum((1, 2)) for use in uses)
-
-
-@settings(deadline=None, max_examples=15)
-@given(CHAINS, st.sampled_from([1, 8, 65]), st.floats(0.1, 100.0))
-def test_penalised_slopes_are_those_of_torques_and_what_exceeds_limits(chain, count, weight):
-    body, states = body_and_states(chain, 2, count)
-    sets, weights = normal(2, 3, 10 * body.joints), normal(2, 3)
-    tight = torch.full((body.joints,), 0.3, dtype=torch.float64).numpy()  # exceeded by some states
-    parameters = body.arm.inertial_parameters.flatten().contiguous().numpy()
-    limits = Limits(weight, 0.2, 0.1, 0.1 * tight, tight, 2 * tight, 10 * tight, parameters)
-    value, slopes = body.penalised_slopes(states, sets, weights, limits, None)
-    x = [part.requires_grad_(True) for part in states]
-    cost = cost_of(body, x, limits)
-    energy = (weights * body.torques_of(*x, sets).square().sum((2, 3))).sum()
-    torch.testing.assert_close(value, cost, rtol=1e-12, atol=1e-12)
-    close(slopes, torch.autograd.grad(cost.sum() + energy, x), 1e-12)
-
-
-def test_an_infinite_torque_limit_costs_nothing(arm):
-    body, states = RigidBody(arm), [x.reshape(2, 9, 7) for x in random_states(arm, 18)]
-    none = torch.full((7,), torch.inf, dtype=torch.float64).numpy()
-    limits = Limits.none(7)._replace(weight=1.0, room=none, speed=none, torque=none)
-    sets, weights = normal(2, 1, 70), normal(2, 1)
-    value, slopes = body.penalised_slopes(states, sets, weights, limits, None)
-    assert not value.any()
-    for one, other in zip(slopes, body.penalised_slopes(states, sets, weights)[1]):
-        torch.testing.assert_close(one, other, rtol=1e-12, atol=1e-9)
-
-
-@pytest.mark.parametrize("region", REGIONS)
-def test_distances_cost_the_square_of_what_they_lack(arm, region):
-    """Slopes by finite differences along random directions."""
-    body, (q, dq, ddq) = RigidBody(arm), [x.reshape(2, 40, 7) for x in random_states(arm, 80)]
-    constraints = Constraints(arm, [REGIONS[region]])
-    near, none = (
-        Near(3.0, 0.2, constraints.shapes),
-        normal(2, 0, 70),
-    )
-    weights, limits = normal(2, 0), Limits.none(7)
-
-    def cost(q):
-        return body.penalised_slopes([q, dq, ddq], none, weights, limits, near)
-
-    margins = constraints.at_rest(q.flatten(0, 1))
-    lack = (0.2 - torch.cat([margins["collision"], margins["keep_out"]], 1)).clamp_min(0)
-    value, (slope, *others) = cost(q)
-    assert (value > 0).all() and not any(x.any() for x in others)
-    torch.testing.assert_close(value, 3.0 * lack.square().sum(1).reshape(2, 40).sum(1))
-    for seed in range(3):
-        way = normal(2, 40, 7, seed=seed)
-        up, down = (cost(q + s * way)[0] for s in (1e-6, -1e-6))
-        torch.testing.assert_close((up - down) / 2e-6, (slope * way).sum((1, 2)), rtol=1e-5, atol=1e-5)
-
-
-def test_slopes_agree_with_finite_differences():
-    body, states = body_and_states((4, 1), 2, 2)  # joints that turn and joints that slide
-    x = tuple(part.requires_grad_(True) for part in states)
-    v = normal(2, 2, 10 * body.joints)
-    assert torch.autograd.gradcheck(lambda *s: body.torques_of(*s, v), x)
-    assert torch.autograd.gradcheck(body.torque, x)
-
-
-def test_there_are_no_second_derivatives(planar):
-    x = [part.requires_grad_(True) for part in random_states(planar, 2)]
-    (slope,) = torch.autograd.grad(RigidBody(planar).torque(*x).square().sum(), x[:1], create_graph=True)
-    with pytest.raises(RuntimeError, match="once_differentiable"):
-        slope.sum().backward()
+@given(CHAINS, COUNTS, st.integers(1, 4))
+def test_slopes_of_energies_are_pinocchios(chain, count, sets):
+    """Of several multiples of the arm's own parameters, with joints that count by weights."""
+    (body, states), (_, model) = body_and_states(chain, 1, count), random_chain(*chain)
+    joints, own = body.joints, body.arm.inertial_parameters.flatten()
+    factors, weights = normal(sets).numpy(), normal(sets, seed=1).numpy()
+    roots = np.linspace(0.5, 2.0, joints)
+    ones, none = np.ones(joints), np.zeros(0, np.int64)
+    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own.numpy())
+    extra = JointTerms(none, np.zeros(joints + 1, np.int64), 1.0, ones)
+    q, dq, ddq = (x[0].T.numpy() for x in states)
+    packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])
+    slope, directions = np.zeros((3, 1, joints, count)), (np.outer(factors, own.numpy()), weights)
+    terms = extra, room(extra, count, sets)
+    cost = weighted_slopes(body.chain, limits, packed, terms, roots, directions, slope, lanes.room(joints))
+    assert cost == 0
+    data, expected, scale = model.createData(), np.zeros((3, joints, count)), 2 * (weights @ factors**2)
+    for n in range(count):
+        state = q[:, n], dq[:, n], ddq[:, n]
+        torque = pin.rnea(model, data, *state)
+        for k, part in enumerate(pin.computeRNEADerivatives(model, data, *state)):
+            expected[k, :, n] = scale * (roots**2 * torque) @ part
+    close(torch.from_numpy(slope[:, 0]), torch.from_numpy(expected), 1e-11)
 
 
 @pytest.mark.parametrize("rows", range(1, 10))
@@ -169,9 +106,8 @@ def test_an_error_in_a_thread_is_raised():
 
 @pytest.mark.parametrize("shape", [(0, 5, 7), (2, 0, 7)])
 def test_no_state_is_no_work(arm, shape):
-    q = torch.zeros(shape, dtype=torch.float64, requires_grad=True)
-    RigidBody(arm).torque(q, q, q).sum().backward()
-    assert q.grad is not None and q.grad.shape == shape
+    q = torch.zeros(shape, dtype=torch.float64)
+    assert RigidBody(arm).torque(q, q, q).shape == shape
 
 
 def test_chain_places_joints_as_the_arm_does(arm):

@@ -3,16 +3,9 @@
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.validity import Box, Convex, Plane, Sphere
 from tests.chains import random_chain, random_states
 
 CHAINS = [(joints, seed) for joints in range(1, 10) for seed in range(3)]
-REGIONS = {
-    "plane": Plane((0.2, -0.3, 0.9), 0.4),
-    "box": Box((-0.4, -0.3, 0.2), (0.3, 0.4, 0.9)),
-    "ball": Sphere((0.2, 0.1, 0.5), 0.3),
-    "body": Convex.between((-0.3, -0.2, 0.3), (0.2, 0.3, 0.8), 0.2),
-}
 
 
 def normal(*shape, seed=1):

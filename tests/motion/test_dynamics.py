@@ -70,13 +70,11 @@ def test_torque_is_linear_in_the_parameters(arm):
 
 
 @pytest.mark.parametrize("chain", [(1, 0), (4, 1), (7, 2)])
-def test_parameters_may_be_of_each_state_or_come_in_sets(chain):
+def test_parameters_may_be_of_each_state(chain):
     body, states = body_and_states(chain, 2, 6)
-    own, sets = normal(2, 6, 10 * body.joints), normal(2, 3, 10 * body.joints)
+    own = normal(2, 6, 10 * body.joints)
     regressor = body.regressor(*states)
     torch.testing.assert_close(body.torque(*states, own), torch.einsum("btjk,btk->btj", regressor, own))
-    expected = torch.einsum("btjn,bkn->bktj", regressor, sets)
-    torch.testing.assert_close(body.torques_of(*states, sets), expected)
 
 
 def test_planar_arm_has_the_textbooks_base_parameters(planar, arm):

@@ -13,7 +13,7 @@ from sidegan.pipeline.graph import VERSIONS, versions
 from tests.tiny import tiny
 
 ROOT = Path(__file__).parents[2]
-OTHERS = {"seeds", "compiled_seeds", "identify"}  # makers that no condition of the paper has
+OTHERS = {"seeds", "identify"}  # makers that no condition of the paper has
 
 
 def test_the_paper_is_run_by_stages_whose_files_and_versions_are_there():

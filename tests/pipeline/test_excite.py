@@ -10,7 +10,7 @@ import pytest
 import torch
 import yaml
 
-from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.errors import InfeasibleError
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -23,7 +23,7 @@ from tests.tiny import tiny
 
 @pytest.fixture
 def ran(outputs, tmp_path):
-    """Folder of a run with changed settings, on the seeds that are there."""
+    """Folder of a run with changed settings."""
 
     def made(*overrides, name="run"):
         config = tiny(f"outputs={outputs}", *overrides, experiment="excite")
@@ -76,7 +76,7 @@ def test_the_least_demanding_comes_first_and_has_a_goal_for_ros(folder):
 
 
 def test_a_first_run_is_slower(ran, folder):
-    slow_folder = ran("stages=[excite]", "controllers.speed=0.5", "controllers.formats=[csv,mcap]")
+    slow_folder = ran("controllers.speed=0.5", "controllers.formats=[csv,mcap]")
     once, slow = course(folder, 1), course(slow_folder, 1)
     assert slow.time.iloc[-1] == 2 * once.time.iloc[-1]
     assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
@@ -98,7 +98,7 @@ def test_a_first_run_is_slower(ran, folder):
 
 
 def test_the_way_from_where_the_arm_is_to_home_and_back(ran):
-    folder = ran("controllers.start=[0.4,-0.6]", "selection.count=1")
+    folder = ran("controllers.start=[0.4,-0.6]", "goal.count=1")
     there, back = (course(folder, name)[STATES[:2]].to_numpy() for name in ("approach", "return"))
     np.testing.assert_allclose([there[0], back[-1]], [[0.4, -0.6]] * 2)
     assert abs(there[-1]).max() < 1e-9
@@ -117,12 +117,12 @@ def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(ran, tmp_path, monk
 
     monkeypatch.setattr(excite, "check", weak)
     with pytest.raises(InfeasibleError, match=r"trajectory 1 cannot be run at 25% of the speed: torque"):
-        ran("stages=[excite]", "controllers.speed=0.25")
+        ran("controllers.speed=0.25")
     assert refused == [32.0] and not (tmp_path / "run" / "trajectories").exists()
 
 
 def test_a_rehearsal_tells_how_the_arm_would_follow(ran):
-    options = ("stages=[excite]", "controllers.rehearse=true", "controllers.formats=[csv]")
+    options = ("controllers.rehearse=true", "controllers.formats=[csv]")
     runs = ran(*options, name="fast"), ran(*options, "controllers.speed=0.5", name="slow")
     once, slower = (pd.read_csv(run / "rehearsal.csv") for run in runs)
     assert len(once) == len(slower) == 6
@@ -143,13 +143,6 @@ def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):
     rows = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>(.*?)</tr>", text)]
     assert [row for row in rows if row] == pd.read_csv(folder / "set.csv", dtype=str).to_numpy().tolist()
     assert f"recording=excite recording.sent={folder.resolve()}" in text and "1.yaml)" in text
-
-
-def test_a_generator_may_be_the_pool(ran):
-    options = "gan=exact", "stages=[gan,library,excite]", "excite=[exact]", "library.count=8"
-    assert Library.load(ran(*options) / "library.parquet").source == ["exact"] * 6
-    with pytest.raises(ConfigError, match=r"selection\.count is 9, but exact hold 8 trajectories"):
-        ran(*options, "selection.count=9")
 
 
 SPARE = "robot.limits.effort={shoulder: 18}"  # N·m, of 16.3 that gravity asks for

@@ -18,10 +18,8 @@ import torch
 
 from sidegan.base import parallel
 from sidegan.base.storage import read_torch
-from sidegan.design import coordinates
-from sidegan.design.objective import value_and_gradient
+from sidegan.design.search import Descent
 from sidegan.errors import InfeasibleError, SideganError, StorageError
-from sidegan.seeds import Gradient
 from tests.pipeline import small_job
 from tests.waiting import wait_until
 
@@ -137,13 +135,14 @@ def test_a_disk_that_fills_up_is_told_and_the_rerun_goes_on(disk, undisturbed):
     assert shutil.disk_usage(disk).free > free - 2**16
 
 
-def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, monkeypatch):
-    def half(problem, c, penalty):
-        value, slope = value_and_gradient(problem, c, penalty)
-        value[::2], slope[::2] = torch.nan, torch.nan
-        return value, slope
+def test_a_search_that_ends_at_what_is_no_number_costs_starts_and_no_more(tmp_path, monkeypatch):
+    run, runs = Descent.run, []
 
-    monkeypatch.setattr(coordinates, "value_and_gradient", half)
+    def half(self, *start):
+        runs.append(start)
+        return run(self, *start) * (torch.nan if len(runs) % 2 else 1.0)
+
+    monkeypatch.setattr(Descent, "run", half)
     made = read_torch(small_job.run(tmp_path) / "seeds.pt")
     assert len(made["c"]) == small_job.COUNT
     assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()
@@ -152,13 +151,14 @@ def test_an_objective_that_is_not_a_number_costs_starts_and_no_more(tmp_path, mo
 def test_an_optimiser_that_finds_nothing_feasible_gives_up_and_says_why(tmp_path, monkeypatch):
     rounds = []
 
-    def never(self, problem, count, *_):
-        rounds.append(count)
-        return torch.full((count, *problem.trajectory.shape), 10.0, dtype=torch.float64)
+    def never(self, *_):
+        rounds.append(1)
+        return torch.full(self.problem.trajectory.shape, 10.0, dtype=torch.float64)
 
-    monkeypatch.setattr(Gradient, "_descend", never)
+    monkeypatch.setattr(Descent, "run", never)
     with pytest.raises(InfeasibleError, match=r"only 0 of 12 seeds .*72 violate \w+ of shoulder"):
         small_job.run(tmp_path)
-    tasks = small_job.COUNT // small_job.BATCH
-    assert len(rounds) == 3 * tasks * 2, "three rounds of tasks, and each ends after two barren rounds"
+    assert len(rounds) == 3 * 2 * small_job.COUNT, (
+        "three rounds of tasks, and each ends after two barren rounds"
+    )
     assert not list(tmp_path.glob("seeds/planar2-????????"))

@@ -63,8 +63,8 @@ def test_gains_by_a_load_that_was_not_there_are_no_setting(files, tmp_path, capl
     assert "robot.gains=[" not in caplog.text and not list(tmp_path.rglob("gains.json"))
 
 
-SMALL = ("workspace=free", "trajectory.harmonics=3", "controllers.rate=50", "stages=[excite]")
-NEXT = ("robot=planar2", "selection.count=2", "trajectory.period=8", *SMALL)
+SMALL = ("workspace=free", "trajectory.harmonics=3", "controllers.rate=50")
+NEXT = ("robot=planar2", "goal.count=2", "trajectory.period=8", *SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,9 @@ def test_what_to_do_next_is_a_command_whose_trajectories_move_what_hardly_moved(
     report = (known / "report.html").read_text()
     assert "+experiment=excite robot.name=planar2" in report and "known=FOLDER" in report
     folder = ran(tmp_path, "excite", *NEXT, f"known={known}")
-    left = float(re.search(r"deviations fall to (\d+)%", (folder / "set.md").read_text())[1])
-    assert 0 < left < 50
+    said = r"uncertain by ([\d.]+)% of their usual size, before ([\d.]+)%"
+    after, before = map(float, re.search(said, (folder / "set.md").read_text()).groups())
+    assert 0 < after < 0.5 * before
     table = pd.read_csv(folder / "trajectories" / "1.csv")
     assert np.ptp(table.q_elbow) > 5 * np.ptp(q[:, 1].numpy())
 
@@ -106,7 +107,7 @@ def test_a_model_of_another_arm_is_refused(poor, arm, planar, tmp_path):
 
 def test_noise_is_that_of_the_known_model_or_as_it_is_given(poor, tmp_path):
     def expected(*noise):
-        folder = ran(tmp_path, "excite", *NEXT, f"known={poor[1]}", "goal.wanted=all", *noise)
+        folder = ran(tmp_path, "excite", *NEXT, f"known={poor[1]}", "goal.objective=parameters", *noise)
         return pd.read_csv(folder / "goal.csv", index_col=0)["with the set"]
 
     as_known, alike, louder = expected(), expected(*SAME), expected(*ONE_LOUDER)
@@ -116,8 +117,8 @@ def test_noise_is_that_of_the_known_model_or_as_it_is_given(poor, tmp_path):
 
 
 def test_a_set_for_a_tool_says_how_well_it_will_be_told(tmp_path):
-    wanted = "robot=planar2", "trajectory.period=6", "model=motor_current", "selection.count=1"
-    folder = ran(tmp_path, "excite", *wanted, *SMALL, "goal.wanted=payload")
+    wanted = "robot=planar2", "trajectory.period=6", "model=motor_current", "goal.count=1"
+    folder = ran(tmp_path, "excite", *wanted, *SMALL, "goal.objective=payload")
     said = (folder / "set.md").read_text()
     assert "a tool is told to ±" in said and "executed with and without it, beside the description" in said
     assert "kg·m² but for my, Ixx, Ixy, Ixz, Iyz, Izz, exe" in said  # an arm in a plane tells no more

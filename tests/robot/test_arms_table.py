@@ -28,7 +28,7 @@ from tests.robot.judge import Facts, Judge
 
 CONFIGURATIONS = 2_000  # random ones, that shapes are compared in
 MORE = 0.02  # share of free configurations by which more may be refused than when the table was made
-SET = "selection.count=3", "seeds.steps=40", "controllers.formats=[csv]", "controllers.rate=1000"
+SET = "goal.count=3", "search.evaluations=130", "controllers.formats=[csv]", "controllers.rate=1000"
 
 
 def limited(joints, **most):

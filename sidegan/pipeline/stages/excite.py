@@ -1,4 +1,4 @@
-"""Stage excite: the trajectories to execute on an arm, picked from what was made for it, as files."""
+"""Stage excite: the trajectories to execute on an arm, designed for what they are to tell, as files."""
 
 import logging
 from math import isfinite
@@ -12,18 +12,15 @@ from sidegan.base.names import counted, plain
 from sidegan.controllers import POINTS, SCRIPTED, approach, deliver, least_rate, slower
 from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
+from sidegan.design.search import Condition, design_set
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
-from sidegan.identification.designed import designed
 from sidegan.identification.uncertain import Uncertain, unmeasured, usual_torque, wanted_of
 from sidegan.library import Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Motion, Trajectory
-from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.pools import RANDOM, SEEDS, Pool, own_pools
 from sidegan.pipeline.stages.rehearsal import rehearsed, require_rehearsal
-from sidegan.pipeline.stages.selection import pick
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
@@ -42,10 +39,11 @@ log = logging.getLogger(__name__)
 
 
 def _show(task: Task, tracker: Tracker) -> None:
-    """Pick from the configured pools, and write each trajectory and all of them in a row."""
+    """Design a set, and write each trajectory and all of them in a row."""
     cfg, folder = task.cfg, task.store.run_folder
     aim = _aim(task)
-    chosen = _picked(task) if aim is None else _designed(task, aim)
+    c = design_set(task.problem, aim, cfg.goal.count, cfg.search, task.number("excite"))
+    chosen = measured(task.constraints, task.trajectory, c, "excite")
     times = task.trajectory.times(cfg.identification.rate)
     if cfg.controllers.gentle:
         chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
@@ -76,53 +74,40 @@ def _show(task: Task, tracker: Tracker) -> None:
         )
 
 
-def _picked(task: Task) -> Library:
-    """Trajectories from the configured pools."""
-    cfg, pool = task.cfg, _pool(task)
-    if cfg.selection.count > len(pool):
-        held = f"{', '.join(cfg.excite)} hold {counted(len(pool), *_TRAJECTORY)}"
-        raise ConfigError(f"selection.count is {cfg.selection.count}, but {held}")
-    return pool.take(pick(task, pool))
-
-
-def _aim(task: Task) -> Uncertain | None:
-    """What a set is designed for, with nothing of it told yet; None where it is picked from pools.
+def _aim(task: Task) -> Uncertain | Condition:
+    """What a set is designed for, with nothing of it told yet.
 
     Raises:
         ConfigError: when a setting does not fit the arm, or there is no known model.
     """
     cfg = task.cfg
-    if cfg.known is not None:
-        known, usual = known_model(Path(cfg.known), task.arm), usual_torque(task.body)
-        certainty, rate = known.certainty, known.rate
-        if cfg.goal.noise is not None:  # what is measured next has another noise than the recordings
-            certainty, rate = 1 / cfg.goal.deviation(usual), cfg.goal.rate
-        wanted = wanted_of(cfg.goal, usual, identified=True)
-        return Uncertain(known.model, known.covariance, certainty, rate, wanted)
-    return None if cfg.goal.wanted == "condition" else unmeasured(task.body, cfg.model, cfg.goal)
+    if cfg.goal.objective == "condition":
+        if cfg.known is not None:
+            raise ConfigError("goal.objective=condition knows no model: leave out known=, or choose another")
+        return Condition(task.problem)
+    if cfg.known is None:
+        return unmeasured(task.body, cfg.model, cfg.goal)
+    known, usual = known_model(Path(cfg.known), task.arm), usual_torque(task.body)
+    certainty, rate = known.certainty, known.rate
+    if cfg.goal.noise is not None:  # what is measured next has another noise than the recordings
+        certainty, rate = 1 / cfg.goal.deviation(usual), cfg.goal.rate
+    wanted = wanted_of(cfg.goal, usual, identified=True)
+    return Uncertain(known.model, known.covariance, certainty, rate, wanted)
 
 
-def _designed(task: Task, aim: Uncertain) -> Library:
-    """Trajectories optimised for an aim, one after another; the aim knows them then."""
-    cfg, seed = task.cfg, task.number("uncertain")
-    count, evaluations = cfg.selection.count, cfg.goal.evaluations
-    c = designed(task.problem, aim, count, cfg.designer, evaluations, cfg.search, seed)
-    return measured(task.constraints, task.trajectory, c, "uncertain")
-
-
-def _goal(task: Task, aim: Uncertain | None, tracker: Tracker) -> str:
+def _goal(task: Task, aim: Uncertain | Condition, tracker: Tracker) -> str:
     """What the set makes of its aim, for the caption; the table of what is wanted is published."""
-    if aim is None:
+    if isinstance(aim, Condition):
         return ""
     columns = {"before": aim.before, "with the set": aim.deviations}
     shown = {name: [plain(x) for x in column.tolist()] for name, column in columns.items()}
     of = "the description" if task.cfg.known is None else task.cfg.known
     caption = f"Standard deviations that are to be expected, before: by {of}"
-    rows = pd.DataFrame(shown, index=pd.Index(aim.goal.names, name="wanted"))
+    rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="wanted"))
     publish(rows, task.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
     planned = "" if task.cfg.controllers.speed == 1 else ", at the whole speed"
-    return f"; {aim.goal.said(aim.deviations, aim.before)}{planned}, beside {of}"
+    return f"; {aim.purpose.said(aim.deviations, aim.before)}{planned}, beside {of}"
 
 
 def _as_run(task: Task, chosen: Library) -> tuple[Trajectory, Library]:
@@ -183,15 +168,6 @@ def _steps(task: Task) -> list[tuple[str, str]]:
         (_EXECUTE, f'{send}    control_msgs/action/FollowJointTrajectory "$(cat {goal})"'),
         (_LOG, identify),
     ]
-
-
-def _pool(task: Task) -> Library:
-    """All trajectories of the configured pools."""
-    parts: dict[str, list[Artifact]] = {name: [] for name in task.cfg.excite}
-    for pool in own_pools(task, task.cfg.excite):
-        parts[pool.name].extend(pool.parts)
-    together = tuple(part for some in parts.values() for part in some)
-    return Pool("excite", None, "excite", together).load(task)
 
 
 def _energy(task: Task, motion: Motion) -> Tensor:
@@ -292,10 +268,6 @@ def _check(task: Task) -> None:
             f"controllers.formats has urscript, which moves {SCRIPTED} joints; "
             f"{task.arm.name} has {task.arm.joints}"
         )
-    known = RANDOM, SEEDS, *task.cfg.gan
-    for name in task.cfg.excite:
-        if name not in known:
-            raise ConfigError(f"excite names {name!r}, expected some of {', '.join(known)}")
 
 
 STAGE = Stage(show=_show, check=_check)

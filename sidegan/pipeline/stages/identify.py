@@ -115,7 +115,7 @@ def _excite(cfg: Config, arm: Arm) -> str:
     """The command that designs trajectories for what is left uncertain, but for the run's folder."""
     setup = replace(cfg.robot.setup, locked=arm.setup.locked)
     which = " ".join([f"robot.name={cfg.robot.name}", *words(setup)])
-    return f"python -m sidegan.run +experiment=excite {which} 'stages=[excite]' selection.count=4"
+    return f"python -m sidegan.run +experiment=excite {which} goal.count=4"
 
 
 def _error(folder: Path) -> Metrics:

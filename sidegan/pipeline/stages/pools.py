@@ -1,8 +1,6 @@
 """Pools of trajectories that sets are picked from, and the excitation sets that are compared."""
 
-from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import partial
 
 from sidegan.library import Library
 from sidegan.motion.trajectory import Trajectory
@@ -53,17 +51,6 @@ def pools(task: Task) -> list[Pool]:
     seeds = seed_set(task)
     grown = [_pool(task, *one, (seeds, library(task, *one))) for one in generators(task)]
     return [_pool(task, RANDOM, None, (random_set(task),)), _pool(task, SEEDS, None, (seeds,)), *grown]
-
-
-def own_pools(task: Task, names: Collection[str] | None = None) -> list[Pool]:
-    """Random ones, the seeds, and each generator's own trajectories alone; of some names where given."""
-    makers: list[tuple[str, int | None, Callable[[], Artifact]]] = [
-        (RANDOM, None, lambda: random_set(task)),
-        (SEEDS, None, lambda: seed_set(task)),
-        *((*one, partial(library, task, *one)) for one in generators(task)),
-    ]
-    chosen = [one for one in makers if names is None or one[0] in names]
-    return [_pool(task, name, training, (made(),)) for name, training, made in chosen]
 
 
 def _pool(task: Task, name: str, training: int | None, parts: tuple[Artifact, ...]) -> Pool:

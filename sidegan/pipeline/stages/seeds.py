@@ -5,16 +5,14 @@ from typing import Any
 
 import torch
 
-from sidegan.base.parallel import cores
 from sidegan.base.storage import write_json, write_torch
-from sidegan.designer import Compiled
 from sidegan.errors import InfeasibleError
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.compose import CONF
 from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
-from sidegan.seeds import Method, Seeds, Tasks, make_seeds
+from sidegan.seeds import Tasks, make_seeds
 from sidegan.seeds.shipped import shipped
 from sidegan.validity import summarise_faults
 
@@ -65,9 +63,8 @@ def _make(task: Task, build: Build) -> None:
         batch = shipped(CONF / "seeds" / settings.shipped, origin(task), settings.count)
     if batch is None:
         problem = settings.problem(task.constraints, task.trajectory)
-        method, size = _method(settings, workers)
-        tasks = Tasks(settings.count, size, build.work, workers, settings.enough)
-        batch = make_seeds(problem, method, tasks, task.random("seeds"))
+        tasks = Tasks(settings.count, settings.batch, build.work, workers)
+        batch = make_seeds(problem, settings.optimiser, tasks, task.random("seeds"))
     else:
         log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
     library = measured(task.constraints, task.trajectory, batch.coefficients, settings.method)
@@ -75,14 +72,6 @@ def _make(task: Task, build: Build) -> None:
     build.costs["cpu_seconds"] = batch.cpu_seconds
     attempts = {"attempts": batch.attempts, "failed": batch.failed, "faults": batch.faults}
     write_json(build.folder / REPORT, {**summary(library), **attempts})
-
-
-def _method(settings: Seeds, workers: int | None) -> tuple[Method, int]:
-    """The optimiser, and how many seeds are one task: all of them where it shares its work among threads."""
-    if settings.method != "compiled":
-        return settings.optimiser, settings.batch
-    threads = cores(workers)
-    return Compiled(settings.steps, settings.attempts, settings.reserve or 0.0, threads), settings.count
 
 
 STAGE = Stage(

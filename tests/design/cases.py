@@ -1,23 +1,14 @@
-"""Workspaces with what may move there, by name, and designers for them."""
+"""Workspaces with what may move there, by name."""
 
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 
-import pytest
 import torch
-import yaml
 
-import sidegan
-from sidegan.base.typed import build
-from sidegan.design.problem import Problem
-from sidegan.designer import Designer, DesignerSettings, Situation
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.validity.critical import limited
 from tests.validity.test_pieces import filled
 
-CONF = Path(sidegan.__file__).parents[1] / "conf" / "experiment" / "excite.yaml"
 DESK, BALL = Plane((0, 0, 1), 0.1), Sphere((0.4, 0.2, 0.5), 0.15)
 BOX, BEHIND = Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)), Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))
 BODY = Convex.between((-0.5, -0.4, 0.2), (-0.3, -0.2, 0.9), 0.1)
@@ -56,30 +47,3 @@ CASES = {  # of the LWR
     "jerk": lambda arm: (Constraints(limited(arm, ["jerk"], 0.1), [DESK, BOX]), _lwr(5.0)),
     "both": lambda arm: (Constraints(limited(arm, ["acceleration", "jerk"], 0.1), [DESK, BOX]), _lwr()),
 }
-HIGHER = ("acceleration", "jerk", "both")
-
-
-@pytest.fixture(scope="session")
-def settings():
-    return build(DesignerSettings, yaml.safe_load(CONF.read_text(encoding="utf-8"))["designer"])
-
-
-@pytest.fixture(scope="session")
-def designer_of(arm, settings):
-    """The designer for a case."""
-    return cache(lambda name: Designer(*CASES[name](arm), settings))
-
-
-@pytest.fixture(scope="session")
-def designer(designer_of):
-    return designer_of("desk")
-
-
-@pytest.fixture(scope="session")
-def problem_of(arm):
-    """The problem of a case."""
-    return cache(lambda name: Problem(*CASES[name](arm), samples=40))
-
-
-def scene_of(numbers):
-    return numbers.scene(Situation())

@@ -1,0 +1,131 @@
+"""What trajectories are to be good for, and the same as compiled kernels take it."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.design.problem import HOPELESS
+from sidegan.errors import ShapeError
+from sidegan.kernels import goals, terms
+from sidegan.kernels.chain import array
+from sidegan.motion.dynamics import RigidBody
+
+# The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
+# spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
+LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
+
+_KINDS = {
+    "condition": goals.CONDITION,
+    "diagonal": goals.DIAGONAL,
+    "variance": goals.VARIANCE,
+    "volume": goals.VOLUME,
+    "tool": goals.TOOL,
+}
+
+
+class Linear(Protocol):
+    """A model of torque that is linear in P parameters: rigid body first, then terms of single joints."""
+
+    body: RigidBody
+    extras: Tensor  # term · J + joint of each of the latter
+
+    @property
+    def terms(self) -> Any:
+        """The terms: their ``kinds`` and ``sign_width``."""
+
+    @property
+    def stribeck(self) -> Tensor | None:
+        """Velocity of each joint's Stribeck term, (J,); None without it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """What is to be small of a trajectory, in units of the P parameters of a model.
+
+    The condition number of prior and information together, or the ratio of the diagonal of the information;
+    the sum of the targets' variances, or the volume that they lie in; or the volume of a tool's parameters,
+    whose torques are those of the targets, with all others unknown too.
+    """
+
+    kind: Literal["condition", "diagonal", "variance", "volume", "tool"] = "condition"
+    prior: Tensor | None = None  # information that there is already, (P, P)
+    certainty: Tensor | None = None  # one over the deviation of each joint's torque, (J,); None: ones
+    rate: float = 1.0  # of samples with independent errors [Hz]
+    model: Linear | None = None  # what is identified, friction and rotors included; None: rigid bodies
+    targets: Tensor | None = None  # (R, P)
+    doubt: Tensor | None = None  # information on a tool that there is already, (R, R)
+    runs: int = 1  # 2: a tool's trajectory is executed without it as well
+
+
+class Compiled:
+    """A goal for an arm as kernels take it: parameters are the base's, then those of joints, joint by joint.
+
+    Attributes:
+        terms: what the model has beside rigid bodies.
+        subspace: parameters from coordinates in an orthonormal basis, lower triangular, (P, P).
+        roots: what the torque of each joint is multiplied by before it counts, (J,).
+
+    Raises:
+        ShapeError: for a model of another arm, or when something does not fit the model.
+    """
+
+    def __init__(self, goal: Goal, body: RigidBody) -> None:
+        self._goal, rigid = goal, len(body.base.columns)
+        if goal.model is not None and not torch.equal(goal.model.body.base.columns, body.base.columns):
+            raise ShapeError("the model is of another arm: it has other base parameters")
+        extras = np.zeros(0, np.int64) if goal.model is None else array(goal.model.extras)
+        kinds, joints = np.divmod(extras, body.joints)
+        by_joint = np.argsort(joints, kind="stable")
+        self._order = np.concatenate([np.arange(rigid), rigid + by_joint])
+        self.terms = _terms(goal.model, kinds[by_joint], joints[by_joint], body.joints)
+        size = len(self._order)
+        self.subspace = np.eye(size)
+        self.subspace[:rigid, :rigid] = array(body.base.subspace)
+        targets = 0 if goal.targets is None else len(goal.targets)
+        self._prior = _fitting("prior", goal.prior, (size, size))
+        self._targets = _fitting("targets", goal.targets, (targets, size))
+        self._doubt = _fitting("doubt", goal.doubt, (targets, targets))
+        self.roots = np.ones(body.joints)
+        if goal.certainty is not None:
+            self.roots = _fitting("certainty", goal.certainty, (body.joints,))
+
+    def during(self, period: float) -> goals.Goal:
+        """The goal for trajectories of so many seconds."""
+        order, targets = self._order, self._targets[:, self._order]
+        prior = self.subspace.T @ self._prior[np.ix_(order, order)] @ self.subspace
+        if self._goal.kind == "tool":  # columns of torque; elsewhere what variances are of
+            targets = np.linalg.solve(self.subspace, targets.T).T
+        else:
+            targets = targets @ self.subspace
+        return goals.Goal(
+            _KINDS[self._goal.kind],
+            goals.Smooth(LOWEST, HIGHEST, SHARPNESS, HOPELESS),
+            np.ascontiguousarray(prior),
+            self._goal.rate * period,
+            np.ascontiguousarray(targets),
+            self._doubt,
+            float(self._goal.runs),
+        )
+
+
+def _fitting(name: str, given: Tensor | None, shape: tuple[int, ...]) -> np.ndarray:
+    """Finite numbers of a shape; zeros where nothing is given."""
+    if given is None:
+        return np.zeros(shape)
+    if given.shape != shape or not given.isfinite().all():
+        raise ShapeError(f"{name} of the goal is {tuple(given.shape)}, expected finite numbers {shape}")
+    return array(given.double())
+
+
+def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> terms.JointTerms:
+    """What a model has beside rigid bodies, joints in order."""
+    first, speeds = np.searchsorted(joints, np.arange(count + 1)), np.ones(count)
+    if model is None:
+        return terms.JointTerms(np.zeros(0, np.int64), first, 1.0, speeds)
+    if model.stribeck is not None:
+        speeds = array(model.stribeck)
+    named = np.array([terms.KINDS.index(model.terms.kinds[k]) for k in kinds.tolist()], np.int64)
+    return terms.JointTerms(named, first, model.terms.sign_width, speeds)

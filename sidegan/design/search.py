@@ -1,0 +1,198 @@
+"""The search for trajectories: compiled descents from many starts, then the proof.
+
+Example, the best one that is proven within 50 ms: ``search(problem, Goal(), settings, deadline=0.05)``.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sidegan.design.coordinates import Coordinates
+from sidegan.design.goal import Goal
+from sidegan.design.objective import Objective
+from sidegan.design.penalty import Penalty
+from sidegan.design.problem import Problem
+from sidegan.design.settings import SearchSettings
+from sidegan.errors import InfeasibleError
+from sidegan.kernels import descent
+from sidegan.kernels.chain import array
+from sidegan.motion.dynamics import gram
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Validity, check
+
+_ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: at first the search moves freely
+_ROUGH_SHARE = 0.7  # of the evaluations
+_DENSE = 12  # points per period of the highest harmonic at which limits on motion and distances are taken
+_REFINE = 3  # finer points for each sample, where these are fewer
+_RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shortest=1e-6)
+_MEMORY = 25  # pairs of steps and slopes
+_REACH = 0.7  # share of the tightest limit that a joint of a start uses
+_FULL = 0.99  # share of the limits on motion that the end of a search uses at most
+_SHARES = (1.0, 0.99, 0.975, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3, 0.15, 0.05, 0.02)  # of what is too large
+_SLIGHTLY = 0.9  # such a share, where there is a proven trajectory already
+_BETTER = 1e-3  # by which a goal must be better to be worth a proof
+_PROOF = 4e-3  # [s] that is left for a proof before a deadline
+_SAMPLES = 80  # at which the information of a trajectory of a set is taken
+
+
+@dataclass(frozen=True)
+class Found:
+    """A proven trajectory."""
+
+    coefficients: Tensor  # (J, H, 2) [rad/s]
+    value: float  # of the goal
+    evaluations: int  # that were spent
+
+
+class Descent:
+    """L-BFGS from one start after another, whose penalties become strict; not for several threads at once.
+
+    Args:
+        problem: of the trajectories.
+        goal: what is to be small.
+        reserve: share of each limit that is kept free, and half of it in metres as clearance.
+    """
+
+    def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
+        self.problem, self.coordinates = problem, Coordinates.of(problem)
+        rough, strict = (Penalty.reserving(weight, reserve) for weight in (_ROUGH, _STRICT))
+        refine = 1 if problem.samples >= _DENSE * problem.trajectory.harmonics else _REFINE
+        self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
+        self._strict = self._objective.penalised(self._objective.plan, strict)
+        joints, harmonics, _ = problem.trajectory.shape
+        self._state = descent.search(joints, 2 * harmonics, _MEMORY)
+
+    def start(self, random: torch.Generator, reach: float = _REACH) -> Tensor:
+        """A random point, (J, 2 H), of which each joint uses ``reach`` of its tightest limit."""
+        return self.coordinates.start(self.problem, 1, random, reach)[0]
+
+    def run(self, x: Tensor, evaluations: int) -> Tensor:
+        """Coefficients [rad/s], (J, H, 2), within the limits on motion, to which a point leads."""
+        first = round(_ROUGH_SHARE * evaluations)
+        self._state.x[:] = array(x).ravel()
+        for plan, count in ((self._objective.plan, first), (self._strict, evaluations - first)):
+            self._state.numbers[descent.STARTED] = 0.0
+            descent.descend(plan, _RULES, self._state, self._objective.room, count)
+        c = self.coordinates.coefficients(torch.from_numpy(self._state.x.copy()).view(1, *x.shape))
+        return (c / (self.problem.limit_use(c) / _FULL).clamp_min(1.0)[:, :, None, None])[0]
+
+    def value(self, c: Tensor) -> float:
+        """The goal at coefficients [rad/s], (J, H, 2)."""
+        x = array(self.coordinates.points(c[None])[0])
+        return self._objective(x, np.empty_like(x))[0]
+
+
+def proven(problem: Problem, c: Tensor, smallest: float = 0.5) -> tuple[Tensor, Tensor, Validity]:
+    """Trajectories [rad/s], (B, J, H, 2), as much smaller as they must be to be valid, and which are, (B,).
+
+    They shrink towards home to no less than a share of their size; the last verdict is on what is left.
+    """
+    c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
+    valid = torch.zeros(len(c), dtype=torch.bool)
+    for share in _SHARES:
+        if share < smallest or valid.all():
+            break
+        left = torch.nonzero(~valid)[:, 0]
+        verdict = check(problem.constraints, problem.trajectory, c[left] * share)
+        c[left[verdict.valid]] *= share
+        valid[left[verdict.valid]] = True
+    return c, valid, verdict
+
+
+def search(
+    problem: Problem,
+    goal: Goal,
+    settings: SearchSettings,
+    seed: int = 0,
+    deadline: float | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Found:
+    """The best proven trajectory after the settings' evaluations, or when a deadline [s] has come.
+
+    As many evaluations give the same answer again. What is compiled is loaded at the first call.
+
+    Raises:
+        InfeasibleError: when the arm cannot rest at home, or no trajectory is proven; says what is violated.
+        ShapeError: when the goal does not fit the arm.
+    """
+    began, done, pace = clock(), 0, 0.0  # pace: [s] of an evaluation
+    problem = replace(problem, samples=max(settings.samples, 2 * problem.trajectory.harmonics + 1))
+    problem.constraints.refuse_home(problem.trajectory.home or ())
+    searching, random = Descent(problem, goal, settings.reserve), torch.Generator().manual_seed(seed)
+
+    def left() -> int:
+        if deadline is None:
+            return settings.evaluations - done
+        rest = deadline - _PROOF - (clock() - began)
+        return math.ceil(rest / pace) if rest > 0 else 0
+
+    if deadline is not None:
+        before, done = clock(), 2
+        searching.run(searching.start(random), done)
+        pace = max((clock() - before) / done, 1e-9)
+    best, failed, verdict = None, None, None
+    while (rest := left()) > (0 if best is None else settings.patience // 2):
+        count, before = rest // max(1, rest // settings.patience), clock()
+        c = searching.run(searching.start(random), count)[None]
+        done, pace = done + count, max((clock() - before) / count, 1e-9)
+        least = math.inf if best is None else best.value - _BETTER
+        if searching.value(c[0]) < least:
+            shrunk, valid, verdict = proven(problem, c, _SLIGHTLY)
+            if not valid:
+                failed = c
+            elif (value := searching.value(shrunk[0])) < least:
+                best = Found(shrunk[0], value, done)
+    if best is None and failed is not None:
+        shrunk, valid, verdict = proven(problem, failed, _SHARES[-1])
+        if valid:
+            best = Found(shrunk[0], searching.value(shrunk[0]), done)
+    if best is None:
+        faults = "; ".join(map(str, verdict.failures(0))) if verdict else "there was no time"
+        raise InfeasibleError(f"no trajectory was proven in {done} evaluations: {faults}")
+    return replace(best, evaluations=done)
+
+
+class SetGoal(Protocol):
+    """What a set is designed for, given the trajectories that it holds already."""
+
+    def next(self) -> Goal:
+        """The goal of the next trajectory."""
+
+    def take(self, trajectory: Trajectory, c: Tensor) -> None:
+        """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
+
+
+class Condition:
+    """A small condition number of a whole set, of rigid bodies alone."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._body, size = problem.body, problem.body.parameters_count
+        self._sum = torch.zeros(size, size, dtype=torch.float64)
+
+    def next(self) -> Goal:
+        """The goal of the next trajectory."""
+        return Goal("condition", prior=self._sum)
+
+    def take(self, trajectory: Trajectory, c: Tensor) -> None:
+        """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
+        self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], _SAMPLES)[0]
+
+
+def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Tensor:
+    """A set of so many proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
+
+    Raises:
+        InfeasibleError: when no trajectory is proven.
+    """
+    found = []
+    for index in range(count):
+        c = search(problem, goal.next(), settings, seed + index).coefficients
+        goal.take(problem.trajectory, c)
+        found.append(c)
+    return torch.stack(found)

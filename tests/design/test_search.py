@@ -1,0 +1,236 @@
+"""What a search answers: proven by another author's physics, the same again, in time, or why not."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import count
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import torch
+
+from sidegan.design.excitation import excite
+from sidegan.design.goal import Goal
+from sidegan.design.information import information_of
+from sidegan.design.problem import Problem
+from sidegan.design.search import Condition, design_set, search
+from sidegan.design.settings import SearchSettings
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.identification import TorqueModel
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import HIGHER as ORDERS
+from sidegan.robot.oracle import capsule_geometry, pinocchio_model
+from sidegan.validity import Box, Constraints, Plane, Sphere, check
+from tests.validity.critical import limited
+
+from .cases import CASES, slow
+
+SETTINGS = SearchSettings(evaluations=60, patience=60, samples=40, reserve=0.03)
+ORACLE = [case for case in CASES if case not in ("bodies", "pieces", "pieces apart")]
+
+
+@pytest.fixture(scope="session")
+def problem_of(arm):
+    """The problem of a case."""
+    return cache(lambda name: Problem(*CASES[name](arm), samples=40))
+
+
+def searched(problem, goal=None, evaluations=60, **options):
+    return search(problem, goal or Goal(), replace(SETTINGS, evaluations=evaluations), **options)
+
+
+def ticking(step):
+    """A clock that goes on by a fixed step whenever it is read."""
+    return (step * n for n in count()).__next__
+
+
+def assert_valid(problem, c):
+    found = check(problem.constraints, problem.trajectory, c[None])
+    assert bool(found.valid[0]), found.failures(0)
+
+
+def region_distance(region, geometry, data, guarded):
+    """Smallest distance [m] of capsules from a region, by coal."""
+    if isinstance(region, Plane):
+        shape = coal.Halfspace(np.array(region.unit), region.offset)
+        placement = coal.Transform3s()
+    else:
+        low, high = np.array(region.lower), np.array(region.upper)
+        shape, placement = coal.Box(*(high - low)), coal.Transform3s(np.eye(3), (low + high) / 2)
+    distances = []
+    for k in guarded:
+        where = coal.Transform3s(data.oMg[k].rotation, data.oMg[k].translation)
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        one = geometry.geometryObjects[k].geometry
+        distances.append(coal.distance(one, where, shape, placement, request, result))
+    return min(distances)
+
+
+@pytest.mark.parametrize("case", ORACLE)
+def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
+    problem = problem_of(case)
+    constraints, trajectory = problem.constraints, problem.trajectory
+    c = searched(problem).coefficients[None]
+    arm, guarded, used = constraints.arm, constraints.guarded, []
+    q, dq, ddq = (x[0].numpy() for x in trajectory.roll_out(c, trajectory.times(100.0))[1:])
+    np.testing.assert_allclose(q[[0, -1]], [trajectory.home] * 2, atol=1e-9)
+    assert (q >= arm.position_lower.numpy()).all() and (q <= arm.position_upper.numpy()).all()
+    assert (np.abs(dq) <= arm.velocity_limit.numpy()).all()
+    for name, limit in constraints.higher.items():
+        states = trajectory.derivative(c, trajectory.times(1000.0), ORDERS[name])
+        used.append(float((states.abs() / limit).max()))
+    assert not used or 0.3 < max(used) <= 1  # they are what holds it back
+    model, geometry = pinocchio_model(arm), capsule_geometry(arm)
+    data = model.createData()
+    for first, second in constraints.pairs.tolist():
+        geometry.addCollisionPair(pin.CollisionPair(first, second))
+    shapes = geometry.createData()
+    for k in range(len(q)):
+        torque = np.abs(pin.rnea(model, data, q[k], dq[k], ddq[k]))
+        assert (torque <= arm.torque_limit.numpy()).all() or not constraints.torque
+        pin.computeDistances(model, data, geometry, shapes, q[k])
+        assert min(x.min_distance for x in shapes.distanceResults) >= -1e-6
+        for number, region in enumerate(constraints.regions):
+            own = guarded[guarded[:, 0] == number, 1].tolist()
+            assert region_distance(region, geometry, shapes, own) >= -1e-6
+
+
+@pytest.mark.parametrize("evaluations", [1, 7])
+@pytest.mark.parametrize("case", ["desk", "bodies", "pieces", "pieces apart"])
+def test_the_shortest_search_is_proven(problem_of, case, evaluations):
+    assert_valid(problem_of(case), searched(problem_of(case), evaluations=evaluations).coefficients)
+
+
+def test_an_arm_of_two_joints_keeps_everything(planar):
+    arm = limited(planar, ["acceleration", "jerk"], 0.2)
+    regions = Sphere((1.4, 0.0, 1.1), 0.2), Box((1.2, -1, 0.9), (1.6, 1, 1.2)), Plane((0, 0, 1), 0.1)
+    problem = Problem(Constraints(slow(arm), regions, clearance=0.01), Trajectory(2, 3, 8.0))
+    assert_valid(problem, searched(problem, evaluations=10).coefficients)
+
+
+def test_more_starts_are_never_worse_and_an_answer_is_the_same_again(problem_of):
+    problem = problem_of("desk")
+    one, other, again = (searched(problem, evaluations=n) for n in (60, 180, 180))
+    assert other.value <= one.value and other.evaluations == 180
+    assert torch.equal(other.coefficients, again.coefficients)
+    assert float(problem.fitness(other.coefficients[None])) < 400
+
+
+def test_a_deadline_is_kept_and_what_is_proven_by_then_comes_back(problem_of):
+    problem, reads = problem_of("box"), count()
+
+    def clock():
+        return 1e-3 * next(reads)
+
+    for deadline in (0.1, 0.3):
+        before = next(reads)
+        found = searched(problem, deadline=deadline, clock=clock)
+        assert 1e-3 * (next(reads) - before) <= deadline + 10 * 1e-3  # ten looks at the clock
+        assert_valid(problem, found.coefficients)
+    with pytest.raises(InfeasibleError, match="no trajectory was proven in 2 evaluations: there was no time"):
+        searched(problem, deadline=1e-3, clock=ticking(1.0))
+
+
+@pytest.mark.parametrize("gap", [0.0005, 0.003])
+@pytest.mark.parametrize("evaluations", [6, 12])
+def test_a_home_with_hardly_any_room_is_answered(planar, gap, evaluations):
+    """A wall so close to home that any motion is in the reserve that is kept elsewhere."""
+    home, wall = (0.3, 0.4), Plane((1.0, 0.0, 0.0), -5.0)
+    rest = torch.tensor([home], dtype=torch.float64)
+    apart = float(Constraints(planar, [wall]).at_rest(rest)["keep_out"].min())
+    near = Constraints(planar, [replace(wall, offset=wall.offset + apart - gap)])
+    problem = Problem(near, Trajectory(2, 3, 8.0, home))
+    c = searched(problem, evaluations=evaluations).coefficients
+    assert_valid(problem, c)
+    assert c.abs().max() > 0.02
+
+
+@pytest.mark.parametrize(
+    ("of", "words"),
+    [
+        (lambda arm: (Constraints(arm), [0, 0, 0, 2.5, 0, 0, 0]), "position of joint_4"),
+        (lambda arm: (Constraints(arm, [Box((-0.2, -0.2, 0.9), (0.2, 0.2, 1.5))]), None), "keep_out"),
+        (lambda arm: (Constraints(slow(arm, 1, 0.1)), [0, 1.57, 0, 0, 0, 0, 0]), "torque of joint_2"),
+    ],
+)
+def test_a_home_that_is_not_feasible_is_refused(arm, of, words):
+    constraints, home = of(arm)
+    with pytest.raises(InfeasibleError, match=f"home position .*{words}"):
+        searched(Problem(constraints, Trajectory(7, home=home)))
+
+
+def test_what_violates_a_constraint_however_small_is_told(planar, monkeypatch):
+    problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0))
+    still = replace(planar, velocity_limit=0 * planar.velocity_limit)
+    monkeypatch.setattr(
+        "sidegan.design.search.check", lambda _, trajectory, c: check(Constraints(still), trajectory, c)
+    )
+    with pytest.raises(InfeasibleError, match=r"proven in 60 evaluations: velocity of .* at .* s: margin -"):
+        searched(problem)
+
+
+def test_each_goal_serves_its_own_criterion(problem_of):
+    """The best of each by its own criterion is what was searched for it."""
+    problem = problem_of("desk")
+    body, trajectory = problem.body, problem.trajectory
+    c = 0.2 * torch.randn(1, 7, 6, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    subspace = body.base.subspace
+    rest = torch.linalg.inv(subspace)
+
+    def told(c):
+        return rest.T @ information_of(body, trajectory, c[None]).matrices(slice(None))[0] @ rest
+
+    prior = 100 * told(c[0])
+    targets = torch.eye(len(subspace)).double()
+    goals = {
+        "condition": Goal(),
+        "diagonal": Goal("diagonal"),
+        "variance": Goal("variance", prior, targets=targets),
+        "volume": Goal("volume", prior, targets=targets),
+    }
+    found = {name: searched(problem, goal, 120).coefficients for name, goal in goals.items()}
+
+    def values(c):
+        excitation, whole = excite(body, trajectory, c[None]), prior + trajectory.period * told(c)
+        return {
+            "condition": float(excitation.eigenvalue_fitness),
+            "diagonal": float(excitation.diagonal_fitness),
+            "variance": float(torch.linalg.inv(whole).trace()),
+            "volume": -float(torch.logdet(whole)),
+        }
+
+    table = {name: values(c) for name, c in found.items()}
+    for name in goals:
+        assert min(table, key=lambda other: table[other][name]) == name, table
+
+
+def test_a_set_is_designed_one_after_another_for_the_whole(problem_of):
+    problem = problem_of("desk")
+    c = design_set(problem, Condition(problem), 3, SETTINGS, seed=0)
+    for one in c:
+        assert_valid(problem, one)
+    assert torch.equal(c[0], search(problem, Goal(), SETTINGS, 0).coefficients)
+    grams = problem.gram(c)
+    subspace = problem.body.base.subspace
+    condition = [float(torch.linalg.cond(subspace.T @ x @ subspace)) for x in (grams.sum(0), *grams)]
+    assert condition[0] < min(condition[1:])
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        lambda model, other: Goal("volume", prior=torch.eye(3).double(), targets=torch.eye(43).double()),
+        lambda model, other: Goal("volume", torch.eye(43).double(), model=model),
+        lambda model, other: Goal(prior=torch.full((43, 43), torch.nan).double()),
+        lambda model, other: Goal("variance", targets=torch.eye(42).double()),
+        lambda model, other: Goal("tool", targets=torch.eye(43).double(), doubt=torch.eye(3).double()),
+        lambda model, other: Goal(certainty=torch.ones(6).double()),
+        lambda model, other: Goal("volume", model=other),
+    ],
+)
+def test_a_goal_that_does_not_fit_is_refused(problem_of, planar, goal):
+    problem = problem_of("desk")
+    with pytest.raises(ShapeError):
+        searched(problem, goal(TorqueModel(problem.body), TorqueModel(RigidBody(planar))))
