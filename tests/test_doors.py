@@ -23,14 +23,14 @@ DOORS = {
     "omegaconf": {"pipeline", "run"},
     "matplotlib": {"report"},
     "trimesh": {"robot", "report"},
-    "numba": {"motion"},
+    "numba": {"kernels"},
     "mujoco": {"plant", "robot"},
     "xacrodoc": {"robot"},
     "robot_descriptions": {"robot"},
     "cvxpy": {"identification"},
     "rosbags": {"recording", "controllers"},
 }
-ORDER = ["errors", "base", "robot", "motion", "validity", "design", "library", "seeds", "gan"]
+ORDER = ["errors", "base", "robot", "kernels", "motion", "validity", "design", "library", "seeds", "gan"]
 ORDER += ["plant", "recording", "identification", "controllers", "report", "pipeline", "run"]
 STRANGERS = [{"gan"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
 

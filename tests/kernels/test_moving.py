@@ -6,9 +6,15 @@ import torch
 
 from sidegan.kernels.chain import Shapes
 from sidegan.kernels.moving import bend, least_height
+from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.regions import tables
-from tests.motion.conftest import REGIONS
 
+REGIONS = {
+    "plane": Plane((0.2, -0.3, 0.9), 0.4),
+    "box": Box((-0.4, -0.3, 0.2), (0.3, 0.4, 0.9)),
+    "ball": Sphere((0.2, 0.1, 0.5), 0.3),
+    "body": Convex.between((-0.3, -0.2, 0.3), (0.2, 0.3, 0.8), 0.2),
+}
 LENGTHS, SPEEDS, HALF = np.array([0.4, 0.3, 0.2]), np.array([1.5, 0.7, 2.0]), 0.01
 
 
