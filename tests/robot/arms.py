@@ -18,7 +18,7 @@ from sidegan.validity import Plane
 from tests.robot.judge import Facts
 
 _ROUNDS = 6  # of following what refusals say
-_SETTING = r"(?:robot|workspace|goal)(?:\.[a-z_]+)*="
+_SETTING = r"(?:robot|workspace)(?:\.[a-z_]+)*="
 _REMEDY = re.compile(rf"'({_SETTING}[^']*)'|({_SETTING}[^\s;,]+)")
 _FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 # Folder of example-robot-data's descriptions, the extra ``arms``, where they are installed.
