@@ -21,7 +21,7 @@ import numba
 from filelock import FileLock, Timeout
 from numba import types
 from numba.core import event
-from numba.extending import register_jitable, typeof_impl
+from numba.extending import models, register_jitable, register_model, typeof_impl
 
 _OPTIONS: Any = {
     "nogil": True,
@@ -66,9 +66,24 @@ class Kernel:
             return self._compiled(*arguments)
 
 
+class _Inner(types.Dispatcher):
+    """Type of a kernel within another: compiled once for all tuples, whatever constants are in them.
+
+    Constants by themselves are worth it: they tell the compiler that an index is not negative.
+    """
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Signature of a call."""
+        args = tuple(types.unliteral(x) if isinstance(x, types.BaseTuple) else x for x in args)
+        return super().get_call_type(context, args, kws)
+
+
+register_model(_Inner)(models.OpaqueModel)
+
+
 @typeof_impl.register(Kernel)
-def _as_kernels_see_it(kernel: Kernel, _: Any) -> Any:
-    return types.Dispatcher(kernel.inner)
+def _typeof(kernel: Kernel, _: Any) -> Any:
+    return _Inner(kernel.inner)
 
 
 def _kernel(**options: Any) -> Callable[[Function], Kernel]:

@@ -4,11 +4,9 @@ Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are 
 description says, the servos feed forward what the description says, and friction is not of a model's form.
 """
 
-import ctypes
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -141,31 +139,29 @@ class VariedPlant:
     def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J).
 
-        Motion by motion, without Python between the steps.
+        Friction is that at a step's position and speed with the load of the step before.
         """
-        from mujoco import MjData, mj_resetData
+        from mujoco import MjData, mj_step
 
-        from sidegan.kernels import servos as kernels
-
-        data, step = MjData(self.model), _step()
-        simulator = kernels.Simulator(
-            step, self.model._address, data._address, data.qpos, data.qvel, data.qfrc_applied
-        )
-        law, size, form = self.law, self.law.settings, ("linear", "eyring", "tustin").index(self.law.form)
-        sizes = [size.width, size.stribeck, size.load, size.asymmetry, size.position, size.ripple]
-        own = law.scale, law.coulomb, law.viscous, law.speed, law.phase, law.skew
-        values: list[Any] = [*map(float, sizes), *map(np.ascontiguousarray, own)]
-        friction = kernels.Friction(form, *values)
-        servos = kernels.Servos(
-            *self._gains, self.arm.torque_limit.numpy(), self.rotor, float(self.settings.rate)
-        )
-        out = np.empty((len(q), 3, *q.shape[1:]))
+        (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
+        arms = [MjData(self.model) for _ in q]
+        for arm, position, velocity in zip(arms, q[:, 0], dq[:, 0]):
+            arm.qpos[:], arm.qvel[:] = position, velocity
+        found = np.empty((3, *q.shape))
+        push, before = np.zeros_like(q[:, 0]), dq[:, 0]
         with mujoco_logged(self.arm.name):
-            for wanted, one in zip(np.stack([q, dq, ahead], 1), out):
-                mj_resetData(self.model, data)
-                data.qpos[:], data.qvel[:] = wanted[0, 0], wanted[1, 0]
-                kernels.follow(simulator, servos, friction, wanted, one)
-        return out[:, 0], out[:, 1], out[:, 2]
+            for n in range(q.shape[1]):
+                place, speed = (np.array([getattr(arm, name) for arm in arms]) for name in ("qpos", "qvel"))
+                servo = stiffness * (q[:, n] - place) + damping * (dq[:, n] - speed)
+                motor = np.clip(ahead[:, n] + servo, -limit, limit)
+                load = push - self.rotor * (speed - before) * self.settings.rate
+                friction = self.law(place, speed, load)
+                found[:, :, n] = place, motor, friction
+                push, before = motor - friction, speed
+                for arm, applied in zip(arms, push):
+                    arm.qfrc_applied[:] = applied
+                    mj_step(self.model, arm)
+        return found[0], found[1], found[2]
 
     def _sensed(self, q: Array, torque: Array, friction: Array) -> Signals:
         """What encoders at the motors and torque sensors make of it, without noise."""
@@ -177,15 +173,6 @@ class VariedPlant:
         seen = _rounded(seen, self.settings.encoder)
         torque, friction = (_later(x, self.settings.delay * self.settings.rate) for x in (torque, friction))
         return Signals(seen, _rounded(torque, self.settings.resolution * self.scale), friction, q)
-
-
-@cache
-def _step() -> int:
-    """Address of MuJoCo's step."""
-    import mujoco
-
-    (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
-    return int(ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p).value or 0)
 
 
 def _tool(random: np.random.Generator, most: float) -> Array:
