@@ -23,7 +23,7 @@ DOORS = {
     "omegaconf": {"pipeline"},
     "matplotlib": {"report"},
     "trimesh": {"robot"},
-    "numba": {"motion"},
+    "numba": {"kernels"},
     "mujoco": {"plant", "robot"},
     "xacrodoc": {"robot"},
     "urdf_usd_converter": {"robot"},
@@ -32,8 +32,8 @@ DOORS = {
     "cvxpy": {"identification"},
     "rosbags": {"recording", "controllers"},
 }
-ORDER = ["errors", "base", "robot", "motion", "validity", "design", "library", "seeds", "designer", "gan"]
-ORDER += ["plant", "recording", "identification", "controllers", "report", "pipeline", "run"]
+ORDER = ["errors", "base", "robot", "kernels", "motion", "validity", "design", "library", "seeds", "designer"]
+ORDER += ["gan", "plant", "recording", "identification", "controllers", "report", "pipeline", "run"]
 STRANGERS = [{"gan"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
 
 
@@ -76,6 +76,12 @@ def test_every_room_stands_in_the_order():
 @pytest.mark.parametrize(("package", "door"), DOORS.items())
 def test_a_heavy_package_has_one_door(package, door):
     assert {room_of(path) for path, name in IMPORTS if name.split(".")[0] == package} <= door
+
+
+def test_kernels_know_arrays_alone():
+    known = {name.split(".")[0] for path, name in IMPORTS if room_of(path) == "kernels"}
+    assert not known & {"torch", "scipy", "mujoco"}
+    assert all(rooms(path) <= {"kernels"} for path in FILES if room_of(path) == "kernels")
 
 
 @pytest.mark.parametrize("room", ORDER)

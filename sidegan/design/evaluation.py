@@ -9,8 +9,8 @@ from torch import Tensor
 
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.kernels import evaluation as kernel
-from sidegan.kernels.chain import array
-from sidegan.kernels.operations import columns_of_links
+from sidegan.motion.arrays import array
+from sidegan.motion.operations import columns_of_links
 from sidegan.validity.constraints import NAMES
 
 

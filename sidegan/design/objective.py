@@ -61,7 +61,7 @@ def eigenpairs(body: RigidBody, grams: Tensor, ends: bool = False) -> tuple[Tens
 
     At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
     """
-    from sidegan.kernels.operations import extremes
+    from sidegan.motion.operations import extremes
 
     subspace = body.base.subspace
     inner = subspace.T @ grams @ subspace

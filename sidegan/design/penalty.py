@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sidegan.kernels.chain import array
 from sidegan.kernels.limits import Limits, Near
+from sidegan.motion.arrays import array
 from sidegan.robot import HIGHER
 from sidegan.validity import Constraints
 

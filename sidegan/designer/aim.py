@@ -11,7 +11,7 @@ import torch
 from sidegan.design.criteria import root_of
 from sidegan.design.linear import Linear
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.kernels.chain import array
+from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
 
 Array = np.ndarray

@@ -8,9 +8,9 @@ from sidegan.designer.aim import Aim, Numbers
 from sidegan.designer.descent import Grid, Penalties
 from sidegan.designer.scene import ArmNumbers, Scene
 from sidegan.kernels import descent, goals, plans, terms
-from sidegan.kernels.chain import array
 from sidegan.kernels.limits import Limits
-from sidegan.kernels.operations import columns_of_links
+from sidegan.motion.arrays import array
+from sidegan.motion.operations import columns_of_links
 
 Array = np.ndarray
 

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from sidegan.designer.scene import ArmNumbers, Scene
-from sidegan.kernels.chain import array
+from sidegan.motion.arrays import array
 from sidegan.validity.bounds import COARSE, LEVELS, ORDERS, SPLIT
 from sidegan.validity.constraints import NAMES, Constraints
 

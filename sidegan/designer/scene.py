@@ -9,7 +9,8 @@ import torch
 
 from sidegan.designer.situation import Situation
 from sidegan.errors import InfeasibleError
-from sidegan.kernels.chain import CONVEX, Shapes, array
+from sidegan.kernels.chain import CONVEX, Shapes
+from sidegan.motion.arrays import array, shapes_of
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity import Constraints, Region
@@ -176,7 +177,7 @@ class ArmNumbers:
     def _bare(self) -> Shapes:
         """The arm's capsules as they are, without anything that they keep away from."""
         none = torch.zeros(0, 2, dtype=torch.long)
-        return Shapes.of(self.arm.capsules, none, none, tables(()))
+        return shapes_of(self.arm.capsules, none, none, tables(()))
 
     def among(self, scene: Scene) -> Constraints:
         """The same scene as every other room knows it."""

@@ -10,7 +10,7 @@ import logging
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
 from inspect import isfunction
 from pathlib import Path
@@ -56,14 +56,18 @@ class Kernel:
             self.inner = numba.njit(**_INNER, **options)(function)
         with _cached_in(folder):
             self._compiled = numba.njit(**options)(function)
-        self._first = _FirstCall(folder, f"{function.__module__}.{function.__qualname__}")
+        name = f"{function.__module__}.{function.__qualname__}"
+        self._turn = _Turn(folder, name) if folder else None
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python."""
-        if self._first.done:
+        turn = self._turn
+        if turn is None:
             return self._compiled(*arguments)
-        with self._first:
-            return self._compiled(*arguments)
+        with turn:
+            result = self._compiled(*arguments)
+        self._turn = None
+        return result
 
 
 class _Inner(types.Dispatcher):
@@ -90,29 +94,26 @@ def _kernel(**options: Any) -> Callable[[Function], Kernel]:
     return lambda function: Kernel(function, _OPTIONS | options)
 
 
-class _FirstCall:
-    """The call of a kernel that compiles it or reads it from the cache.
+class _Turn:
+    """The first call of a kernel in a process, which compiles it or reads it from the cache.
 
     Where several processes need a kernel that was never compiled, one compiles it and the others wait.
     """
 
-    def __init__(self, folder: Path | None, name: str) -> None:
-        self.done = folder is None
-        self._lock: Any = nullcontext()
-        if folder is not None:
-            self._mark = folder / f"{name}.compiled"
-            self._lock = FileLock(folder / f"{name}.lock", timeout=_PATIENCE)
+    def __init__(self, folder: Path, name: str) -> None:
+        self._compiled = folder / f"{name}.compiled"
+        self._lock = FileLock(folder / f"{name}.lock", timeout=_PATIENCE)
 
     def __enter__(self) -> None:
-        if not self._mark.exists():
+        if not self._compiled.exists():
             with suppress(OSError, Timeout):
                 self._lock.acquire()
 
-    def __exit__(self, *error: object) -> None:
-        with suppress(OSError):
-            self._mark.touch()
+    def __exit__(self, kind: object, *error: object) -> None:
+        if kind is None:
+            with suppress(OSError):
+                self._compiled.touch()
         self._lock.release()
-        self.done = True
 
 
 @contextmanager

@@ -3,8 +3,8 @@
 import numpy as np
 import torch
 
-from sidegan.kernels.chain import Shapes
 from sidegan.kernels.guards import leaving
+from sidegan.motion.arrays import shapes_of
 from sidegan.validity.constraints import random_axes
 from sidegan.validity.regions import tables
 from tests.motion.conftest import REGIONS
@@ -13,7 +13,7 @@ from tests.motion.conftest import REGIONS
 def test_a_capsule_leaves_what_its_margin_says(arm):
     """In each of some configurations alone, so that one of them cannot hide another."""
     none = torch.zeros(0, 2, dtype=torch.long)
-    shapes = Shapes.of(arm.capsules, none, none, tables(list(REGIONS.values())))
+    shapes = shapes_of(arm.capsules, none, none, tables(list(REGIONS.values())))
     moving = torch.nonzero(arm.capsules.link >= 0)[:, 0]
     axes = torch.stack(random_axes(arm))[:, :, moving, :100]  # (2, 3, C, N)
     clear = (

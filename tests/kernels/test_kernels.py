@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sidegan.kernels.chain import Chain
 from sidegan.kernels.limits import Limits, Near
 from sidegan.motion import threads
+from sidegan.motion.arrays import chain_of
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
@@ -177,7 +177,7 @@ def test_no_state_is_no_work(arm, shape):
 def test_chain_places_joints_as_the_arm_does(arm):
     """A joint turns about its axis, or slides along it, in the frame that it has at zero."""
     for other in (arm, random_chain(6, 4)[0]):
-        q, chain = random_states(other, 1)[0][0], Chain.of(other)
+        q, chain = random_states(other, 1)[0][0], chain_of(other)
         for i, angle in enumerate(q.tolist()):
             turn = 0.0 if other.prismatic[i] else angle
             own = Rotation.from_rotvec(turn * other.axis[i].numpy()).as_matrix()

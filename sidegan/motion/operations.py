@@ -9,8 +9,9 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from sidegan.kernels import apart, eigen, lanes, regressor, slopes
-from sidegan.kernels.chain import Chain, array
+from sidegan.kernels.chain import Chain
 from sidegan.kernels.limits import Limits, Near
+from sidegan.motion.arrays import array
 from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
 States = Sequence[Tensor]
