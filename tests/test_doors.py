@@ -72,6 +72,12 @@ def test_a_heavy_package_has_one_door(package, door):
     assert {room_of(path) for path, name in IMPORTS if name.split(".")[0] == package} <= door
 
 
+def test_kernels_know_arrays_alone():
+    known = {name.split(".")[0] for path, name in IMPORTS if room_of(path) == "kernels"}
+    assert not known & {"torch", "scipy", "mujoco"}
+    assert all(rooms(path) <= {"kernels"} for path in FILES if room_of(path) == "kernels")
+
+
 @pytest.mark.parametrize("room", ORDER)
 def test_a_room_imports_only_those_before_it(room):
     for path in FILES:

@@ -10,7 +10,7 @@ from torch import Tensor
 from sidegan.design.problem import HOPELESS
 from sidegan.errors import ShapeError
 from sidegan.kernels import goals, terms
-from sidegan.kernels.chain import array
+from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
 
 # The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few

@@ -15,9 +15,9 @@ from sidegan.design.goal import Compiled, Goal
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.kernels import evaluation, plans
-from sidegan.kernels.chain import array
 from sidegan.kernels.limits import Limits
-from sidegan.kernels.operations import columns_of_links
+from sidegan.motion.arrays import array
+from sidegan.motion.operations import columns_of_links
 from sidegan.motion.threads import share
 from sidegan.validity.constraints import NAMES
 

@@ -18,7 +18,7 @@ from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.errors import ShapeError
-from sidegan.kernels.operations import extremes
+from sidegan.motion.operations import extremes
 from sidegan.motion.threads import eigh
 
 

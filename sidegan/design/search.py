@@ -21,7 +21,7 @@ from sidegan.design.problem import Problem
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
-from sidegan.kernels.chain import array
+from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Validity, check

@@ -1,15 +1,17 @@
 """How kernels are compiled: once, then from a cache on disk.
 
-Without reference counts (``_nrt``) they are twice as fast, and in return cannot allocate anything: whoever
-calls one gives it room to work in.
+A kernel that other kernels call is compiled into them; only one that Python calls gets what Python needs,
+which takes longer to compile than most kernels. Without reference counts (``_nrt``) kernels are twice as
+fast, and in return cannot allocate anything: whoever calls one gives it room to work in.
 """
 
 import hashlib
 import logging
-import re
-from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, update_wrapper
 from inspect import isfunction
 from pathlib import Path
 from types import ModuleType
@@ -17,95 +19,156 @@ from typing import Any
 
 import numba
 from filelock import FileLock, Timeout
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.extending import register_jitable
+from numba import types
+from numba.core import event
+from numba.extending import models, register_jitable, register_model, typeof_impl
 
-_OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+_OPTIONS: Any = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+}
+_INNER: Any = {"no_cpython_wrapper": True}
 _ANY_ORDER: Any = {"contract", "reassoc"}
-# Modules of this package that a source imports: from sidegan….lanes import, from sidegan… import lanes, links
-_NAMED = re.compile(
-    rf"^(?:from|import) {re.escape(__package__)}(?:[.](\w+)| import (?:\(([^)]*)\)|(.*)))", re.MULTILINE
-)
-_PATIENCE = 120.0  # [s] with another process that compiles a function, before compiling it as well
+_PATIENCE = 120.0  # [s] with another process that compiles a kernel, before compiling it as well
+_KEPT = 3  # caches of other versions of the kernels
 
 log = logging.getLogger(__name__)
 
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+Function = Callable[..., Any]
 
 
-class _Cache(FunctionCache):
-    """Cache on disk of a function, stale as soon as a file changes that its own one imports, directly or not.
+class Kernel:
+    """A compiled function that other kernels can call, and Python.
 
-    Numba's own looks at the function's file alone, although a compiled function contains those it calls.
-    Where several processes need a function that is not there, one of them compiles it and the others wait.
+    Args:
+        function: the function.
+        options: of ``numba.njit``.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        stamp = _digest(Path(function.__code__.co_filename))
-        folder = Path(self._impl.locator.get_cache_path())
-        self._cache_file = IndexDataCacheFile(str(folder), self._impl.filename_base, source_stamp=stamp)
-        self._compiling = FileLock(folder / f"{self._impl.filename_base}.lock", timeout=_PATIENCE)
+    def __init__(self, function: Function, options: Any) -> None:
+        update_wrapper(self, function)
+        folder = _folder()
+        options["cache"] = folder is not None
+        with _cached_in(folder and folder / "inner"):
+            self.inner = numba.njit(**_INNER, **options)(function)
+        with _cached_in(folder):
+            self._compiled = numba.njit(**options)(function)
+        name = f"{function.__module__}.{function.__qualname__}"
+        self._turn = _Turn(folder, name) if folder else None
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled function, or None when this process has to compile it."""
-        there = super().load_overload(sig, target_context)
-        if there is None:
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        turn = self._turn
+        if turn is None:
+            return self._compiled(*arguments)
+        with turn:
+            result = self._compiled(*arguments)
+        self._turn = None
+        return result
+
+
+class _Inner(types.Dispatcher):
+    """Type of a kernel within another: compiled once for all tuples, whatever constants are in them.
+
+    Constants by themselves are worth it: they tell the compiler that an index is not negative.
+    """
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Signature of a call."""
+        args = tuple(types.unliteral(x) if isinstance(x, types.BaseTuple) else x for x in args)
+        return super().get_call_type(context, args, kws)
+
+
+register_model(_Inner)(models.OpaqueModel)
+
+
+@typeof_impl.register(Kernel)
+def _typeof(kernel: Kernel, _: Any) -> Any:
+    return _Inner(kernel.inner)
+
+
+def _kernel(**options: Any) -> Callable[[Function], Kernel]:
+    return lambda function: Kernel(function, _OPTIONS | options)
+
+
+class _Turn:
+    """The first call of a kernel in a process, which compiles it or reads it from the cache.
+
+    Where several processes need a kernel that was never compiled, one compiles it and the others wait.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._compiled = folder / f"{name}.compiled"
+        self._lock = FileLock(folder / f"{name}.lock", timeout=_PATIENCE)
+
+    def __enter__(self) -> None:
+        if not self._compiled.exists():
             with suppress(OSError, Timeout):
-                self._impl.locator.ensure_cache_path()
-                self._compiling.acquire()
-                there = super().load_overload(sig, target_context)
-        if there is None:
-            _tell()
-        else:
-            self._compiling.release()
-        return there
+                self._lock.acquire()
 
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a function that was compiled."""
-        try:
-            super().save_overload(sig, data)
-        finally:
-            self._compiling.release()
+    def __exit__(self, kind: object, *error: object) -> None:
+        if kind is None:
+            with suppress(OSError):
+                self._compiled.touch()
+        self._lock.release()
+
+
+@contextmanager
+def _cached_in(folder: Path | None) -> Iterator[None]:
+    """Functions that are decorated within the block are cached in a folder, and no others."""
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder or "")
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
+@cache
+def _folder() -> Path | None:
+    """Folder for these kernels, named by a digest of all their sources; None where nothing can be written.
+
+    It lies in the folder that ``SIDEGAN_CACHE`` names, or in the user's cache.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
+    within = Path(os.environ.get("SIDEGAN_CACHE") or user)
+    folder = within.absolute() / f"kernels-{digest.hexdigest()[:16]}"
+    try:
+        if not folder.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            _remove_old(within, folder)
+    except OSError:
+        return None
+    return folder if os.access(folder, os.W_OK) else None
+
+
+def _remove_old(within: Path, new: Path) -> None:
+    """Remove caches of other versions but for the last few."""
+    others = [path for path in within.glob("kernels-*") if path.name != new.name]
+    for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+class _Notice(event.Listener):
+    """Says once why nothing seems to happen."""
+
+    def on_start(self, event: Any) -> None:
+        if event.data["dispatcher"].py_func.__module__.startswith(f"{__package__}."):
+            _tell()
+
+    def on_end(self, event: Any) -> None:
+        """Nothing to say."""
 
 
 @cache
 def _tell() -> None:
-    """Say once why nothing seems to happen."""
-    log.info("compiling for this processor, once, which takes up to two minutes")
-
-
-@cache
-def _digest(source: Path) -> str:
-    """Digest of the sources that kernels of a file are made of."""
-    found: set[Path] = set()
-    more = {source}
-    while more:
-        found.add(one := more.pop())
-        more |= _imported(one) - found
-    digest = hashlib.sha256()
-    for path in sorted(found):
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()
-
-
-@cache
-def _imported(source: Path) -> frozenset[Path]:
-    """Files of this package that a source imports, wherever it lies."""
-    named = " ".join(" ".join(one) for one in _NAMED.findall(source.read_text("utf-8")))
-    words = set(re.findall(r"\w+", named))
-    folders = {source.parent, Path(__file__).parent}
-    return frozenset(path for folder in folders for path in folder.glob("*.py") if path.stem in words)
-
-
-def _jit(**options: Any) -> Decorator:
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        dispatcher = numba.njit(**{**_OPTIONS, **options})(function)
-        with suppress(RuntimeError):  # numba finds no folder that it may write to
-            dispatcher._cache = _Cache(function)
-        return dispatcher
-
-    return decorate
+    log.info("compiling for this processor, once, which takes up to a minute")
 
 
 def share(module: ModuleType) -> None:
@@ -115,7 +178,9 @@ def share(module: ModuleType) -> None:
             register_jitable(forceinline=True, **_OPTIONS)(function)
 
 
-kernel = _jit()
-inline = _jit(forceinline=True)  # a call would pass up to two hundred numbers
-kernel_in_any_order = _jit(fastmath=_ANY_ORDER)  # its sums over lanes are sums of vectors
-inline_in_any_order = _jit(forceinline=True, fastmath=_ANY_ORDER)
+event.register("numba:compile", _Notice())
+
+kernel = _kernel()
+inline = _kernel(forceinline=True)  # a call would cost more than the work
+kernel_in_any_order = _kernel(fastmath=_ANY_ORDER)  # its sums over lanes are sums of vectors
+inline_in_any_order = _kernel(forceinline=True, fastmath=_ANY_ORDER)

@@ -94,6 +94,16 @@ def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: R
     return span
 
 
+@kernel
+def rows(chain: Chain, states: Array, columns: Columns, work: Room, y: Array) -> int:
+    """Write the base regressor of all states of the one trajectory, (5, 1, J, T), as ``rows_of`` does.
+
+    There is room in y for all of it, (p, J · (T + LANES)).
+    """
+    rest(chain.gravity, work.links[0])
+    return rows_of(chain, states, (0, 0, states.shape[3]), columns, work, y)
+
+
 @inline_in_any_order
 def _four(s: Four, x: float, y: Four) -> Four:
     return s[0] + x * y[0], s[1] + x * y[1], s[2] + x * y[2], s[3] + x * y[3]

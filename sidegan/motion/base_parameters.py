@@ -8,7 +8,7 @@ from torch import Tensor
 
 from sidegan.base.threads import one_thread
 from sidegan.errors import RobotError
-from sidegan.kernels.chain import Chain
+from sidegan.motion.arrays import chain_of
 from sidegan.robot import Arm
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -61,7 +61,7 @@ class BaseParameters:
 
 def _random_rows(arm: Arm) -> np.ndarray:
     """Rows of the full regressor over S random states, (S J, 10 J)."""
-    from sidegan.kernels import operations
+    from sidegan.motion import operations
 
     random = torch.Generator().manual_seed(0)
     states = min(_STATES_EACH * arm.joints, _MOST_STATES)
@@ -69,7 +69,7 @@ def _random_rows(arm: Arm) -> np.ndarray:
     span = (arm.position_upper - arm.position_lower) / 2
     q = (arm.position_upper + arm.position_lower) / 2 + span * draw[0]
     full = torch.arange(10 * arm.joints)
-    y = operations.rows(Chain.of(arm), full, (q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
+    y = operations.rows(chain_of(arm), full, (q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
     return y.reshape(-1, len(full)).numpy()
 
 

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.kernels.chain import Chain
+from sidegan.motion.arrays import chain_of
 from sidegan.motion.base_parameters import LINK_PARAMETERS, BaseParameters
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -50,7 +51,7 @@ class RigidBody:
     @cached_property
     def chain(self) -> Chain:
         """The arm as compiled kernels take it."""
-        return Chain.of(self.arm)
+        return chain_of(self.arm)
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
         """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m]."""
@@ -120,6 +121,6 @@ def gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
 
 def _kernels() -> ModuleType:
     """Compiled dynamics, imported when they are used."""
-    from sidegan.kernels import operations
+    from sidegan.motion import operations
 
     return operations

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from sidegan.kernels.chain import Chain
+from sidegan.motion.arrays import chain_of
 from sidegan.robot import Arm
 
 _PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
@@ -30,7 +30,7 @@ def place_points(arm: Arm, q: Tensor, points: Tensor, links: Tensor) -> Tensor:
 
 def frames_of(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
     """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of the base and the joints, at (J, N)."""
-    fixed, sine, cosine, origin, slide = (torch.from_numpy(x)[..., None] for x in Chain.of(arm)[1:6])
+    fixed, sine, cosine, origin, slide = (torch.from_numpy(x)[..., None] for x in chain_of(arm)[1:6])
     turns, places = [torch.eye(3).to(q)[..., None].expand(3, 3, q.shape[1])], [q.new_zeros(3, q.shape[1])]
     for i, x in enumerate(q):
         own = (fixed[i] + sine[i] * torch.sin(x) + cosine[i] * torch.cos(x)).unflatten(0, (3, 3))

@@ -9,6 +9,7 @@ from torch import Tensor
 from sidegan.base.names import counted, listed
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.kernels.chain import Shapes
+from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import capsule_axes, segment_distance
@@ -194,7 +195,7 @@ class Constraints:
     @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        return Shapes.of(self._thick.capsules, self.pairs, self.guarded, tables(self.kept_out))
+        return shapes_of(self._thick.capsules, self.pairs, self.guarded, tables(self.kept_out))
 
     def described(self) -> str:
         """What is checked and what is not, as one line for people."""

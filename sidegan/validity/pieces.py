@@ -7,7 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.kernels.chain import Chain, Shapes, array
+from sidegan.kernels.chain import Shapes
+from sidegan.motion.arrays import array, chain_of, shapes_of
 from sidegan.robot import Arm
 from sidegan.validity.capsules import segment_distance
 from sidegan.validity.regions import tables
@@ -50,7 +51,7 @@ class PieceDistances:
         shapes = self.shapes()
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
-        bodies = kernel.Bodies(Chain.of(self.arm), shapes, self.hulls())
+        bodies = kernel.Bodies(chain_of(self.arm), shapes, self.hulls())
         kernel.distances(bodies, array(q), array(asked[order]), need, out, room)
         found = torch.empty(len(asked), dtype=torch.float64)
         found[order] = torch.from_numpy(out)
@@ -58,7 +59,7 @@ class PieceDistances:
 
     def shapes(self) -> Shapes:
         """The capsules and their pairs, without regions, as compiled kernels take them."""
-        return Shapes.of(self.arm.capsules, self.pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
+        return shapes_of(self.arm.capsules, self.pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
 
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""

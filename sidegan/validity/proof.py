@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.kernels.chain import Chain, array
+from sidegan.motion.arrays import array, chain_of
 from sidegan.robot import Arm
 from sidegan.validity.bounds import piece_reach
 from sidegan.validity.pieces import PieceDistances
@@ -27,7 +27,7 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
         return found
     from sidegan.kernels import boxes, hulls
 
-    bodies = hulls.Bodies(Chain.of(arm), inside.shapes(), inside.hulls())
+    bodies = hulls.Bodies(chain_of(arm), inside.shapes(), inside.hulls())
     link = arm.capsules.link[pairs]
     outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
     reach = array(piece_reach(arm)[outer])

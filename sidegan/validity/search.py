@@ -9,7 +9,7 @@ from torch import Tensor
 
 from sidegan.kernels import cells as kernel_cells
 from sidegan.kernels import validity as kernel
-from sidegan.kernels.chain import array
+from sidegan.motion.arrays import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import (

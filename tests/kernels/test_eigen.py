@@ -5,7 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.kernels.operations import extremes
+from sidegan.motion.operations import extremes
 from tests.motion.conftest import normal
 from tests.threads import several_threads
 
@@ -67,7 +67,7 @@ def test_equal_eigenvalues_and_special_matrices(x):
 )
 def test_nothing_is_done_again_where_eigenvalues_are_well_apart(x, monkeypatch):
     """That is what makes it fast: what is not accurate enough is left to LAPACK."""
-    monkeypatch.setattr("sidegan.kernels.operations.eigh", None)
+    monkeypatch.setattr("sidegan.motion.operations.eigh", None)
     check(x)
 
 

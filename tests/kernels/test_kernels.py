@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from sidegan.kernels import lanes
-from sidegan.kernels.chain import Chain
 from sidegan.kernels.limits import Limits
 from sidegan.kernels.terms import JointTerms, room
 from sidegan.kernels.weighted import weighted_slopes
 from sidegan.motion import threads
+from sidegan.motion.arrays import chain_of
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
@@ -76,7 +76,7 @@ def test_a_product_in_tiles_of_four_reads_no_row_that_is_not_there(rows):
     y, product, ends = normal(rows, 7).numpy(), np.zeros((rows, rows)), range(0, rows, 4)
     for i in ends:
         for j in ends:
-            tile.py_func(y, (i, rows), (j, rows), 1, 6, product)
+            tile.__wrapped__(y, (i, rows), (j, rows), 1, 6, product)
     np.testing.assert_allclose(product, y[:, 1:6] @ y[:, 1:6].T, atol=1e-14)
 
 
@@ -113,7 +113,7 @@ def test_no_state_is_no_work(arm, shape):
 def test_chain_places_joints_as_the_arm_does(arm):
     """A joint turns about its axis, or slides along it, in the frame that it has at zero."""
     for other in (arm, random_chain(6, 4)[0]):
-        q, chain = random_states(other, 1)[0][0], Chain.of(other)
+        q, chain = random_states(other, 1)[0][0], chain_of(other)
         for i, angle in enumerate(q.tolist()):
             turn = 0.0 if other.prismatic[i] else angle
             own = Rotation.from_rotvec(turn * other.axis[i].numpy()).as_matrix()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.kernels.chain import Shapes
 from sidegan.kernels.moving import bend, least_height
+from sidegan.motion.arrays import shapes_of
 from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.regions import tables
 
@@ -34,7 +34,7 @@ def test_a_stretched_arms_tip_leaves_its_even_motion_by_as_much_as_its_bound(inn
 def test_a_capsule_that_moves_evenly_comes_no_nearer_to_a_region_than_its_bound(planar, name):
     """To a plane just as near: there one of the ends is the nearest point, at one of the cell's ends."""
     region, none = REGIONS[name], torch.zeros(0, 2, dtype=torch.int64)
-    shapes = Shapes.of(planar.capsules, none, none, tables([region]))
+    shapes = shapes_of(planar.capsules, none, none, tables([region]))
     random, half, radius = np.random.default_rng(0), 0.2, shapes.radius[0]
     for _ in range(60):
         ends, twist = random.normal(size=(3, len(shapes.radius), 3)), random.normal(size=(2, 3, 3))

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from torch import Tensor
 from torch.autograd.functional import jvp
 
-from sidegan.kernels.chain import Chain, array
 from sidegan.kernels.formulas import drift
+from sidegan.motion.arrays import array, chain_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
@@ -46,7 +46,7 @@ def bounds(planar: Arm):
 
     def bounds(arm: Arm, *rates: Tensor) -> np.ndarray:
         model = of_any._replace(
-            chain=Chain.of(arm), **{name: array(x) for name, x in link_norms(arm).items()}
+            chain=chain_of(arm), **{name: array(x) for name, x in link_norms(arm).items()}
         )
         speed, acceleration, jerk, snap = (x.abs().numpy() for x in rates)
         drifts, nothing = np.stack([snap, snap]), (np.zeros((1, 1, 1)), np.zeros((1, 5, 1)), np.zeros(1))

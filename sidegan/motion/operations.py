@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from sidegan.kernels import eigen, lanes, regressor
-from sidegan.kernels.chain import Chain, array
+from sidegan.kernels.chain import Chain
+from sidegan.motion.arrays import array
 from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
 States = Sequence[Tensor]
@@ -35,8 +36,7 @@ def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
         motion, room = _states(*(x[k][None] for x in cuts)), lanes.room(joints)
         samples = motion.shape[3]
         y = np.zeros((len(columns), joints * (samples + lanes.LANES)))
-        lanes.rest(chain.gravity, room.links[0])
-        span = regressor.rows_of(chain, motion, (0, 0, samples), of_links, room, y)
+        span = regressor.rows(chain, motion, of_links, room, y)
         parts[k] = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))[:, :, :samples]
 
     each(work, threads)
