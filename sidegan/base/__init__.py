@@ -1,1 +1,1 @@
-"""What every room may use: atomic files, typed settings, progress, parallel work."""
+"""Tools of every room: atomic files, typed settings, progress, parallel work."""

@@ -1,4 +1,4 @@
-"""What a machine's memory cannot hold is refused before any work."""
+"""Refusal of what a machine's memory cannot hold, before any work."""
 
 import psutil
 

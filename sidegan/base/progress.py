@@ -29,7 +29,7 @@ class ConsoleHandler(logging.StreamHandler[TextIO]):
 
 @contextmanager
 def bar(description: str, total: int) -> Iterator[Callable[[int], None]]:
-    """What to tell how many steps of the block's loop are done."""
+    """Callback that is told how many steps of the block's loop are done."""
     if not sys.stderr.isatty():
         yield _lines(description, total)
         return

@@ -73,7 +73,7 @@ def build(kind: type[T], values: Mapping[str, Any]) -> T:
 
 
 def _problems(kind: type, error: ValidationError, values: Any) -> list[str]:
-    """What is wrong, a line for each setting; of alternatives that of which most is right."""
+    """Complaints, a line for each setting; of alternatives that of which most is right."""
     found: dict[Place, list[ErrorDetails]] = {}
     for one in error.errors():
         found.setdefault(_place(one, values), []).append(one)
@@ -117,7 +117,7 @@ def _expected(error: "ErrorDetails") -> str:
 
 
 def suggest(kind: type, place: Place) -> str:
-    """What may have been meant by a setting that is not there: "; did you mean …?" or nothing."""
+    """Setting that may have been meant by one that is not there: "; did you mean …?" or nothing."""
     for depth, key in enumerate(place):
         names = names_in(kind, place[:depth])
         if names and key not in names:

@@ -9,7 +9,7 @@ from sidegan.errors import ConfigError
 
 @dataclass(frozen=True)
 class Delivery:
-    """What is written for the controllers, and how the trajectories are run."""
+    """Files for the controllers, and how the trajectories are run."""
 
     formats: list[Literal["csv", "ros2", "mcap", "urscript"]]
     rate: Hertz  # of the tables [Hz]

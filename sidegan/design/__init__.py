@@ -1,1 +1,1 @@
-"""What is optimised: problem, penalties, objectives, information, and the choice of sets."""
+"""Optimisation: problem, penalties, objectives, information, search, and the choice of sets."""

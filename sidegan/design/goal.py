@@ -1,4 +1,4 @@
-"""What trajectories are to be good for, and the same as compiled kernels take it."""
+"""Goals of trajectories, and their form for compiled kernels."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
@@ -43,7 +43,7 @@ class Linear(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """What is to be small of a trajectory, in units of the P parameters of a model.
+    """Function of a trajectory that is to be small, in units of the P parameters of a model.
 
     The condition number of prior and information together, or the ratio of the diagonal of the information;
     the sum of the targets' variances, or the volume that they lie in; or the volume of a tool's parameters,
@@ -121,7 +121,7 @@ def _fitting(name: str, given: Tensor | None, shape: tuple[int, ...]) -> np.ndar
 
 
 def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> terms.JointTerms:
-    """What a model has beside rigid bodies, joints in order."""
+    """Terms of a model beside rigid bodies, joints in order."""
     first, speeds = np.searchsorted(joints, np.arange(count + 1)), np.ones(count)
     if model is None:
         return terms.JointTerms(np.zeros(0, np.int64), first, 1.0, speeds)

@@ -1,4 +1,4 @@
-"""What trajectories tell about the identifiable parameters: their information matrices, packed."""
+"""Information of trajectories about the identifiable parameters: their matrices, packed."""
 
 import math
 from dataclasses import dataclass

@@ -80,7 +80,7 @@ class Objective:
         self.room = plans.room(self.plan)
 
     def penalised(self, plan: plans.Plan, penalty: Penalty) -> plans.Plan:
-        """The same plan with another penalty."""
+        """Plan with another penalty."""
         of_torques = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
         limits = plan.limits._replace(
             weight=penalty.weight / self.finer,
@@ -100,7 +100,7 @@ class Objective:
 
 
 class Evaluation:
-    """What an optimiser without gradients asks; not for several threads at once.
+    """Fitness and margins for an optimiser without gradients; not for several threads at once.
 
     Args:
         problem: of whose trajectories.

@@ -1,4 +1,4 @@
-"""What a trajectory or a set of them is worth: losses on the exact spectrum or diagonal of YᵀY."""
+"""Losses on the exact spectrum or diagonal of YᵀY of a trajectory, or of a set of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

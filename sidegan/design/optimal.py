@@ -122,7 +122,7 @@ def _first_largest(indices: Tensor, values: Tensor) -> int:
 
 
 def _slack(information: Information, total: Tensor) -> float:
-    """What rounding can do to a bound or a value of ``total`` and one matrix more."""
+    """Bound of what rounding does to a bound or a value of ``total`` and one matrix more."""
     spread = float(inverse(total).trace()) * (float(total.trace()) + information.largest)
     return _ROUNDING * len(total) * torch.finfo(total.dtype).eps * spread
 

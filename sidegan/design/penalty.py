@@ -1,4 +1,4 @@
-"""What violated constraints cost: squared relative violations."""
+"""Cost of violated constraints: squared relative violations."""
 
 from dataclasses import dataclass
 

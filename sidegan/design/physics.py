@@ -37,7 +37,7 @@ class SetInformation:
 
     @property
     def certainty(self) -> Tensor | None:
-        """What each joint's rows of Y are multiplied by, (J,)."""
+        """Factors of each joint's rows of Y, (J,)."""
         return None if self.noise is None else 1 / torch.tensor(self.noise, dtype=torch.float64)
 
     def grams(self, c: Tensor) -> Tensor:

@@ -159,7 +159,7 @@ def search(
 
 
 class SetGoal(Protocol):
-    """What a set is designed for, given the trajectories that it holds already."""
+    """Goal of a set, given the trajectories that it holds already."""
 
     def next(self) -> Goal:
         """The goal of the next trajectory."""

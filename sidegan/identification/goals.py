@@ -1,4 +1,4 @@
-"""What a set of trajectories is to tell: all parameters, those of some links, a tool, or torques elsewhere.
+"""Goals of a set of trajectories: all parameters, those of some links, a tool, or torques elsewhere.
 
 Information on a model's parameters (P, P) is that on parameters in units of what is known of them: ``known``
 before, and ``motion``, that of the set, G = Σ Yᵀ Y over the noise's variance.
@@ -24,7 +24,7 @@ _UNITS = ("kg", "kg·m", "kg·m²")
 
 
 class Purpose(Protocol):
-    """What trajectories are to tell."""
+    """Goal of a set of trajectories."""
 
     names: tuple[str, ...]  # of what is to be known, (K,)
     goal: Goal  # the same for a search, but for what is known and measured
@@ -33,7 +33,7 @@ class Purpose(Protocol):
         """Standard deviation of each of what is to be known, (K,), of information (P, P) each."""
 
     def said(self, deviations: Tensor, before: Tensor) -> str:
-        """What the deviations (K,) are, and were before, in words."""
+        """Deviations (K,) now and before, in words."""
 
 
 Wanted = Callable[[TorqueModel, Tensor], Purpose]  # of a model whose parameters count in units (P,)

@@ -83,7 +83,7 @@ class KnownLoad:
 
 @dataclass(frozen=True)
 class GoalSettings:
-    """What a set of trajectories is designed for, and what it is measured with."""
+    """Goal of a set of trajectories, and what it is measured with."""
 
     count: Count  # trajectories
     # what is small with the set: variances of torques on tasks, of the model's parameters or, a list, of some

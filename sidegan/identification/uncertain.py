@@ -1,4 +1,4 @@
-"""What is uncertain of a model, as an aim of design: trajectories that tell it beside what is known."""
+"""Uncertainty of a model as a goal of design: trajectories that tell it beside what is known."""
 
 from dataclasses import replace
 from functools import partial
@@ -90,7 +90,7 @@ class Uncertain:
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
-    """What is uncertain of an arm of which there is a description and nothing else.
+    """Uncertainty of an arm of which there is a description and nothing else.
 
     Raises:
         ConfigError: when a setting does not fit the arm.
@@ -118,7 +118,7 @@ def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:
-    """What the settings ask for of an arm with these usual torques (J,) [N·m or N]."""
+    """Goal that the settings ask for, of an arm with these usual torques (J,) [N·m or N]."""
     if isinstance(goal.objective, list):
         return partial(Parameters, links=goal.objective)
     if goal.objective == "payload":

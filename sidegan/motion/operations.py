@@ -123,7 +123,7 @@ def columns_of_links(columns: Tensor, joints: int) -> regressor.Columns:
 
 
 def _states(q: Tensor, dq: Tensor, ddq: Tensor) -> np.ndarray:
-    """What kernels take of states (B, T, J), (5, B, J, T)."""
+    """Arrays for kernels, (5, B, J, T), of states (B, T, J)."""
     batch, count, joints = q.shape
     states = np.empty((5, batch, joints, count))
     for row, x in zip(states[2:], (q, dq, ddq)):

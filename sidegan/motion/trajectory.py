@@ -116,7 +116,7 @@ class Trajectory:
         return self.derivative_bound(4)
 
     def derivative_bound(self, order: int) -> Tensor:
-        """The same of derivative ``order``, 4 or more.
+        """Upper bound of the absolute derivative ``order``, 4 or more, of each basis function, (H, 2).
 
         A wave reaches its amplitude; the quintic's fourth derivative is linear, so an end has its peak, and
         its fifth is constant.
@@ -210,7 +210,7 @@ def _frequencies(harmonics: int, period: float) -> np.ndarray:
 
 
 def _quintic_scales(w: np.ndarray, period: float, order: int) -> np.ndarray:
-    """What the quintics' derivative ``order`` over s is multiplied by, (H, 2).
+    """Factors of the quintics' derivative ``order`` over s, (H, 2).
 
     Without them a sine wave would leave a velocity of 1 at both ends, a cosine wave an acceleration of kω.
     """

@@ -58,7 +58,7 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
 
 
 def explain(error: Exception, arguments: Sequence[str] = ()) -> str:
-    """What is wrong with a command line, in our words where Hydra's advice leads astray.
+    """Complaint about a command line, in our words where Hydra's advice leads astray.
 
     Args:
         error: of Hydra or OmegaConf, or a ValueError: of a word that stands where a list has a number.
@@ -83,7 +83,7 @@ def explain(error: Exception, arguments: Sequence[str] = ()) -> str:
 
 
 def _unknown(key: str, inner: str) -> str:
-    """What is wrong with a setting that this command does not have, or that is within the one it sets."""
+    """Complaint about a setting that this command does not have, or that is within the one it sets."""
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 

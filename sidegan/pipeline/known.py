@@ -1,4 +1,4 @@
-"""What an earlier run of identify left, for commands that go on from it."""
+"""Results of an earlier run of identify, for commands that go on from it."""
 
 import math
 from dataclasses import dataclass

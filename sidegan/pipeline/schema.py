@@ -51,7 +51,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Condition:
-    """What a comparison is made under: a recipe in a workspace, on one seed set."""
+    """Condition of a comparison: a recipe in a workspace, on one seed set."""
 
     name: str
     group: str  # conditions of a group differ in their seed set alone: their trainings count together
@@ -79,7 +79,7 @@ class Robot(Setup):
 
     @property
     def setup(self) -> Setup:
-        """What is said beside the description."""
+        """Statements of the user beside the description."""
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
 
 

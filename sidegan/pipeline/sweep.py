@@ -51,7 +51,7 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
 
 
 def _overrides(folder: Path) -> dict[str, str]:
-    """What a job's command overrides, by setting."""
+    """Overrides of a job's command, by setting."""
     path = folder / _OVERRIDES
     lines = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else []
     pairs = (line.lstrip("+").split("=", 1) for line in lines)

@@ -1,4 +1,4 @@
-"""What surrounds the arm, as it is configured: regions, a MoveIt scene, and what the arm stands on."""
+"""Surroundings of the arm, as configured: regions, a MoveIt scene, and what the arm stands on."""
 
 import hashlib
 import logging
@@ -91,7 +91,7 @@ class Region:
 
     @property
     def shape(self) -> validity.Region:
-        """What the arm keeps out of."""
+        """Regions that the arm keeps out of."""
         (one,) = self._given
         return one.shape if isinstance(one, Cylinder | Mesh) else one
 
@@ -132,7 +132,7 @@ class Workspace:
         return any(plane.unit[2] > _UPWARDS for plane in planes)
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
-        """What an arm keeps out of.
+        """Regions that an arm keeps out of.
 
         Raises:
             ConfigError: when a file cannot be read, or has shapes that are none.
@@ -189,7 +189,7 @@ class Workspace:
         }
 
     def told(self, arm: Arm) -> str:
-        """What was decided for the user; empty where nothing was."""
+        """Notes on what was decided for the user; empty where nothing was."""
         if self.desk is None or self._states_floor or is_built_in(arm):
             return ""
         floor = floor_under(arm)

@@ -133,7 +133,7 @@ class Preprocessing:
 
 @dataclass(frozen=True)
 class RecordingSettings(Preprocessing, Columns):
-    """What is where in a recorded file, what is known of its making, and how it is preprocessed."""
+    """Layout of a recorded file, what is known of its making, and how it is preprocessed."""
 
     # time by which torques are later than states [s], which is taken off; null: measured
     delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None

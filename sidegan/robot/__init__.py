@@ -1,4 +1,4 @@
-"""What the arm is: placements, axes, inertias, limits and capsules as tensors, read from a description."""
+"""Arms: placements, axes, inertias, limits and capsules as tensors, read from a description."""
 
 from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import (

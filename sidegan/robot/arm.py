@@ -18,7 +18,7 @@ _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What is inside of each of C capsules: the convex hull of some corners, with a ball around each point.
+    """Bodies inside C capsules, each the convex hull of some corners with a ball around each point.
 
     Where that is the capsule itself, its corners are the ends, and its ball has the capsule's radius.
     """
@@ -109,7 +109,7 @@ class Arm:
 
 
 def with_effort(arm: Arm, effort: float) -> Arm:
-    """The same arm, of whose velocity and torque limits only the share ``effort`` may be used.
+    """Arm of whose velocity and torque limits only the share ``effort`` may be used.
 
     Limits of acceleration and jerk stay: they are what a controller accepts, whatever the effort.
 

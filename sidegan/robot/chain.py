@@ -131,7 +131,7 @@ def _only(tree: Tree, paths: dict[str, list[Joint]], setup: Setup) -> list[Joint
 def _tips(
     tree: Tree, paths: dict[str, list[Joint]], carriers: dict[str, list[Joint]], fork: str
 ) -> list[str]:
-    """What to choose from: the ends of all branches, the longest first, and where they part."""
+    """Choices for a message: the ends of all branches, the longest first, and where they part."""
     inner = {joint.name for before in carriers.values() for joint in before}
     last = [_before_hand(name, carriers) for name in paths if name not in inner]
     ends = sorted(dict.fromkeys(last), key=lambda name: -len(carriers[name]))

@@ -36,7 +36,7 @@ Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane alon
 
 
 class Part(NamedTuple):
-    """What holds some of a link's triangles, in the frame of the first mesh."""
+    """Body that holds some of a link's triangles, in the frame of the first mesh."""
 
     capsule: Segment
     corners: Points  # of a convex hull [m], (V, 3)
@@ -142,7 +142,7 @@ def _judged(part: Points, whole: float, planes: tuple[Plane, ...], weight: float
 
 
 def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
-    """What lies on the sides of planes, where something does."""
+    """Parts on the sides of planes, where there are any."""
     sides = [part]
     for normal, height in planes:
         sides = [half for side in sides for half in split(side, normal, height)]

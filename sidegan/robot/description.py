@@ -20,7 +20,7 @@ from sidegan.robot.tree import read_tree
 
 @dataclass(frozen=True)
 class Description:
-    """What is known of an arm before Pinocchio reads it."""
+    """Description of an arm before Pinocchio reads it."""
 
     name: str  # the robot's name
     path: Path  # the file

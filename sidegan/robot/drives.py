@@ -1,4 +1,4 @@
-"""What a joint has beside the links that it moves: friction and a rotor."""
+"""Friction and rotor of a joint, beside the links that it moves."""
 
 from dataclasses import dataclass
 

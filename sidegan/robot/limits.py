@@ -46,7 +46,7 @@ class JointLimits:
 
 @dataclass
 class _Missing:
-    """What has to be asked for: why, and what to set, by kind of limit."""
+    """Limits that have to be asked for: why, and what to set, by kind of limit."""
 
     why: list[str] = field(default_factory=list)
     values: dict[str, dict[str, object]] = field(default_factory=dict)
@@ -155,7 +155,7 @@ def _own(joint: Joint, key: str) -> float:
 
 
 def _tell(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: _Stated) -> list[str]:
-    """What was assumed about ranges, and which torques are not limited."""
+    """Notes on assumed ranges, and on torques that are not limited."""
     told = []
     endless = [j.name for j in moving if j.kind == "continuous" and j.name not in stated["position"]]
     if endless:
@@ -238,7 +238,7 @@ def _ordered(at: str, span: _Span) -> _Span:
 
 
 def _stated(tree: Tree, setup: Setup) -> tuple[_Stated, list[str]]:
-    """What the file says, overridden by what the user says."""
+    """Limits of the file, overridden by those that the user states."""
     stated: _Stated = {kind.name: {} for kind in fields(Limits)}
     told = _read_file(tree, Path(setup.limits_file).expanduser(), stated) if setup.limits_file else []
     for kind, values in stated.items():

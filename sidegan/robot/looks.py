@@ -1,4 +1,4 @@
-"""What an arm looks like: the visual shapes of its links as coloured triangles."""
+"""Looks of an arm: the visual shapes of its links as coloured triangles."""
 
 import logging
 import xml.etree.ElementTree as ET

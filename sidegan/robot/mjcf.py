@@ -70,7 +70,7 @@ class _Writer:
         self._mimics()
 
     def name(self, kind: str, index: int) -> str:
-        """What something is called; its number where it has no name."""
+        """Name of something; its number where it has none."""
         code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
         return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
 
@@ -86,7 +86,7 @@ class _Writer:
         }
 
     def told(self) -> list[str]:
-        """What could not be carried over."""
+        """Notes on what could not be carried over."""
         model, told = self.model, []
         if self.dropped:
             told.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")

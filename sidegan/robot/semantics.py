@@ -1,4 +1,4 @@
-"""What an SRDF knows beside the description: named poses, and pairs of links that may touch."""
+"""Semantics of an SRDF beside the description: named poses, and pairs of links that may touch."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -44,7 +44,7 @@ class Semantics:
 
 
 def read_semantics(setup: Setup, tree: Tree, poses: Mapping[str, dict[str, float]]) -> Semantics:
-    """What the SRDF of a setup says, and poses that the description itself names.
+    """Semantics of a setup's SRDF, and poses that the description itself names.
 
     Raises:
         RobotError: when the SRDF is not there, or is none.

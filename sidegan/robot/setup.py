@@ -1,4 +1,4 @@
-"""What a user says about an arm beside its description."""
+"""Statements of a user about an arm, beside its description."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -99,7 +99,7 @@ def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
 def tell(
     tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
-    """What was locked, and whose mass was lumped into which link.
+    """Notes on what was locked, and whose mass was lumped into which link.
 
     Args:
         tree: the whole description.

@@ -32,7 +32,7 @@ class Joint:
 
     @property
     def mimic(self) -> ET.Element | None:
-        """What it follows, if it follows another joint."""
+        """Joint that it follows, if it follows another one."""
         return self.element.find("mimic")
 
 
@@ -81,7 +81,7 @@ class Tree:
 
 
 def meant(name: str, known: Iterable[str], setting: str = "") -> str:
-    """What a user may have meant by an unknown name, for a message."""
+    """Names that a user may have meant by an unknown one, for a message."""
     names = list(known)
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
     return ", expected for example " + " or ".join(f"{setting}{one}" for one in close)

@@ -46,7 +46,7 @@ class ConditionProblem:
         return self.batch_fitness(x)
 
     def batch_fitness(self, x: np.ndarray) -> np.ndarray:
-        """The same of B decision vectors laid end to end, (B · (1 + G),)."""
+        """Fitness and constraints of B decision vectors laid end to end, (B · (1 + G),)."""
         return self.evaluation(self.coefficients(x).numpy()).ravel()
 
     def coefficients(self, x: np.ndarray) -> Tensor:

@@ -1,4 +1,4 @@
-"""What an optimiser hands over: seeds that provably hold every constraint, and what became of the rest."""
+"""Result of an optimiser: seeds that provably hold every constraint, and what became of the rest."""
 
 import time
 from collections import Counter

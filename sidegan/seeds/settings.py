@@ -67,7 +67,7 @@ class Seeds:
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)
 
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
-        """What the optimiser works on."""
+        """Problem that the optimiser works on."""
         return Problem(constraints, trajectory, self.samples, self.fitness == "diagonal", self.strongest)
 
 

@@ -81,7 +81,7 @@ def capsule_reach(arm: Arm) -> Tensor:
 
 
 def piece_reach(arm: Arm) -> Tensor:
-    """The same of a point of the hull inside of each capsule, (C, J)."""
+    """Reach of a point of the hull inside of each capsule, (C, J)."""
     pieces = arm.capsules.pieces
     if pieces is None:
         return capsule_reach(arm)

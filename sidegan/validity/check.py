@@ -46,7 +46,7 @@ class Validity:
         return Counter(f"{one.constraint} of {one.where}" for k in invalid for one in self.failures(k))
 
     def failures(self, index: int) -> list[Failure]:
-        """What trajectory ``index`` violates, worst of each constraint; empty when it is valid."""
+        """Violations of trajectory ``index``, worst of each constraint; empty when it is valid."""
         return [
             Failure(
                 name,

@@ -44,7 +44,7 @@ class TooLargeError(InfeasibleError):
 
 
 def too_large(clearance: float, near: Sequence[str], left: float) -> TooLargeError:
-    """What to say of a clearance that some never have.
+    """Message on a clearance that some never have.
 
     Args:
         clearance: that one [m].

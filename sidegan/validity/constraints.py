@@ -198,7 +198,7 @@ class Constraints:
         return shapes_of(self._thick.capsules, self.pairs, self.guarded, tables(self.kept_out))
 
     def described(self) -> str:
-        """What is checked and what is not, as one line for people."""
+        """Description of what is checked and what is not, as one line for people."""
         torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
         pairs, links = self.excepted.get("collision", ()), self.excepted.get("keep_out", ())
         capsules = self.arm.capsules

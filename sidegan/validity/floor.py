@@ -1,4 +1,4 @@
-"""What an arm stands on, by its description, and what keeps above it where no link has a shape."""
+"""Floor that an arm stands on, by its description, and what keeps above it where no link has a shape."""
 
 import math
 from dataclasses import replace

@@ -111,7 +111,7 @@ class Convex:
         return cls.cylinder(radius, length).placed(np.stack([x, np.cross(z, x), z], 1), (a + b) / 2)
 
     def placed(self, turn: Points, place: Points) -> "Convex":
-        """The same body, turned by (3, 3) and then moved by (3,) [m]."""
+        """Body turned by (3, 3) and then moved by (3,) [m]."""
         return Convex.around(self.points @ np.asarray(turn, float).T + np.asarray(place, float))
 
     def grown(self, by: float) -> "Convex":

@@ -237,7 +237,7 @@ def _refuse(arm: Arm, touching: _Touching) -> None:
 
 
 def tell_often(arm: Arm, often: Sequence[Exemption], apart: float = 0.0) -> str:
-    """What to say of links that are kept apart, by so much [m], and touch in most configurations."""
+    """Message on links that are kept apart, by so much [m], and touch in most configurations."""
     named = allowed([one.links for one in often], arm.setup.may_touch)
     nearer = f" or come nearer than {apart:g} m" if apart else ""
     return (

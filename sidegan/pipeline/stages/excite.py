@@ -75,7 +75,7 @@ def _show(task: Task, tracker: Tracker) -> None:
 
 
 def _aim(task: Task) -> Uncertain | Condition:
-    """What a set is designed for, with nothing of it told yet.
+    """Goal of a set, before anything of it is designed.
 
     Raises:
         ConfigError: when a setting does not fit the arm, or there is no known model.
@@ -96,7 +96,7 @@ def _aim(task: Task) -> Uncertain | Condition:
 
 
 def _goal(task: Task, aim: Uncertain | Condition, tracker: Tracker) -> str:
-    """What the set makes of its aim, for the caption; the table of what is wanted is published."""
+    """Caption on what the set makes of its goal; the table of it is published."""
     if isinstance(aim, Condition):
         return ""
     columns = {"before": aim.before, "with the set": aim.deviations}
@@ -153,7 +153,7 @@ def _view(task: Task, family: Trajectory, run: Library, table: pd.DataFrame, tra
 
 
 def _steps(task: Task) -> list[tuple[str, str]]:
-    """What to do with the set, a sentence and a command each."""
+    """Next steps with the set, a sentence and a command each."""
     cfg, folder = task.cfg, task.store.run_folder.resolve()
     arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
     identify = (
@@ -177,7 +177,7 @@ def _energy(task: Task, motion: Motion) -> Tensor:
 
 
 def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
-    """What each trajectory asks of the arm, as its files have it."""
+    """Table of what each trajectory asks of the arm, as its files have it."""
     arm, times = task.whole_arm, family.times(task.cfg.identification.rate)
     motion = family.roll_out(run.coefficients, times)
     torque = task.body.torque(*motion[1:])
@@ -220,7 +220,7 @@ def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, lis
 
 
 def _peaks(x: Tensor, limit: Tensor, units: list[str]) -> list[str]:
-    """What is largest of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
+    """Largest value of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
     most = x.abs().amax(1)
     share, joint = (most / limit if limit.isfinite().any() else most).max(1)
     values = [f"{plain(float(row[j]))} {units[j]}" for row, j in zip(most, joint.tolist())]

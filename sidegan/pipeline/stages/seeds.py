@@ -30,7 +30,7 @@ def seed_set(task: Task) -> Artifact:
 
 
 def origin(task: Task) -> dict[str, Any]:
-    """What a set is made by, however many seeds it has: the first ones of a larger set are a smaller one."""
+    """Settings that make a set, but for its size: the first seeds of a larger set are a smaller one."""
     params = seed_set(task).params
     settings = params["settings"]["paper_seeds"]
     kept = {name: x for name, x in settings.items() if name != "count"}
