@@ -7,7 +7,7 @@ that is found out by vector instructions.
 from typing import NamedTuple
 
 from sidegan.kernels.chain import BOX, Array, Chain, Shapes
-from sidegan.kernels.closeness import Span, from_region, pull_of_pair, pull_of_region
+from sidegan.kernels.distances import from_region, near_region, near_segment
 from sidegan.kernels.formulas import Vector, add, cross, dot, less, product, times, to_parent
 from sidegan.kernels.jit import kernel
 from sidegan.kernels.lanes import (
@@ -23,10 +23,13 @@ from sidegan.kernels.lanes import (
     step_of,
     store,
 )
-from sidegan.kernels.links import Joint, joint, placement, row
+from sidegan.kernels.links import TOUCHING, Joint, joint, placement, row
 
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
 A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and the middle between them
+
+
+Span = tuple[int, int]  # first of some times, and how many
 
 
 class Room(NamedTuple):
@@ -97,10 +100,13 @@ def _pairs(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, 
         far = (reach + shapes.size[i] + shapes.size[k]) ** 2
         for n in range(count):
             if gap[n] < far:
-                axes = (load(one, A, n), load(one, B, n)), (load(two, A, n), load(two, B, n))
-                excess, a, b, force = pull_of_pair(shapes, (i, k), reach, axes[0], axes[1])
-                if excess > 0:
+                distance, a, b = near_segment(
+                    load(one, A, n), load(one, B, n), load(two, A, n), load(two, B, n)
+                )
+                excess = reach - distance + shapes.core[i] + shapes.core[k]
+                if excess > 0:  # where the axes cross there is no direction
                     total += excess * excess
+                    force = times(-2 * excess / distance if distance > TOUCHING else 0.0, less(a, b))
                     _push(chain, work, (shapes.frame[i], start, n), a, force, push)
                     _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
     return total
@@ -109,7 +115,8 @@ def _pairs(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, 
 @kernel
 def _regions(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, work: Room) -> float:
     """What regions cost in a block of times."""
-    (start, count), total, gap = span, 0.0, work.gap
+    start, count = span
+    total, gap = 0.0, work.gap
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
         ends, far = work.ends[k], reach + shapes.size[k]
@@ -117,13 +124,14 @@ def _regions(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array
             gap[n] = from_region(shapes, r, load(ends, MIDDLE, n))
         for n in range(count):
             if gap[n] < far:
-                a, b = load(ends, A, n), load(ends, B, n)
-                excess, one, force, two, other = pull_of_region(shapes, (r, k), reach, a, b)
+                distance, one, away, two, other = near_region(shapes, r, load(ends, A, n), load(ends, B, n))
+                excess = reach - distance + shapes.radius[k]
                 if excess > 0:
                     total += excess * excess
-                    _push(chain, work, (shapes.frame[k], start, n), one, force, push)
+                    at, pull = (shapes.frame[k], start, n), -2 * excess
+                    _push(chain, work, at, one, times(pull, away), push)
                     if shapes.kinds[r] == BOX:
-                        _push(chain, work, (shapes.frame[k], start, n), two, other, push)
+                        _push(chain, work, at, two, times(pull, other), push)
     return total
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.kernels import apart, eigen, lanes, plans
 from sidegan.kernels.chain import Array, Shapes
-from sidegan.kernels.distances import between_segments, to_region
+from sidegan.kernels.distances import from_region, near_region, near_segment
 from sidegan.kernels.formulas import dot, less
 from sidegan.kernels.goals import to_orthonormal
 from sidegan.kernels.jit import kernel
@@ -85,7 +85,7 @@ def _nearest_pair(shapes: Shapes, count: int, least: float, work: apart.Room) ->
             far = least + shapes.size[i] + shapes.size[k]
             if far <= 0 or gap[n] < far * far:
                 a, b = load(one, apart.A, n), load(one, apart.B, n)
-                distance = between_segments(a, b, load(two, apart.A, n), load(two, apart.B, n))
+                distance, _, _ = near_segment(a, b, load(two, apart.A, n), load(two, apart.B, n))
                 least = min(least, distance - (shapes.core[i] + shapes.core[k]))
     return least
 
@@ -97,9 +97,9 @@ def _nearest_region(shapes: Shapes, count: int, least: float, work: apart.Room) 
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
         ends = work.ends[k]
         for n in range(count):
-            a, b, middle = load(ends, apart.A, n), load(ends, apart.B, n), load(ends, apart.MIDDLE, n)
-            distance = to_region(shapes, r, a, b, middle, least + shapes.size[k])
-            least = min(least, distance - shapes.radius[k])
+            if not from_region(shapes, r, load(ends, apart.MIDDLE, n)) >= least + shapes.size[k]:
+                distance = near_region(shapes, r, load(ends, apart.A, n), load(ends, apart.B, n))[0]
+                least = min(least, distance - shapes.radius[k])
     return least
 
 
