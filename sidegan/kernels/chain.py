@@ -56,14 +56,14 @@ class Shapes(NamedTuple):
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
     # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one
-    # around a convex body [m] and where the body's planes begin and end, (R, 6)
+    # around a convex body [m]; last where the planes of a box or a body begin and end, (R, 8)
     regions: Array
     kinds: Array  # of the regions, (R,) int
-    planes: Array  # unit normals and offsets [m] of convex bodies, (M, 4)
+    planes: Array  # unit normals and offsets [m] of boxes and convex bodies, (M, 4)
 
     @classmethod
     def of(cls, capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: tuple[Tensor, ...]) -> "Shapes":
-        """Shapes of an arm's capsules and of regions: their numbers (R, 6), kinds (R,) and planes (M, 4)."""
+        """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4)."""
         ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
         size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
         balls = _balls(capsules.link + 1, ends, radius)

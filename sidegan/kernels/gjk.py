@@ -99,13 +99,6 @@ def apart(
     return bound
 
 
-@inline
-def _on_segment(a: Vector, b: Vector) -> float:
-    """Share of b in the point of a segment that is nearest to the origin."""
-    along = less(b, a)
-    return min(max(-dot(a, along) / dot(along, along), 0.0), 1.0)
-
-
 @kernel
 def _on_triangle(a: Vector, b: Vector, c: Vector) -> tuple[float, float, float]:
     """Shares of the corners in the point of a triangle that is nearest to the origin."""
@@ -143,8 +136,9 @@ def _outside(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
 
 
 @kernel
-def _face(points: Array, i: int, j: int, k: int, best: float, weights: Array) -> float:
-    """Take the face of a tetrahedron into account: the smaller squared distance, with its shares written."""
+def _face(points: Array, corners: tuple[int, int, int], best: float, weights: Array) -> float:
+    """Take a face of a simplex into account: the smaller squared distance, with its shares written."""
+    i, j, k = corners
     a, b, c = row(points, i), row(points, j), row(points, k)
     s, t, u = _on_triangle(a, b, c)
     point = add(add(times(s, a), times(t, b)), times(u, c))
@@ -162,26 +156,20 @@ def _nearest_point(points: Array, count: int, weights: Array) -> int:
 
     The number of corners left comes back; ``_INSIDE`` when the origin is inside of a tetrahedron.
     """
-    for i in range(4):
-        weights[i] = 0.0
     if count == 1:
         weights[0] = 1.0
     elif count == 2:
-        weights[1] = _on_segment(row(points, 0), row(points, 1))
+        along = less(row(points, 1), row(points, 0))
+        weights[1] = min(max(-dot(row(points, 0), along) / dot(along, along), 0.0), 1.0)
         weights[0] = 1.0 - weights[1]
     elif count == 3:
-        weights[0], weights[1], weights[2] = _on_triangle(row(points, 0), row(points, 1), row(points, 2))
+        _face(points, (0, 1, 2), np.inf, weights)
     else:
-        a, b, c, d = row(points, 0), row(points, 1), row(points, 2), row(points, 3)
         best = np.inf
-        if _outside(a, b, c, d):
-            best = _face(points, 0, 1, 2, best, weights)
-        if _outside(a, b, d, c):
-            best = _face(points, 0, 1, 3, best, weights)
-        if _outside(a, c, d, b):
-            best = _face(points, 0, 2, 3, best, weights)
-        if _outside(b, c, d, a):
-            best = _face(points, 1, 2, 3, best, weights)
+        for other in range(3, -1, -1):
+            i, j, k = (other + 1) % 4, (other + 2) % 4, (other + 3) % 4
+            if _outside(row(points, i), row(points, j), row(points, k), row(points, other)):
+                best = _face(points, (i, j, k), best, weights)
         if best == np.inf:
             return _INSIDE
     left = 0

@@ -82,7 +82,7 @@ def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Con
         contact: of its axis and the region there.
         half: half width of the cell [s].
     """
-    distance, point, away, _, _ = contact
+    distance, point, away = contact
     turning, moving = row(twist[0], shapes.frame[k]), row(twist[1], shapes.frame[k])
     lowest = math.inf
     for side in range(2):

@@ -71,14 +71,17 @@ def _reached(reach: Array, i: int, motion: Array) -> float:
 
 
 @inline
-def _settle(margin: float, slack: float, here: Here, column: int, item: int, smallest: Smallest) -> bool:
-    """Take a margin into account that changes by at most so much; whether that leaves the cell undecided."""
-    n, unsure = here.n, not margin >= slack  # what is no number decides nothing
+def _settle(margin: float, slack: float, here: Here, what: tuple[int, int], smallest: Smallest) -> bool:
+    """Take the margin of a column and an element into account, which changes by at most so much in the cell.
+
+    Whether that leaves the cell undecided comes back.
+    """
+    (column, element), n, unsure = what, here.n, not margin >= slack  # what is no number decides nothing
     if here.last and unsure and margin >= 0:
         margin -= slack
     if margin < smallest.margin[n, column] or margin != margin:
         smallest.margin[n, column] = margin
-        smallest.element[n, column], smallest.time[n, column] = item, here.time
+        smallest.element[n, column], smallest.time[n, column] = element, here.time
     return unsure
 
 
@@ -90,9 +93,9 @@ def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> b
         margin = state[0, j] - model.lower[j]
         if not margin <= model.upper[j] - state[0, j]:
             margin = model.upper[j] - state[0, j]
-        undecided |= _settle(margin, motion[0, j], here, POSITION, j, smallest)
+        undecided |= _settle(margin, motion[0, j], here, (POSITION, j), smallest)
         margin = model.speed[j] - abs(state[1, j])
-        undecided |= _settle(margin, motion[1, j], here, VELOCITY, j, smallest)
+        undecided |= _settle(margin, motion[1, j], here, (VELOCITY, j), smallest)
     return undecided
 
 
@@ -107,9 +110,9 @@ def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smalle
             snap += basis[here.at, 4, k] * c[n, j, k]
         slack = drift(jerk, motions.drifts[0, n, j], here.half)
         margin = model.higher[0, j] - abs(work.state[2, j])
-        undecided |= _settle(margin, slack, here, ACCELERATION, j, smallest)
+        undecided |= _settle(margin, slack, here, (ACCELERATION, j), smallest)
         slack = drift(snap, motions.drifts[1, n, j], here.half)
-        undecided |= _settle(model.higher[1, j] - abs(jerk), slack, here, JERK, j, smallest)
+        undecided |= _settle(model.higher[1, j] - abs(jerk), slack, here, (JERK, j), smallest)
     return undecided
 
 
@@ -141,7 +144,7 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
     torque_rates(model, work)
     for j in range(len(model.home)):
         slack = min(half * bent[0, j], drift(work.rate[j], bent[1, j], half))
-        undecided |= _settle(model.torque[j] - abs(work.torque[j]), slack, here, TORQUE, j, smallest)
+        undecided |= _settle(model.torque[j] - abs(work.torque[j]), slack, here, (TORQUE, j), smallest)
     return undecided
 
 
@@ -236,7 +239,7 @@ def _check_pair(
     if margin >= max(best, moved[0]):
         return False
     margin, slack = _look_closer(model, work, p, (margin, best, moved[1]), here.half)
-    return _settle(margin, slack, here, COLLISION, p, smallest)
+    return _settle(margin, slack, here, (COLLISION, p), smallest)
 
 
 @inline
@@ -291,7 +294,7 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
             least = least_height(shapes, ends, work.twist, k, contact, here.half)
             bent = bend(model.region_reach, g, (0, shapes.frame[k]), motion, here.half)
             slack = min(slack, margin - (least - bent))
-        undecided |= _settle(margin, slack, here, KEEP_OUT, g, smallest)
+        undecided |= _settle(margin, slack, here, (KEEP_OUT, g), smallest)
     return undecided
 
 
