@@ -6,8 +6,8 @@ that is found out by vector instructions.
 
 from typing import NamedTuple
 
-from sidegan.kernels.chain import BOX, Array, Chain, Shapes
-from sidegan.kernels.closeness import Span, from_region, pull_of_pair, pull_of_region
+from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.distances import from_region, near_region, near_segment
 from sidegan.kernels.formulas import Vector, add, cross, dot, less, product, times, to_parent
 from sidegan.kernels.jit import kernel
 from sidegan.kernels.lanes import (
@@ -23,10 +23,13 @@ from sidegan.kernels.lanes import (
     step_of,
     store,
 )
-from sidegan.kernels.links import Joint, joint, placement, row
+from sidegan.kernels.links import TOUCHING, Joint, joint, placement, row
 
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
 A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and the middle between them
+
+
+Span = tuple[int, int]  # first of some times, and how many
 
 
 class Room(NamedTuple):
@@ -39,7 +42,9 @@ class Room(NamedTuple):
 
 def room(capsules: int, joints: int) -> Room:
     """Room to work in; not to be shared among threads."""
-    return Room(aligned(joints + 1, _FRAME * LANES), aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
+    world = aligned(joints + 1, _FRAME * LANES)
+    world[0].reshape(_FRAME, LANES)[[0, 4, 8]] = 1.0  # the base stands as the world does
+    return Room(world, aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
 
 
 @kernel
@@ -84,58 +89,60 @@ def _push(chain: Chain, work: Room, at: Block, point: Vector, force: Vector, pus
 
 
 @kernel
-def _pairs(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, work: Room) -> float:
-    """What pairs cost in a block of times."""
-    start, count = span
-    total, gap = 0.0, work.gap
+def pairs(
+    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Room
+) -> tuple[float, float]:
+    """What pairs cost in a block of times, and the smallest of their distances, or ``reach`` if that is less.
+
+    Asked are ``reach`` and a weight, of the squares of how far distances fall below it; their slopes in the
+    positions are added to push, (J, S). Without a weight, only the smallest distance is looked for.
+    """
+    (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
+    least = reach
     for p in range(len(shapes.pairs)):
         i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
         one, two = work.ends[i], work.ends[k]
         for n in range(min(count, LANES)):
             apart = less(load(one, MIDDLE, n), load(two, MIDDLE, n))
             gap[n] = dot(apart, apart)
-        far = (reach + shapes.size[i] + shapes.size[k]) ** 2
         for n in range(count):
-            if gap[n] < far:
+            far = (reach if weight > 0 else least) + shapes.size[i] + shapes.size[k]
+            if gap[n] < far * far:
                 axes = (load(one, A, n), load(one, B, n)), (load(two, A, n), load(two, B, n))
-                excess, a, b, force = pull_of_pair(shapes, (i, k), reach, axes[0], axes[1])
-                if excess > 0:
-                    total += excess * excess
-                    _push(chain, work, (shapes.frame[i], start, n), a, force, push)
-                    _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
-    return total
+                distance, a, b = near_segment(axes[0][0], axes[0][1], axes[1][0], axes[1][1])
+                short = reach - distance + shapes.core[i] + shapes.core[k]
+                least = min(least, distance - (shapes.core[i] + shapes.core[k]))
+                if weight > 0 and short > 0:
+                    total += weight * short * short
+                    if distance > TOUCHING:  # where the axes cross there is no direction
+                        force = times(-2 * weight * short / distance, less(a, b))
+                        _push(chain, work, (shapes.frame[i], start, n), a, force, push)
+                        _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
+    return total, least
 
 
 @kernel
-def _regions(chain: Chain, shapes: Shapes, span: Span, reach: float, push: Array, work: Room) -> float:
-    """What regions cost in a block of times."""
-    (start, count), total, gap = span, 0.0, work.gap
+def regions(
+    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Room
+) -> tuple[float, float]:
+    """The same of capsules and keep-out regions."""
+    (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
+    least = reach
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-        ends, far = work.ends[k], reach + shapes.size[k]
+        ends = work.ends[k]
         for n in range(min(count, LANES)):
             gap[n] = from_region(shapes, r, load(ends, MIDDLE, n))
         for n in range(count):
-            if gap[n] < far:
-                a, b = load(ends, A, n), load(ends, B, n)
-                excess, one, force, two, other = pull_of_region(shapes, (r, k), reach, a, b)
-                if excess > 0:
-                    total += excess * excess
-                    _push(chain, work, (shapes.frame[k], start, n), one, force, push)
-                    if shapes.kinds[r] == BOX:
-                        _push(chain, work, (shapes.frame[k], start, n), two, other, push)
-    return total
-
-
-@kernel
-def stand(work: Room) -> None:
-    """Put the base where it stands."""
-    base = work.world[0]
-    for n in range(LANES):
-        for m in range(3):
-            for k in range(3):
-                base[(3 * m + k) * LANES + n] = 1.0 if m == k else 0.0
-            base[(PLACE + m) * LANES + n] = 0.0
+            if gap[n] < (reach if weight > 0 else least) + shapes.size[k]:
+                distance, point, away = near_region(shapes, r, load(ends, A, n), load(ends, B, n))
+                short = reach - distance + shapes.radius[k]
+                least = min(least, distance - shapes.radius[k])
+                if weight > 0 and short > 0:
+                    total += weight * short * short
+                    force = times(-2 * weight * short, away)
+                    _push(chain, work, (shapes.frame[k], start, n), point, force, push)
+    return total, least
 
 
 @kernel
@@ -158,18 +165,11 @@ def keep_apart(
     """
     if weight == 0 or len(shapes.pairs) + len(shapes.guarded) == 0:
         return 0.0
-    joints, samples, total = states.shape[2], states.shape[3], 0.0
-    step, slope = step_of(samples), push[0, 0]
-    for j in range(joints):  # the weight is that of the sum: what is there already waits
-        for n in range(samples):
-            slope[j, n] /= weight
-    stand(work)
+    samples, total = states.shape[3], 0.0
+    step = step_of(samples)
     for start in range(0, samples, step):
         span = start, min(step, samples - start)
         place(chain, shapes, states, span, work)
-        total += _pairs(chain, shapes, span, reach, slope, work)
-        total += _regions(chain, shapes, span, reach, slope, work)
-    for j in range(joints):
-        for n in range(samples):
-            slope[j, n] *= weight
-    return weight * total
+        total += pairs(chain, shapes, span, (reach, weight), push[0, 0], work)[0]
+        total += regions(chain, shapes, span, (reach, weight), push[0, 0], work)[0]
+    return total

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.bodies import Bodies, Place, place_for
+from sidegan.kernels.chain import Array
 from sidegan.kernels.formulas import (
     add,
     carried,
@@ -23,20 +24,8 @@ from sidegan.kernels.formulas import (
     wrench_of,
     wrench_rate,
 )
-from sidegan.kernels.hulls import Hulls
 from sidegan.kernels.jit import inline, inline_in_any_order, kernel
-from sidegan.kernels.links import (
-    Frames,
-    frames,
-    joint,
-    locate,
-    matrix,
-    placement,
-    row,
-    set_matrix,
-    set_row,
-    ten,
-)
+from sidegan.kernels.links import joint, matrix, row, set_row, ten
 
 
 class Links(NamedTuple):
@@ -51,9 +40,7 @@ class Links(NamedTuple):
 class Model(NamedTuple):
     """An arm in its workspace as arrays, float64 where nothing else is said."""
 
-    chain: Chain  # joints
-    shapes: Shapes  # capsules, and what they are kept apart from
-    hulls: Hulls  # what is inside of the capsules
+    bodies: Bodies  # joints, capsules and what is inside of them, and what they are kept apart from
     parameters: Array  # inertial parameters, (10 J,)
     home: Array  # position that trajectories start from, (J,) [rad or m]
     lower: Array  # position limits, (J,)
@@ -89,9 +76,7 @@ class Work(NamedTuple):
     state: Array  # position, velocity, acceleration, jerk, (4, J)
     motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
     most: Array  # the largest such bounds of a trajectory, (4, J)
-    turn: Array  # rotation of a joint's frame in its parent's, (J, 9)
-    shift: Array  # its origin there, (J, 3)
-    world: Frames  # frames in the world
+    at: Place  # where the arm is
     force: Array  # on a link, (J, 3)
     moment: Array  # on a link, (J, 3)
     growth: Array  # rates of both, (2, J, 3)
@@ -100,27 +85,19 @@ class Work(NamedTuple):
     sums: Array  # bounds of a link's force and moment, of their rates and second derivatives, (6, J)
     bent: Array  # bounds of the torques' rates and second derivatives in a cell, (2, J)
     cap: Array  # the same for all cells of a trajectory, (2, J)
-    ends: Array  # end points of the capsules' axes, and the middles between them, (3, C, 3)
     twist: Array  # angular velocity of a frame, and the velocity at the origin, (2, J + 1, 3)
     middles: Array  # of the balls around links, in the world, (F, 3)
-    search: Array  # for the distance of two hulls, (6, 4)
     axes: Array  # between the hulls of pairs where last looked at, in the first one's frame; or zero, (P, 3)
 
 
 def work_space(model: Model) -> Work:
     """Arrays that one thread needs for a model."""
-    j = len(model.home)
-    shapes = {"turn": (j, 9), "ends": (3, len(model.shapes.frame), 3), "sums": (6, j), "growth": (2, j, 3)}
-    shapes |= {
-        "middles": (j + 1, 3),
-        "twist": (2, j + 1, 3),
-        "search": (6, 4),
-        "axes": (len(model.shapes.pairs), 3),
-    }
-    shapes |= dict.fromkeys(("state", "motion", "most"), (4, j))
-    shapes |= dict.fromkeys(("shift", "force", "moment"), (j, 3))
-    shapes |= dict.fromkeys(("torque", "rate"), (j,)) | dict.fromkeys(("bent", "cap"), (2, j))
-    return Work(world=frames(j), **{name: np.zeros(shape) for name, shape in shapes.items()})
+    j, shapes = len(model.home), model.bodies.shapes
+    sizes = {"sums": (6, j), "growth": (2, j, 3), "twist": (2, j + 1, 3), "middles": (j + 1, 3)}
+    sizes |= dict.fromkeys(("state", "motion", "most"), (4, j)) | dict.fromkeys(("force", "moment"), (j, 3))
+    sizes |= dict.fromkeys(("torque", "rate"), (j,)) | dict.fromkeys(("bent", "cap"), (2, j))
+    sizes |= {"axes": (len(shapes.pairs), 3)}
+    return Work(at=place_for(shapes, j), **{name: np.zeros(size) for name, size in sizes.items()})
 
 
 @inline_in_any_order
@@ -155,32 +132,22 @@ def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
 
 
 @inline
-def place_joints(model: Model, work: Work) -> None:
-    """Frames of the joints, in their parents and in the world."""
-    for i in range(len(model.home)):
-        q = work.state[0, i]
-        r, shift = placement(joint(model.chain, i), math.sin(q), math.cos(q), q)
-        set_matrix(work.turn, i, r)
-        set_row(work.shift, i, shift)
-        locate(work.world, i, r, shift)
-
-
-@inline
 def place_balls(model: Model, work: Work) -> None:
     """Middles of the balls around links."""
-    for f in range(len(model.shapes.balls)):
-        middle = to_parent(matrix(work.world.turn, f), row(model.shapes.balls, f))
-        set_row(work.middles, f, add(row(work.world.place, f), middle))
+    balls, at = model.bodies.shapes.balls, work.at
+    for f in range(len(balls)):
+        set_row(work.middles, f, add(row(at.place, f), to_parent(matrix(at.turn, f), row(balls, f))))
 
 
 @inline
 def torques(model: Model, work: Work) -> None:
     """Inverse dynamics [N·m] by the recursive Newton-Euler algorithm."""
-    joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
+    chain, at, still = model.bodies.chain, work.at, (0.0, 0.0, 0.0)
+    joints, g = len(model.home), chain.gravity
     motion = still, still, (-g[0], -g[1], -g[2])
     for i in range(joints):
-        r, shift = matrix(work.turn, i), row(work.shift, i)
-        j, rates = joint(model.chain, i), (work.state[1, i], work.state[2, i])
+        r, shift = matrix(at.own, i), row(at.shift, i)
+        j, rates = joint(chain, i), (work.state[1, i], work.state[2, i])
         motion = moved(j.axis, j.slides, r, shift, rates, motion)
         force, moment = wrench_of(ten(model.parameters, 10 * i), motion)
         set_row(work.force, i, force)
@@ -188,43 +155,41 @@ def torques(model: Model, work: Work) -> None:
     f, n = still, still
     for i in range(joints - 1, -1, -1):
         f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
-        work.torque[i] = dot(row(model.chain.axis, i), f if model.chain.prismatic[i] else n)
-        f, n = carried(matrix(work.turn, i), row(work.shift, i), (f, n))
+        work.torque[i] = dot(row(chain.axis, i), f if chain.prismatic[i] else n)
+        f, n = carried(matrix(at.own, i), row(at.shift, i), (f, n))
 
 
 @kernel
 def torque_rates(model: Model, work: Work) -> None:
     """Exact rates of ``torques`` [N·m/s], which comes before: the rate of each of its steps."""
-    joints, g, still = len(model.home), model.chain.gravity, (0.0, 0.0, 0.0)
-    at = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
+    chain, at, still = model.bodies.chain, work.at, (0.0, 0.0, 0.0)
+    joints, g = len(model.home), chain.gravity
+    moving = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
     for i in range(joints):
-        j, r = joint(model.chain, i), matrix(work.turn, i)
-        shifts = row(work.shift, i), times(work.state[1, i], j.slide)
-        at = moved_rate((j.axis, j.slides), r, shifts, _rates(work.state, i), at)
-        rate = wrench_rate(ten(model.parameters, 10 * i), at)
+        j, r = joint(chain, i), matrix(at.own, i)
+        shifts = row(at.shift, i), times(work.state[1, i], j.slide)
+        rates = work.state[1, i], work.state[2, i], work.state[3, i]
+        moving = moved_rate((j.axis, j.slides), r, shifts, rates, moving)
+        rate = wrench_rate(ten(model.parameters, 10 * i), moving)
         set_row(work.growth[0], i, rate[0])
         set_row(work.growth[1], i, rate[1])
     f = n = df = dn = still
     for i in range(joints - 1, -1, -1):
-        j, r = joint(model.chain, i), matrix(work.turn, i)
+        j, r = joint(chain, i), matrix(at.own, i)
         f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
         df, dn = add(df, row(work.growth[0], i)), add(dn, row(work.growth[1], i))
-        work.rate[i] = dot(j.axis, df if model.chain.prismatic[i] else dn)
-        shifts = row(work.shift, i), times(work.state[1, i], j.slide)
+        work.rate[i] = dot(j.axis, df if chain.prismatic[i] else dn)
+        shifts = row(at.shift, i), times(work.state[1, i], j.slide)
         spin = times((1.0 - j.slides) * work.state[1, i], j.axis)
         df, dn = carried_rate(spin, r, shifts, (f, n), (df, dn))
         f, n = carried(r, shifts[0], (f, n))
 
 
-@inline
-def _rates(state: Array, i: int) -> tuple[float, float, float]:
-    return state[1, i], state[2, i], state[3, i]
-
-
 @kernel
 def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Array, bent: Array) -> None:
     """Upper bounds of the absolute rate and second derivative of every torque in a cell, (2, J)."""
-    g, slides, travel = model.chain.gravity, model.chain.prismatic, model.travel
+    chain, travel = model.bodies.chain, model.travel
+    g, slides = chain.gravity, chain.prismatic
     still, weight = (0.0, 0.0, 0.0), math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
     link = still, still, (weight, 0.0, 0.0)
     for i in range(len(travel)):
@@ -242,7 +207,7 @@ def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Ar
         f, m = carried_bounds(slides[i], own, travel[i], (f, m))
 
 
-@inline
+@kernel
 def cap_torques(model: Model, work: Work, motions: Motions, n: int, rows: Array) -> None:
     """Bounds of the torques' derivatives that hold in all the given cells of a trajectory.
 

@@ -34,7 +34,7 @@ class Shapes(NamedTuple):
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
     # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one
-    # around a convex body [m] and where the body's planes begin and end, (R, 6)
+    # around a convex body [m]; last where the planes of a box or a body begin and end, (R, 8)
     regions: Array
     kinds: Array  # of the regions, (R,) int
-    planes: Array  # unit normals and offsets [m] of convex bodies, (M, 4)
+    planes: Array  # unit normals and offsets [m] of boxes and convex bodies, (M, 4)

@@ -6,12 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.kernels import apart, eigen, lanes, plans
-from sidegan.kernels.chain import Array, Shapes
-from sidegan.kernels.distances import between_segments, to_region
-from sidegan.kernels.formulas import dot, less
+from sidegan.kernels.chain import Array
 from sidegan.kernels.goals import to_orthonormal
 from sidegan.kernels.jit import kernel
-from sidegan.kernels.lanes import DDQ, DQ, LANES, Q, load
+from sidegan.kernels.lanes import DDQ, DQ, Q
 from sidegan.kernels.signals import combine, within
 from sidegan.kernels.weighted import weighted_gram
 
@@ -73,49 +71,17 @@ def _limits(plan: plans.Plan, measure: Measure, numbers: Array, work: plans.Room
 
 
 @kernel
-def _nearest_pair(shapes: Shapes, count: int, least: float, work: apart.Room) -> float:
-    """The smallest distance [m] of a pair of capsules at some times, or ``least`` where that is smaller."""
-    for p in range(len(shapes.pairs)):
-        i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
-        one, two, gap = work.ends[i], work.ends[k], work.gap
-        for n in range(min(count, LANES)):
-            between = less(load(one, apart.MIDDLE, n), load(two, apart.MIDDLE, n))
-            gap[n] = dot(between, between)
-        for n in range(count):
-            far = least + shapes.size[i] + shapes.size[k]
-            if far <= 0 or gap[n] < far * far:
-                a, b = load(one, apart.A, n), load(one, apart.B, n)
-                distance = between_segments(a, b, load(two, apart.A, n), load(two, apart.B, n))
-                least = min(least, distance - (shapes.core[i] + shapes.core[k]))
-    return least
-
-
-@kernel
-def _nearest_region(shapes: Shapes, count: int, least: float, work: apart.Room) -> float:
-    """The same for capsules and keep-out regions."""
-    for g in range(len(shapes.guarded)):
-        r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
-        ends = work.ends[k]
-        for n in range(count):
-            a, b, middle = load(ends, apart.A, n), load(ends, apart.B, n), load(ends, apart.MIDDLE, n)
-            distance = to_region(shapes, r, a, b, middle, least + shapes.size[k])
-            least = min(least, distance - shapes.radius[k])
-    return least
-
-
-@kernel
 def _distances(plan: plans.Plan, distance: float, numbers: Array, work: plans.Room) -> None:
     """Write the violations of distances."""
     shapes, samples, near, clear = plan.shapes, work.fine.shape[3], np.inf, np.inf
     if len(shapes.pairs) + len(shapes.guarded) == 0:
         return
-    apart.stand(work.near)
     step = lanes.step_of(samples)
     for start in range(0, samples, step):
-        count = min(step, samples - start)
-        apart.place(plan.chain, shapes, work.fine, (start, count), work.near)
-        near = _nearest_pair(shapes, count, near, work.near)
-        clear = _nearest_region(shapes, count, clear, work.near)
+        span, push = (start, min(step, samples - start)), work.push[0, 0]
+        apart.place(plan.chain, shapes, work.fine, span, work.near)
+        near = apart.pairs(plan.chain, shapes, span, (near, 0.0), push, work.near)[1]
+        clear = apart.regions(plan.chain, shapes, span, (clear, 0.0), push, work.near)[1]
     numbers[COLLISION], numbers[KEEP_OUT] = -near / distance, -clear / distance
 
 

@@ -1,12 +1,10 @@
-"""The chain of links, compiled: placements, Newton–Euler steps, capsules in the world; all on tuples."""
+"""The chain of links, compiled: placements, nearest points; all on tuples."""
 
 from typing import NamedTuple
 
-import numpy as np
-
 from sidegan.kernels import formulas
-from sidegan.kernels.chain import Array, Chain, Shapes
-from sidegan.kernels.formulas import Matrix, Ten, Vector, add, dot, less, product, times, to_parent
+from sidegan.kernels.chain import Array, Chain
+from sidegan.kernels.formulas import Matrix, Ten, Vector, add, dot, less, times
 from sidegan.kernels.jit import inline, share
 
 TOUCHING = 1e-12  # [m] below it a distance has no direction
@@ -26,20 +24,6 @@ class Joint(NamedTuple):
     slide: Vector
     axis: Vector
     slides: float  # 1 or 0
-
-
-class Frames(NamedTuple):
-    """Frames of the base and the J joints in the world: rotations (J + 1, 9) and origins (J + 1, 3)."""
-
-    turn: Array
-    place: Array
-
-
-def frames(joints: int) -> Frames:
-    """Room for the frames of an arm, with the base in its place."""
-    turn = np.zeros((joints + 1, 9))
-    turn[0] = np.eye(3).flatten()
-    return Frames(turn, np.zeros((joints + 1, 3)))
 
 
 @inline
@@ -99,27 +83,6 @@ def placement(j: Joint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
     r1 = _mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
     r2 = _mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])
     return (r0, r1, r2), add(j.origin, times(q, j.slide))
-
-
-@inline
-def locate(world: Frames, i: int, r: Matrix, shift: Vector) -> None:
-    """Write the frame of joint i in the world, from its placement in its parent's."""
-    base = matrix(world.turn, i)
-    set_matrix(world.turn, i + 1, product(base, r))
-    set_row(world.place, i + 1, add(row(world.place, i), to_parent(base, shift)))
-
-
-@inline
-def place_capsules(shapes: Shapes, world: Frames, ends: Array) -> None:
-    """Write the end points of the capsules' axes in the world, and the middles between them, (3, C, 3)."""
-    for k in range(len(shapes.frame)):
-        i = shapes.frame[k]
-        turn, place = matrix(world.turn, i), row(world.place, i)
-        a = add(place, to_parent(turn, row(shapes.ends[0], k)))
-        b = add(place, to_parent(turn, row(shapes.ends[1], k)))
-        set_row(ends[0], k, a)
-        set_row(ends[1], k, b)
-        set_row(ends[2], k, times(0.5, add(a, b)))
 
 
 @inline

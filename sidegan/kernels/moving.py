@@ -1,43 +1,35 @@
 """How near bodies may come, to each other or to a region, while the arm moves through a cell, compiled.
 
 Along one direction both bodies lie in intervals, whose ends move evenly but for how their points' paths bend.
+A twist is the angular velocity of every frame, and its velocity at the origin, (2, J + 1, 3).
 """
 
 import math
 
+from sidegan.kernels.bodies import Bodies, Place, ordered
 from sidegan.kernels.chain import Array, Chain, Shapes
-from sidegan.kernels.closeness import near_region
+from sidegan.kernels.distances import Contact
 from sidegan.kernels.formulas import Vector, add, cross, dot, less, times, to_child, to_parent
-from sidegan.kernels.hulls import Placed, farthest
+from sidegan.kernels.gjk import farthest
 from sidegan.kernels.jit import inline
-from sidegan.kernels.links import Frames, matrix, row, set_row
+from sidegan.kernels.links import matrix, row, set_row
 
 
 @inline
-def place_twists(chain: Chain, world: Frames, rates: Array, twist: Array) -> None:
-    """Write frames' angular velocities, and their velocities at the origin, (2, J + 1, 3)."""
+def place_twists(chain: Chain, at: Place, rates: Array, twist: Array) -> None:
+    """Write the twist of an arm whose joints have some rates, (J,)."""
     turning = moving = (0.0, 0.0, 0.0)
     set_row(twist[0], 0, turning)
     set_row(twist[1], 0, moving)
     for j in range(len(rates)):
-        axis = times(rates[j], to_parent(matrix(world.turn, j + 1), row(chain.axis, j)))
+        axis = times(rates[j], to_parent(matrix(at.turn, j + 1), row(chain.axis, j)))
         if chain.prismatic[j]:
             moving = add(moving, axis)
         else:
             turning = add(turning, axis)
-            moving = add(moving, cross(row(world.place, j + 1), axis))
+            moving = add(moving, cross(row(at.place, j + 1), axis))
         set_row(twist[0], j + 1, turning)
         set_row(twist[1], j + 1, moving)
-
-
-@inline
-def frames_between(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
-    """The inner and the outer capsule of a pair, and their frames."""
-    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
-    f, g = shapes.frame[i], shapes.frame[k]
-    if f > g:
-        i, k, f, g = k, i, g, f
-    return i, k, f, g
 
 
 @inline
@@ -63,82 +55,76 @@ def bend(reach: Array, p: int, between: tuple[int, int], motion: Array, half: fl
 
 
 @inline
-def fastest(twist: Array, frames: tuple[int, int], ball: tuple[Vector, float]) -> float:
-    """Largest speed [m/s] at which a point of a ball that moves with a frame moves, seen from another frame.
-
-    Args:
-        twist: how the frames move.
-        frames: the one that it is seen from, and its own.
-        ball: centre in the world and radius [m].
-    """
-    turning = less(row(twist[0], frames[1]), row(twist[0], frames[0]))
-    moving = less(row(twist[1], frames[1]), row(twist[1], frames[0]))
-    middle = add(moving, cross(turning, ball[0]))
-    return math.sqrt(dot(middle, middle)) + math.sqrt(dot(turning, turning)) * ball[1]
+def _between(twist: Array, f: int, g: int) -> tuple[Vector, Vector]:
+    """How frame g turns and moves, seen from frame f."""
+    return less(row(twist[0], g), row(twist[0], f)), less(row(twist[1], g), row(twist[1], f))
 
 
 @inline
-def least_height(
-    at: tuple[Shapes, Array], twist: Array, guard: tuple[int, int], margin: float, half: float
-) -> float:
+def fastest(twist: Array, frames: tuple[int, int], centre: Vector, radius: float) -> float:
+    """Largest speed [m/s], seen from the first frame, of a point of a ball that moves with the second one."""
+    turning, moving = _between(twist, frames[0], frames[1])
+    middle = add(moving, cross(turning, centre))
+    return math.sqrt(dot(middle, middle)) + math.sqrt(dot(turning, turning)) * radius
+
+
+@inline
+def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Contact, half: float) -> float:
     """Least margin [m] of a capsule that is off a region, in a cell, if points moved evenly.
 
     A region is convex, so a plane that touches it at the point nearest to the capsule is never further away.
 
     Args:
-        at: the arm's shapes, and their ends at the centre of the cell, (3, C, 3).
+        shapes: the arm's.
+        ends: of the capsules' axes at the centre of the cell, (3, C, 3).
         twist: how the frames move there.
-        guard: the region and the capsule.
-        margin: of the capsule there.
+        k: the capsule.
+        contact: of its axis and the region there.
         half: half width of the cell [s].
     """
-    (shapes, ends), (r, k) = at, guard
-    a, b = row(ends[0], k), row(ends[1], k)
-    _, point, away = near_region(shapes, r, a, b)
+    distance, point, away = contact
     turning, moving = row(twist[0], shapes.frame[k]), row(twist[1], shapes.frame[k])
-    lowest = 0.0
+    lowest = math.inf
     for side in range(2):
-        end = a if side == 0 else b
+        end = row(ends[side], k)
         rate = dot(away, add(moving, cross(turning, end)))
-        low = dot(away, less(end, point)) - half * abs(rate)
-        lowest = low if side == 0 else min(lowest, low)
-    return margin + lowest
+        lowest = min(lowest, dot(away, less(end, point)) - half * abs(rate))
+    return distance - shapes.radius[k] + lowest
 
 
 @inline
-def _height(at: Placed, c: int, towards: Vector, inside: bool) -> float:
+def _height(bodies: Bodies, at: Place, c: int, towards: Vector, inside: bool) -> float:
     """How far the axis of a capsule, or the corners of what is inside of it, reach in a direction."""
     if not inside:
         return max(dot(towards, row(at.ends[0], c)), dot(towards, row(at.ends[1], c)))
-    hulls, f = at.bodies.hulls, at.bodies.shapes.frame[c]
-    turn = matrix(at.world.turn, f)
-    local = to_child(turn, towards)
-    corner = farthest(hulls.corners, hulls.start[c], hulls.start[c + 1], local[0], local[1], local[2])
-    return dot(local, row(hulls.corners, corner)) + dot(towards, row(at.world.place, f))
+    hulls, f = bodies.hulls, bodies.shapes.frame[c]
+    local = to_child(matrix(at.turn, f), towards)
+    corner = farthest(hulls.corners, hulls.start[c], hulls.start[c + 1], local)
+    return dot(local, row(hulls.corners, corner)) + dot(towards, row(at.place, f))
 
 
 @inline
-def least_gap(at: Placed, twist: Array, p: int, normal: Vector, half: float, inside: bool) -> float:
+def least_gap(
+    bodies: Bodies, at: Place, twist: Array, p: int, normal: Vector, half: float, inside: bool
+) -> float:
     """Least gap [m] along a direction between a pair's bodies in a cell, if points moved evenly.
 
     Args:
-        at: where the arm is at the centre of the cell.
-        twist: and how it moves there.
+        bodies: the arm's.
+        at: where they are at the centre of the cell.
+        twist: and how they move there.
         p: the pair.
         normal: unit direction from the inner to the outer body.
         half: half width of the cell [s].
         inside: whether what is inside of the capsules is meant.
     """
-    shapes = at.bodies.shapes
-    i, k, f, g = frames_between(shapes, p)
-    turning = add(row(twist[0], g), times(-1.0, row(twist[0], f)))
-    moving = add(row(twist[1], g), times(-1.0, row(twist[1], f)))
+    i, k, f, g = ordered(bodies.shapes, p)
+    turning, moving = _between(twist, f, g)
     turned, rate = cross(normal, turning), dot(normal, moving)
-    least = 0.0
+    least = math.inf
     for side in range(2):
         time = half if side == 0 else -half
-        d = add(normal, times(time, turned))
-        low = time * rate - _height(at, k, times(-1.0, d), inside)
-        least = low if side == 0 else min(least, low)
-    radius = at.bodies.hulls.radius if inside else shapes.radius
-    return least - _height(at, i, normal, inside) - (radius[i] + radius[k])
+        towards = less(times(-1.0, normal), times(time, turned))
+        least = min(least, time * rate - _height(bodies, at, k, towards, inside))
+    radius = bodies.hulls.radius if inside else bodies.shapes.radius
+    return least - _height(bodies, at, i, normal, inside) - (radius[i] + radius[k])

@@ -27,7 +27,7 @@ def chain_of(arm: Arm) -> Chain:
 
 
 def shapes_of(capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: tuple[Tensor, ...]) -> Shapes:
-    """Shapes of an arm's capsules and of regions: their numbers (R, 6), kinds (R,) and planes (M, 4)."""
+    """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4)."""
     ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
     size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
     balls = _balls(capsules.link + 1, ends, radius)

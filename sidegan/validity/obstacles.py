@@ -133,8 +133,13 @@ class Convex:
 
     @property
     def numbers(self) -> list[float]:
-        """The ball around it, as compiled kernels take it; where its planes are comes behind."""
+        """The ball around it, as compiled kernels take it."""
         return [*self.ball, 0.0, 0.0]
+
+    @property
+    def planes(self) -> Points:
+        """Unit normals and offsets [m] of its planes, (K, 4)."""
+        return np.c_[self.normals, self.offsets]
 
     def margin(self, a: Tensor, b: Tensor) -> Tensor:
         """Signed distance [m], (…), of segments with end points (3, …) to the region, or a little less."""

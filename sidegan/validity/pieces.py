@@ -14,7 +14,7 @@ from sidegan.validity.capsules import segment_distance
 from sidegan.validity.regions import tables
 
 if TYPE_CHECKING:
-    from sidegan.kernels.hulls import Hulls
+    from sidegan.kernels.gjk import Hulls
 
 
 class PieceDistances:
@@ -45,7 +45,7 @@ class PieceDistances:
         """
         if self.pieces is None or not len(asked):
             return q.new_full((len(asked),), -torch.inf)
-        from sidegan.kernels import hulls as kernel
+        from sidegan.kernels import bodies as kernel
 
         order = torch.argsort(asked[:, 0], stable=True)
         shapes = self.shapes()
@@ -63,7 +63,7 @@ class PieceDistances:
 
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""
-        from sidegan.kernels.hulls import Hulls
+        from sidegan.kernels.gjk import Hulls
 
         if self.pieces is None:
             return Hulls.none(len(self.arm.capsules.radius), len(self.pairs))

@@ -25,16 +25,16 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
     inside = PieceDistances(arm, pairs)
     if not len(pairs) or arm.capsules.pieces is None:
         return found
-    from sidegan.kernels import boxes, hulls
+    from sidegan.kernels import bodies as kernel
 
-    bodies = hulls.Bodies(chain_of(arm), inside.shapes(), inside.hulls())
+    bodies = kernel.Bodies(chain_of(arm), inside.shapes(), inside.hulls())
     link = arm.capsules.link[pairs]
     outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
     reach = array(piece_reach(arm)[outer])
     middle, half = arm.position_upper + arm.position_lower, arm.position_upper - arm.position_lower
-    work, room = np.empty((2, _DEPTH, arm.joints)), hulls.place_for(bodies.shapes, arm.joints)
+    work, room = np.empty((2, _DEPTH, arm.joints)), kernel.place_for(bodies.shapes, arm.joints)
     for p, joints in enumerate((link[:, 0] - link[:, 1]).abs().tolist()):
         work[0, 0], work[1, 0] = middle.numpy() / 2, half.numpy() / 2
         budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
-        found[p] = boxes.never_touch(bodies, reach, p, _GAP, work, budget, room)
+        found[p] = kernel.never_touch(bodies, reach, p, _GAP, work, budget, room)
     return found

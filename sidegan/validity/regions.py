@@ -66,6 +66,11 @@ class Box:
         sides = list(zip(self.lower, self.upper))
         return [(low + high) / 2 for low, high in sides] + [(high - low) / 2 for low, high in sides]
 
+    @property
+    def planes(self) -> np.ndarray:
+        """Unit normals and offsets [m] of its faces, (6, 4)."""
+        return np.c_[np.vstack([np.eye(3), -np.eye(3)]), [*self.upper, *(-x for x in self.lower)]]
+
     def grown(self, by: float) -> "Box":
         """The box with its faces so much [m] further out."""
         (a, b, c), (d, e, f) = self.lower, self.upper
@@ -108,17 +113,17 @@ _KINDS: dict[type[Region], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex:
 
 
 def tables(regions: Sequence[Region]) -> tuple[Tensor, Tensor, Tensor]:
-    """Regions as compiled kernels take them: numbers (R, 6), kinds (R,), and planes (M, 4) of convex bodies.
+    """Regions as compiled kernels take them: numbers (R, 8), kinds (R,), and planes (M, 4) of bodies.
 
-    The last two numbers of a convex body say where its planes begin and end.
+    The last two numbers of a box or a convex body say where its planes begin and end.
     """
-    numbers = torch.zeros(len(regions), 6, dtype=torch.float64)
+    numbers = torch.zeros(len(regions), 8, dtype=torch.float64)
     planes = [torch.zeros(0, 4, dtype=torch.float64)]
     for row, region in zip(numbers, regions):
-        row.copy_(torch.tensor(region.numbers, dtype=torch.float64))
-        if isinstance(region, Convex):
+        row[:6] = torch.tensor(region.numbers, dtype=torch.float64)
+        if isinstance(region, Box | Convex):
             start = sum(map(len, planes))
-            planes.append(torch.from_numpy(np.c_[region.normals, region.offsets]))
-            row[4:] = torch.tensor([start, start + len(region.normals)])
+            planes.append(torch.from_numpy(region.planes))
+            row[6:] = torch.tensor([start, start + len(region.planes)])
     kinds = torch.tensor([_KINDS[type(region)] for region in regions], dtype=torch.long)
     return numbers, kinds, torch.cat(planes)

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from sidegan.kernels import cells as kernel_cells
-from sidegan.kernels import validity as kernel
+from sidegan.kernels import proof as kernel
+from sidegan.kernels.bodies import Bodies
 from sidegan.motion.arrays import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
@@ -139,10 +140,8 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
-    shapes, links = constraints.shapes, _links_of(constraints, reaches)
-    return kernel_cells.Model(
-        constraints.body.chain, shapes, constraints.pieces.hulls(), links=links, **arrays
-    )
+    bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls())
+    return kernel_cells.Model(bodies, links=_links_of(constraints, reaches), **arrays)
 
 
 def _links_of(constraints: Constraints, reaches: Reaches) -> kernel_cells.Links:

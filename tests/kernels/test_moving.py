@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.kernels.distances import near_region
 from sidegan.kernels.moving import bend, least_height
 from sidegan.motion.arrays import shapes_of
 from sidegan.validity import Box, Convex, Plane, Sphere
@@ -43,6 +44,7 @@ def test_a_capsule_that_moves_evenly_comes_no_nearer_to_a_region_than_its_bound(
         at = [torch.from_numpy(ends[:2, 0] + t * speeds) for t in (0.0, *np.linspace(-half, half, 9))]
         now, *cell = (float(region.margin(a[:, None], b[:, None])) - radius for a, b in at)
         if now > 0:
-            found = least_height((shapes, ends), twist, (0, 0), now, half)
+            contact = near_region(shapes, 0, tuple(ends[0, 0]), tuple(ends[1, 0]))
+            found = least_height(shapes, ends, twist, 0, contact, half)
             assert found <= min(cell) + 1e-7
             assert name != "plane" or found == pytest.approx(min(cell))

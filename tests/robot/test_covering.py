@@ -9,7 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.kernels import hulls as kernel
+from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.covering import cover, cut, split

@@ -45,9 +45,8 @@ def bounds(planar: Arm):
     of_any = model_of(Constraints(planar))
 
     def bounds(arm: Arm, *rates: Tensor) -> np.ndarray:
-        model = of_any._replace(
-            chain=chain_of(arm), **{name: array(x) for name, x in link_norms(arm).items()}
-        )
+        bodies = of_any.bodies._replace(chain=chain_of(arm))
+        model = of_any._replace(bodies=bodies, **{name: array(x) for name, x in link_norms(arm).items()})
         speed, acceleration, jerk, snap = (x.abs().numpy() for x in rates)
         drifts, nothing = np.stack([snap, snap]), (np.zeros((1, 1, 1)), np.zeros((1, 5, 1)), np.zeros(1))
         motions = cells.Motions(nothing[0], jerk, drifts, nothing[1], nothing[2], 0.1)

@@ -111,10 +111,12 @@ def tightened(model, name: str, margin: np.ndarray):
             higher[HIGHER[name] - 2] -= less
             return model._replace(higher=higher)
     less = less / (2 if name == "collision" else 1)  # of each of the two capsules
-    shapes, hulls = model.shapes, model.hulls
+    bodies = model.bodies
+    shapes, hulls = bodies.shapes, bodies.hulls
     balls = shapes.balls + np.array([0.0, 0.0, 0.0, abs(less)])
     shapes = shapes._replace(radius=shapes.radius + less, size=shapes.size + abs(less), balls=balls)
-    return model._replace(shapes=shapes, hulls=hulls._replace(radius=hulls.radius + less))
+    hulls = hulls._replace(radius=hulls.radius + less)
+    return model._replace(bodies=bodies._replace(shapes=shapes, hulls=hulls))
 
 
 def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Tensor, half: float) -> set[str]:

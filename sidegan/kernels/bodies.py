@@ -1,0 +1,235 @@
+"""An arm's capsules and what is inside of them, compiled: where they are, how far apart, how far they move.
+
+Where bodies provably never touch is found by boxes of positions, which are halved until each is clear.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.distances import near_segment
+from sidegan.kernels.formulas import (
+    Matrix,
+    Vector,
+    add,
+    cross,
+    dot,
+    less,
+    product,
+    times,
+    to_child,
+    to_parent,
+)
+from sidegan.kernels.gjk import Hulls, apart
+from sidegan.kernels.jit import inline, kernel
+from sidegan.kernels.links import joint, matrix, placement, row, set_matrix, set_row
+
+
+class Bodies(NamedTuple):
+    """Capsules on the links of an arm, and what is inside of them."""
+
+    chain: Chain
+    shapes: Shapes
+    hulls: Hulls
+
+
+class Place(NamedTuple):
+    """Where an arm is; also room for a search, so that threads do not share it."""
+
+    turn: Array  # rotations of the frames of the base and the joints in the world, (J + 1, 9)
+    place: Array  # origins there [m], (J + 1, 3)
+    own: Array  # rotations of the joints' frames in their parents', (J, 9)
+    shift: Array  # origins there [m], (J, 3)
+    ends: Array  # end points of the capsules' axes in the world, and the middles between them [m], (3, C, 3)
+    search: Array  # (6, 4), see ``gjk.apart``
+
+
+def place_for(shapes: Shapes, joints: int) -> Place:
+    """Room for an arm's place, with the base in its own."""
+    sizes = (joints + 1, 9), (joints + 1, 3), (joints, 9), (joints, 3), (3, len(shapes.frame), 3), (6, 4)
+    at = Place(*map(np.zeros, sizes))
+    at.turn[0] = np.eye(3).flatten()
+    return at
+
+
+@inline
+def place_joints(chain: Chain, q: Array, at: Place) -> None:
+    """Write the joints' frames at positions (J,)."""
+    for i in range(len(q)):
+        r, shift = placement(joint(chain, i), math.sin(q[i]), math.cos(q[i]), q[i])
+        parent = matrix(at.turn, i)
+        set_matrix(at.own, i, r)
+        set_row(at.shift, i, shift)
+        set_matrix(at.turn, i + 1, product(parent, r))
+        set_row(at.place, i + 1, add(row(at.place, i), to_parent(parent, shift)))
+
+
+@inline
+def place_capsule(shapes: Shapes, c: int, at: Place) -> None:
+    """Write the ends of a capsule's axis in the world, and the middle between them."""
+    f = shapes.frame[c]
+    turn, origin = matrix(at.turn, f), row(at.place, f)
+    a = add(origin, to_parent(turn, row(shapes.ends[0], c)))
+    b = add(origin, to_parent(turn, row(shapes.ends[1], c)))
+    set_row(at.ends[0], c, a)
+    set_row(at.ends[1], c, b)
+    set_row(at.ends[2], c, times(0.5, add(a, b)))
+
+
+@inline
+def ordered(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
+    """The inner and the outer capsule of a pair, and their frames."""
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    if shapes.frame[i] > shapes.frame[k]:
+        i, k = k, i
+    return i, k, shapes.frame[i], shapes.frame[k]
+
+
+@inline
+def near_pair(shapes: Shapes, ends: Array, p: int) -> tuple[float, Vector, Vector]:
+    """Distance [m] of a pair's capsules, and the nearest points of their axes."""
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    distance, one, two = near_segment(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
+    return distance - (shapes.radius[i] + shapes.radius[k]), one, two
+
+
+@inline
+def direction(shapes: Shapes, ends: Array, p: int) -> Vector:
+    """A direction from the second to the first of a pair's capsules."""
+    _, one, two = near_pair(shapes, ends, p)
+    gap = less(one, two)
+    if dot(gap, gap) > 1e-12:
+        return gap
+    gap = less(row(ends[2], shapes.pairs[p, 0]), row(ends[2], shapes.pairs[p, 1]))
+    return gap if dot(gap, gap) > 1e-12 else (0.0, 0.0, 1.0)
+
+
+@inline
+def _transposed(m: Matrix) -> Matrix:
+    a, b, c = m
+    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
+
+
+@kernel
+def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -> float:
+    """Lower bound of the distance [m] of what is inside of a pair's capsules, see ``gjk.apart``.
+
+    The search begins with a known direction from the second to the first, in the first one's frame, unless
+    that is zero.
+    """
+    shapes = bodies.shapes
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    f, g = shapes.frame[i], shapes.frame[k]
+    own = matrix(at.turn, f)
+    turn = product(_transposed(own), matrix(at.turn, g))
+    place = to_child(own, less(row(at.place, g), row(at.place, f)))
+    start = known
+    if dot(known, known) == 0.0:
+        start = to_child(own, direction(shapes, at.ends, p))
+    return apart(bodies.hulls, (i, k), turn, place, start, need, at.search)
+
+
+@kernel
+def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, at: Place) -> None:
+    """Write lower bounds of distances [m] of pieces, (M,), at rows of positions (N, J); see ``gjk.apart``.
+
+    Args:
+        bodies: the arm's.
+        q: positions [rad or m].
+        asked: row and pair of each question, (M, 2) int, sorted by row.
+        need: bound that is enough.
+        out: what is written.
+        at: to work in.
+    """
+    before = -1
+    for m in range(len(asked)):
+        n, p = asked[m, 0], asked[m, 1]
+        if n != before:
+            before = n
+            place_joints(bodies.chain, q[n], at)
+        place_capsule(bodies.shapes, bodies.shapes.pairs[p, 0], at)
+        place_capsule(bodies.shapes, bodies.shapes.pairs[p, 1], at)
+        out[m] = near_pieces(bodies, at, p, need, (0.0, 0.0, 0.0))
+
+
+@inline
+def _lever(axis: Vector, origin: Vector, a: Vector, b: Vector) -> float:
+    """Largest distance [m] of a segment's points from a line through a point."""
+    one, two = cross(axis, less(a, origin)), cross(axis, less(b, origin))
+    return math.sqrt(max(dot(one, one), dot(two, two)))
+
+
+@inline
+def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> float:
+    """How far at most joints that move so far, (J,), move the outer of a pair's bodies against the other [m].
+
+    In the frame of a joint, a point's distance from its axis changes only as far as the joints further out
+    move it there: the levers of now, and this motion, bound all levers. Nor are they larger than ``reach``,
+    (P, J), the largest wherever the arm is.
+    """
+    chain = bodies.chain
+    _, c, inner, outer = ordered(bodies.shapes, p)
+    a, b, total = row(at.ends[0], c), row(at.ends[1], c), 0.0
+    for j in range(outer - 1, inner - 1, -1):
+        lever = reach[p, j]
+        if not chain.prismatic[j]:
+            axis = to_parent(matrix(at.turn, j + 1), row(chain.axis, j))
+            now = _lever(axis, row(at.place, j + 1), a, b)
+            lever = min(lever, now + bodies.hulls.around[c] + total)
+        total += half[j] * lever
+    return total
+
+
+@kernel
+def never_touch(
+    bodies: Bodies, reach: Array, p: int, gap: float, boxes: Array, budget: int, at: Place
+) -> bool:
+    """Whether a pair is proven to stay farther apart than a gap [m] wherever the joints are.
+
+    Args:
+        bodies: the arm's.
+        reach: the largest lever that each joint has for what is inside, (P, J).
+        p: the pair.
+        gap: distance that has to be left.
+        boxes: room for middles and halves of boxes of positions, (2, D, J); the first is the whole.
+        budget: boxes that are looked at before giving up.
+        at: to work in.
+    """
+    inner, outer, first, last = ordered(bodies.shapes, p)
+    count = 1
+    for _ in range(budget):
+        count -= 1
+        middle, half = boxes[0, count], boxes[1, count]
+        place_joints(bodies.chain, middle, at)
+        place_capsule(bodies.shapes, inner, at)
+        place_capsule(bodies.shapes, outer, at)
+        now, _, _ = near_pair(bodies.shapes, at.ends, p)
+        moved = _reached(bodies, at, p, half, reach)
+        if not now - moved > gap and bodies.hulls.finer[p]:
+            now = max(now, near_pieces(bodies, at, p, moved + gap, (0.0, 0.0, 0.0)))
+        if not now > gap:
+            return False
+        if not now - moved > gap:
+            if count + 2 > boxes.shape[1]:
+                return False
+            _halve(boxes, count, reach[p], first, last)
+            count += 2
+        if count == 0:
+            return True
+    return False
+
+
+@inline
+def _halve(boxes: Array, at: int, reach: Array, first: int, last: int) -> None:
+    """Cut a box in two, of which one takes its place and one the next, where it moves the bodies most."""
+    widest = first
+    for j in range(first, last):
+        if boxes[1, at, j] * reach[j] > boxes[1, at, widest] * reach[widest]:
+            widest = j
+    boxes[1, at, widest] /= 2
+    for j in range(boxes.shape[2]):
+        boxes[0, at + 1, j], boxes[1, at + 1, j] = boxes[0, at, j], boxes[1, at, j]
+    boxes[0, at, widest] -= boxes[1, at, widest]
+    boxes[0, at + 1, widest] += boxes[1, at, widest]

@@ -1,0 +1,181 @@
+"""Distance of convex hulls, compiled: the algorithm of Gilbert, Johnson and Keerthi on links' own corners.
+
+Every search direction gives a plane that lies between the two hulls, or shows that it does not: what comes
+back is the best such plane's lower bound of the distance, so that an early end or rounding makes it smaller
+and never too large. Sources: Gilbert, Johnson, Keerthi 1988; Ericson 2005, sections 5.1 and 9.5.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels.chain import Array
+from sidegan.kernels.formulas import Matrix, Vector, add, cross, dot, less, times, to_child, to_parent
+from sidegan.kernels.jit import inline, kernel
+from sidegan.kernels.links import row, set_row
+
+_ROUNDS = 60  # of the search; five to ten are usual
+_CLOSE = 1e-8  # [m] between the bounds of a distance that is known well enough
+_TOUCHING = 1e-10  # [m] below it two hulls touch
+_INSIDE = 5  # what stands for a tetrahedron that holds the origin
+
+
+class Hulls(NamedTuple):
+    """What is inside of C capsules, each the hull of some corners with a ball around each of its points."""
+
+    corners: Array  # in the frames of the capsules [m], (V, 3)
+    start: Array  # where those of each begin, (C + 1,) int
+    radius: Array  # of the balls [m], (C,)
+    around: Array  # how far the corners are from the capsule's axis at most [m], (C,)
+    finer: Array  # whether a pair of hulls may be farther apart than its capsules, (P,) bool
+
+    @classmethod
+    def none(cls, capsules: int, pairs: int) -> "Hulls":
+        """Nothing but the capsules themselves."""
+        zeros = np.zeros(capsules)
+        starts, finer = np.zeros(capsules + 1, dtype=np.int64), np.zeros(pairs, dtype=bool)
+        return cls(np.zeros((0, 3)), starts, zeros, zeros, finer)
+
+
+@kernel
+def farthest(corners: Array, first: int, last: int, towards: Vector) -> int:
+    """The corner that lies farthest in a direction."""
+    best, found = -np.inf, first
+    for i in range(first, last):
+        height = dot(towards, row(corners, i))
+        if height > best:
+            best, found = height, i
+    return found
+
+
+@kernel
+def apart(
+    hulls: Hulls, pair: tuple[int, int], turn: Matrix, place: Vector, start: Vector, need: float, room: Array
+) -> float:
+    """Lower bound of the distance [m] of two pieces; minus infinity where their hulls touch.
+
+    Args:
+        hulls: all pieces.
+        pair: which two.
+        turn: rotation of the second one's frame in the first one's, (3, 3).
+        place: its origin there [m].
+        start: a direction from the second to the first, of any length above zero.
+        need: bound that is enough: where it is reached, the search ends.
+        room: to work in, (6, 4); in its last row the direction, from the second to the first, that gave the
+            bound stays behind.
+    """
+    i, k = pair
+    points, weights, best = room[:4, :3], room[4], room[5]
+    round_ = hulls.radius[i] + hulls.radius[k]
+    v, bound, count = start, -np.inf, 0
+    size = math.sqrt(dot(v, v))
+    for _ in range(_ROUNDS):
+        one = farthest(hulls.corners, hulls.start[i], hulls.start[i + 1], times(-1.0, v))
+        two = farthest(hulls.corners, hulls.start[k], hulls.start[k + 1], to_child(turn, v))
+        new = less(row(hulls.corners, one), add(place, to_parent(turn, row(hulls.corners, two))))
+        here = dot(v, new) / size - round_
+        if here > bound:
+            bound = here
+            best[0], best[1], best[2] = v
+        if bound >= need or (count > 0 and size - (bound + round_) <= _CLOSE):
+            return bound
+        for n in range(count):
+            same = less(row(points, n), new)
+            if dot(same, same) == 0.0:
+                return bound
+        set_row(points, count, new)
+        count = _nearest_point(points, count + 1, weights)
+        if count == _INSIDE:
+            return -np.inf
+        old, v = size, (0.0, 0.0, 0.0)
+        for n in range(count):
+            v = add(v, times(weights[n], row(points, n)))
+        size = math.sqrt(dot(v, v))
+        if not size > _TOUCHING:
+            return -np.inf
+        if count > 1 and size >= old and bound + round_ > 0:
+            return bound
+    return bound
+
+
+@kernel
+def _on_triangle(a: Vector, b: Vector, c: Vector) -> tuple[float, float, float]:
+    """Shares of the corners in the point of a triangle that is nearest to the origin."""
+    ab, ac = less(b, a), less(c, a)
+    d1, d2 = -dot(ab, a), -dot(ac, a)
+    if d1 <= 0 and d2 <= 0:
+        return 1.0, 0.0, 0.0
+    d3, d4 = -dot(ab, b), -dot(ac, b)
+    if d3 >= 0 and d4 <= d3:
+        return 0.0, 1.0, 0.0
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0 and d1 >= 0 and d3 <= 0:
+        v = d1 / (d1 - d3)
+        return 1.0 - v, v, 0.0
+    d5, d6 = -dot(ab, c), -dot(ac, c)
+    if d6 >= 0 and d5 <= d6:
+        return 0.0, 0.0, 1.0
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0 and d2 >= 0 and d6 <= 0:
+        w = d2 / (d2 - d6)
+        return 1.0 - w, 0.0, w
+    va = d3 * d6 - d5 * d4
+    if va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return 0.0, 1.0 - w, w
+    whole = va + vb + vc
+    return va / whole, vb / whole, vc / whole
+
+
+@inline
+def _outside(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
+    """Whether the origin and d are on two sides of the plane through a, b and c."""
+    normal = cross(less(b, a), less(c, a))
+    return -dot(a, normal) * dot(less(d, a), normal) <= 0
+
+
+@kernel
+def _face(points: Array, corners: tuple[int, int, int], best: float, weights: Array) -> float:
+    """Take a face of a simplex into account: the smaller squared distance, with its shares written."""
+    i, j, k = corners
+    a, b, c = row(points, i), row(points, j), row(points, k)
+    s, t, u = _on_triangle(a, b, c)
+    point = add(add(times(s, a), times(t, b)), times(u, c))
+    size = dot(point, point)
+    if size < best:
+        weights[0] = weights[1] = weights[2] = weights[3] = 0.0
+        weights[i], weights[j], weights[k] = s, t, u
+        best = size
+    return best
+
+
+@kernel
+def _nearest_point(points: Array, count: int, weights: Array) -> int:
+    """Shares of corners (4, 3) in the simplex' point nearest to the origin; corners without one are dropped.
+
+    The number of corners left comes back; ``_INSIDE`` when the origin is inside of a tetrahedron.
+    """
+    if count == 1:
+        weights[0] = 1.0
+    elif count == 2:
+        along = less(row(points, 1), row(points, 0))
+        weights[1] = min(max(-dot(row(points, 0), along) / dot(along, along), 0.0), 1.0)
+        weights[0] = 1.0 - weights[1]
+    elif count == 3:
+        _face(points, (0, 1, 2), np.inf, weights)
+    else:
+        best = np.inf
+        for other in range(3, -1, -1):
+            i, j, k = (other + 1) % 4, (other + 2) % 4, (other + 3) % 4
+            if _outside(row(points, i), row(points, j), row(points, k), row(points, other)):
+                best = _face(points, (i, j, k), best, weights)
+        if best == np.inf:
+            return _INSIDE
+    left = 0
+    for i in range(count):
+        if weights[i] > 0:
+            weights[left] = weights[i]
+            set_row(points, left, row(points, i))
+            left += 1
+    return left

@@ -1,0 +1,347 @@
+"""Margins of every constraint in many cells of many trajectories, one state at a time, in registers.
+
+What can neither be its trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test
+that proves as much, and a part of a cell is asked only what its whole could not decide.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels.bodies import direction, near_pair, near_pieces, ordered, place_capsule, place_joints
+from sidegan.kernels.cells import (
+    Model,
+    Motions,
+    Work,
+    bend_torques,
+    bound_motion,
+    cap_torques,
+    place_balls,
+    roll_out,
+    roll_out_jerk,
+    torque_rates,
+    torques,
+)
+from sidegan.kernels.chain import Array, Shapes
+from sidegan.kernels.distances import from_region, near_region
+from sidegan.kernels.formulas import Vector, dot, drift, less, times, to_parent
+from sidegan.kernels.jit import inline, kernel
+from sidegan.kernels.links import TOUCHING, matrix, row, set_row
+from sidegan.kernels.moving import bend, fastest, least_gap, least_height, place_twists
+
+POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK = range(7)  # columns of the margins
+
+
+class Smallest(NamedTuple):
+    """Smallest margins so far, one row per trajectory and one column per constraint, (B, 7) each."""
+
+    margin: Array  # the margins
+    element: Array  # joint, pair or guarded capsule that each belongs to, int
+    time: Array  # when it occurs [s]
+
+
+class Cells(NamedTuple):
+    """Cells to visit."""
+
+    which: Array  # trajectory of each, (N,) int; equal ones follow each other
+    rows: Array  # centre of each, a row of the basis, (N,) int
+    last: bool  # whether what is undecided counts with its guaranteed margin
+    asked: Array  # which constraints are looked at, (N, 7) bool; positions and velocities go together
+    undecided: Array  # written: which of them leave the cell undecided, (N, 7) bool
+
+
+class Here(NamedTuple):
+    """The cell being visited."""
+
+    n: int  # its trajectory
+    at: int  # row of the basis
+    time: float  # centre [s]
+    half: float  # half width [s]
+    last: bool  # whether it is of the last pass
+
+
+@inline
+def _reached(reach: Array, i: int, motion: Array) -> float:
+    """How far the position changes in a cell move something [m], by its reach[i]."""
+    total = 0.0
+    for j in range(motion.shape[1]):
+        total += reach[i, j] * motion[0, j]
+    return total
+
+
+@inline
+def _settle(margin: float, slack: float, here: Here, what: tuple[int, int], smallest: Smallest) -> bool:
+    """Take the margin of a column and an element into account, which changes by at most so much in the cell.
+
+    Whether that leaves the cell undecided comes back.
+    """
+    (column, element), n, unsure = what, here.n, not margin >= slack  # what is no number decides nothing
+    if here.last and unsure and margin >= 0:
+        margin -= slack
+    if margin < smallest.margin[n, column] or margin != margin:
+        smallest.margin[n, column] = margin
+        smallest.element[n, column], smallest.time[n, column] = element, here.time
+    return unsure
+
+
+@inline
+def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
+    """Take positions and velocities into account; whether one of them leaves the cell undecided."""
+    state, motion, undecided = work.state, work.motion, False
+    for j in range(len(model.home)):
+        margin = state[0, j] - model.lower[j]
+        if not margin <= model.upper[j] - state[0, j]:
+            margin = model.upper[j] - state[0, j]
+        undecided |= _settle(margin, motion[0, j], here, (POSITION, j), smallest)
+        margin = model.speed[j] - abs(state[1, j])
+        undecided |= _settle(margin, motion[1, j], here, (VELOCITY, j), smallest)
+    return undecided
+
+
+@inline
+def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
+    """The same for accelerations and jerks, where some are limited."""
+    n, c, basis, undecided = here.n, motions.c, motions.basis, False
+    roll_out_jerk(motions, n, here.at, work.state)
+    for j in range(model.higher.shape[1]):
+        jerk, snap = work.state[3, j], 0.0
+        for k in range(c.shape[2]):
+            snap += basis[here.at, 4, k] * c[n, j, k]
+        slack = drift(jerk, motions.drifts[0, n, j], here.half)
+        margin = model.higher[0, j] - abs(work.state[2, j])
+        undecided |= _settle(margin, slack, here, (ACCELERATION, j), smallest)
+        slack = drift(snap, motions.drifts[1, n, j], here.half)
+        undecided |= _settle(model.higher[1, j] - abs(jerk), slack, here, (JERK, j), smallest)
+    return undecided
+
+
+@inline
+def _torques_near(model: Model, work: Work, best: float, half: float, rates: Array) -> bool:
+    """Whether a torque's margin is the smallest so far, or may vanish in the cell at such rates."""
+    near = False
+    for j in range(len(model.home)):
+        margin = model.torque[j] - abs(work.torque[j])
+        near |= not (margin >= best and margin >= half * rates[j])
+    return near
+
+
+@inline
+def _check_torques(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
+    """The same for torques, by how fast they change at the centre of a cell and how that may change in it.
+
+    More is found out about both only where it takes more: first bounds of their rates in the whole
+    trajectory, then in the cell, then the rates themselves.
+    """
+    torques(model, work)
+    best, half, bent, undecided = smallest.margin[here.n, TORQUE], here.half, work.bent, False
+    if not _torques_near(model, work, best, half, work.cap[0]):
+        return False
+    bend_torques(model, work.motion, motions, here.n, work.sums, bent)
+    if not _torques_near(model, work, best, half, bent[0]):
+        return False
+    roll_out_jerk(motions, here.n, here.at, work.state)
+    torque_rates(model, work)
+    for j in range(len(model.home)):
+        slack = min(half * bent[0, j], drift(work.rate[j], bent[1, j], half))
+        undecided |= _settle(model.torque[j] - abs(work.torque[j]), slack, here, (TORQUE, j), smallest)
+    return undecided
+
+
+@inline
+def _outward(shapes: Shapes, p: int, x: Vector) -> Vector:
+    """Unit direction from the inner to the outer body of a pair, along one from its second to its first."""
+    inner, _, _, _ = ordered(shapes, p)
+    sign = -1.0 if inner == shapes.pairs[p, 0] else 1.0
+    return times(sign / math.sqrt(dot(x, x)), x)
+
+
+@kernel
+def _look_closer(
+    model: Model, work: Work, p: int, known: tuple[float, float, float], half: float
+) -> tuple[float, float]:
+    """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
+
+    Known are the capsules' margin, the smallest so far, and how far the links move if they move evenly; minus
+    infinity where the cell is settled anyway. First by how far they move in any direction, then by how the
+    bodies move along the line between them. What is inside is looked at no more closely than it takes to see
+    that it is at least ``best``.
+    """
+    (margin, best, evenly), motion, at = known, work.motion, work.at
+    bodies, shapes = model.bodies, model.bodies.shapes
+    slack = _reached(model.pair_reach, p, motion)
+    if margin >= slack:
+        return margin, slack
+    _, _, f, g = ordered(shapes, p)
+    if margin > 0:
+        normal = _outward(shapes, p, direction(shapes, at.ends, p))
+        least = least_gap(bodies, at, work.twist, p, normal, half, False)
+        slack = min(slack, margin - (least - bend(model.pair_reach, p, (f, g), motion, half)))
+    if margin >= slack or not bodies.hulls.finer[p]:
+        return margin, slack
+    bent = bend(model.piece_reach, p, (f, g), motion, half)
+    most = min(_reached(model.piece_reach, p, motion), evenly + bent)
+    inner = near_pieces(bodies, at, p, max(best, most, 0.0), row(work.axes, p))
+    found = row(at.search, 5)
+    set_row(work.axes, p, found)
+    if not inner > margin:
+        return margin, slack
+    least = max(margin - slack, inner - most)  # the best of all guarantees
+    if least < 0:
+        normal = _outward(shapes, p, to_parent(matrix(at.turn, shapes.frame[shapes.pairs[p, 0]]), found))
+        least = max(least, least_gap(bodies, at, work.twist, p, normal, half, True) - bent)
+    return inner, inner - least
+
+
+@inline
+def _farther(x: Vector, y: Vector, far: float) -> bool:
+    apart = less(x, y)
+    return dot(apart, apart) >= far * far
+
+
+@inline
+def _capsules_apart(shapes: Shapes, ends: Array, p: int, need: float) -> bool:
+    """Whether a pair's margin is surely at least ``need``, since the balls around its capsules are."""
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    return _farther(row(ends[2], i), row(ends[2], k), need + shapes.size[i] + shapes.size[k])
+
+
+@inline
+def _links_apart(model: Model, work: Work, group: int, need: float) -> bool:
+    """The same of all pairs of two links."""
+    f, g = model.links.frames[group, 0], model.links.frames[group, 1]
+    balls = model.bodies.shapes.balls
+    return _farther(row(work.middles, f), row(work.middles, g), need + balls[f, 3] + balls[g, 3])
+
+
+@kernel
+def _nearest_pair(shapes: Shapes, ends: Array) -> int:
+    """The pair whose capsules are nearest to each other."""
+    nearest, least = 0, np.inf
+    for p in range(len(shapes.pairs)):
+        if not _capsules_apart(shapes, ends, p, least):
+            margin, _, _ = near_pair(shapes, ends, p)
+            if margin < least:
+                nearest, least = p, margin
+    return nearest
+
+
+@inline
+def _check_pair(
+    model: Model, work: Work, here: Here, p: int, moved: tuple[float, float], smallest: Smallest
+) -> bool:
+    """Take a pair into account; whether it leaves the cell undecided.
+
+    Moved is how far its links move at most, and how far if they move evenly.
+    """
+    best = smallest.margin[here.n, COLLISION]
+    margin, _, _ = near_pair(model.bodies.shapes, work.at.ends, p)
+    if margin >= max(best, moved[0]):
+        return False
+    margin, slack = _look_closer(model, work, p, (margin, best, moved[1]), here.half)
+    return _settle(margin, slack, here, (COLLISION, p), smallest)
+
+
+@inline
+def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
+    """The same for pairs of capsules: only those whose balls are near enough to matter.
+
+    Where capsules leave the cell undecided, what is inside of them decides, where that is known. At first the
+    nearest pair is looked at, so that others need not be.
+    """
+    links, balls, shapes, ends = model.links, model.bodies.shapes.balls, model.bodies.shapes, work.at.ends
+    least, undecided, invalid = smallest.margin[here.n], False, False
+    place_balls(model, work)
+    for k in range(len(least)):
+        invalid |= least[k] < 0
+    sure = invalid and not here.last  # what this cell leaves undecided is not looked at again
+    if least[COLLISION] == np.inf:
+        undecided = _check_pair(model, work, here, _nearest_pair(shapes, ends), (np.inf, np.inf), smallest)
+    for group in range(len(links.frames)):
+        most = evenly = -np.inf
+        if not sure:
+            most = _reached(links.most, group, work.motion)
+            if _links_apart(model, work, group, max(least[COLLISION], most)):
+                continue
+            f, g = links.frames[group, 0], links.frames[group, 1]
+            evenly = here.half * fastest(work.twist, (f, g), row(work.middles, g), balls[g, 3])
+            most = min(most, evenly + bend(links.most, group, (f, g), work.motion, here.half))
+        if _links_apart(model, work, group, max(least[COLLISION], most)):
+            continue
+        for m in range(links.start[group], links.start[group + 1]):
+            p = links.pairs[m]
+            if not _capsules_apart(shapes, ends, p, max(least[COLLISION], most)):
+                undecided |= _check_pair(model, work, here, p, (most, evenly), smallest)
+    return undecided
+
+
+@inline
+def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
+    """The same for capsules and keep-out regions."""
+    shapes, ends, motion, undecided = model.bodies.shapes, work.at.ends, work.motion, False
+    most = _reached(model.region_most, 0, motion)
+    for g in range(len(shapes.guarded)):
+        r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+        need = max(smallest.margin[here.n, KEEP_OUT], most)
+        if from_region(shapes, r, row(ends[2], k)) >= need + shapes.size[k]:
+            continue
+        contact = near_region(shapes, r, row(ends[0], k), row(ends[1], k))
+        margin = contact[0] - shapes.radius[k]
+        if margin >= need:
+            continue
+        slack = _reached(model.region_reach, g, motion)
+        if TOUCHING < margin < slack:
+            least = least_height(shapes, ends, work.twist, k, contact, here.half)
+            bent = bend(model.region_reach, g, (0, shapes.frame[k]), motion, here.half)
+            slack = min(slack, margin - (least - bent))
+        undecided |= _settle(margin, slack, here, (KEEP_OUT, g), smallest)
+    return undecided
+
+
+@kernel
+def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Smallest) -> None:
+    """Update the smallest margins of trajectories; write which constraints leave which cells undecided."""
+    which, rows, asked, unsure = cells.which, cells.rows, cells.asked, cells.undecided
+    shapes, stop = model.bodies.shapes, 0
+    while stop < len(which):
+        start, n, limited = stop, which[stop], False
+        work.axes[:] = 0.0
+        while stop < len(which) and which[stop] == n:
+            limited |= asked[stop, TORQUE]
+            stop += 1
+        if limited:
+            cap_torques(model, work, motions, n, rows[start:stop])
+        for cell in range(start, stop):
+            at, wanted = rows[cell], asked[cell]
+            here = Here(n, at, motions.times[at], motions.half, cells.last)
+            roll_out(model.home, motions, n, at, work.state)
+            bound_motion(work.state, motions, n, work.motion)
+            unsure[cell] = False
+            if wanted[POSITION]:
+                unsure[cell, POSITION] = _check_limits(model, work, here, smallest)
+            if wanted[ACCELERATION]:
+                unsure[cell, ACCELERATION] = _check_higher(model, work, motions, here, smallest)
+            if not (wanted[TORQUE] or wanted[COLLISION] or wanted[KEEP_OUT]):
+                continue
+            place_joints(model.bodies.chain, work.state[0], work.at)
+            if wanted[TORQUE]:
+                unsure[cell, TORQUE] = _check_torques(model, work, motions, here, smallest)
+            if wanted[COLLISION] or wanted[KEEP_OUT]:
+                for c in range(len(shapes.frame)):
+                    place_capsule(shapes, c, work.at)
+                place_twists(model.bodies.chain, work.at, work.state[1], work.twist)
+            if wanted[COLLISION]:
+                unsure[cell, COLLISION] = _check_pairs(model, work, here, smallest)
+            if wanted[KEEP_OUT]:
+                unsure[cell, KEEP_OUT] = _check_regions(model, work, here, smallest)
+
+
+def everything(model: Model, cells: int) -> Array:
+    """That all constraints of a model are looked at in some cells, (N, 7) bool."""
+    wanted = np.zeros((cells, 7), dtype=bool)
+    wanted[:, [POSITION, VELOCITY]] = True
+    wanted[:, [ACCELERATION, JERK]] = model.higher.shape[1] > 0
+    wanted[:, TORQUE] = np.isfinite(model.torque).any()
+    wanted[:, COLLISION] = len(model.bodies.shapes.pairs) > 0
+    wanted[:, KEEP_OUT] = len(model.bodies.shapes.guarded) > 0
+    return wanted
