@@ -1,0 +1,386 @@
+"""The penalised objective of one trajectory, its exact gradient, and its worst margins, compiled."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels import apart, dynamics, eigen, goals, information, regressor
+from sidegan.kernels.apart import keep_apart
+from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.distances import between_segments, to_region
+from sidegan.kernels.dynamics import COS, DDQ, DQ, LANES, SIN, Limits, Q, beyond, clear, load
+from sidegan.kernels.eigen import add_to, product
+from sidegan.kernels.formulas import dot, less
+from sidegan.kernels.goals import goal_of, to_orthonormal
+from sidegan.kernels.information import weighted_grams, weighted_slopes
+from sidegan.kernels.jit import kernel, part
+
+
+class Plan(NamedTuple):
+    """An arm among its regions, its trajectories, and what is asked of them.
+
+    A point x, (J, K), stands for the coefficients matrix @ x of each joint.
+    """
+
+    chain: Chain
+    shapes: Shapes
+    columns: regressor.Columns  # base columns, ascending
+    extra: information.JointTerms  # what the model has beside rigid bodies, their parameters after the base's
+    # lower triangular C of all P parameters; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (P, P)
+    subspace: Array
+    home: Array  # position that trajectories start from, (J,) [rad or m]
+    matrix: Array  # coefficients of points, (J, K, K), symmetric
+    basis: Array  # derivatives 0 to 2 of the K basis functions at T samples, (3, K, T)
+    # derivatives 0, 1 and what ``higher`` limits at S finer ones, some of them the same, (2 + L, K, S)
+    fine: Array
+    limits: Limits  # what torques cost, at the samples, and all else, at the finer ones
+    higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
+    close: float  # weight of what small distances lack, at the finer samples [1/m²]
+    reach: float  # smallest distance that costs nothing [m]
+    roots: Array  # of the weight of each joint's torques, (J,)
+    goal: goals.Goal
+
+
+class Room(NamedTuple):
+    """Room for the kernel at work; not to be shared among threads."""
+
+    c: Array  # coefficients, (J, K)
+    states: Array  # (5, 1, J, T)
+    fine: Array  # the same at the finer samples, without accelerations, (5, 1, J, S)
+    line: Array  # one derivative at the finer samples, (J, S)
+    lanes: dynamics.Room
+    y: Array  # regressor
+    gram: Array  # (1, P, P)
+    goal: goals.Room
+    sets: Array  # inertial parameters of the directions, (D, 10 J)
+    signals: information.Signals
+    slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
+    push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
+    near: apart.Room
+    back: Array  # slope in the coefficients, (J, K)
+    ends: Array  # smallest and largest eigenvalue, (2,)
+
+
+def room(plan: Plan) -> Room:
+    """Room to work on a plan, and on any other with as many of everything."""
+    joints, functions, _ = plan.matrix.shape
+    size, samples, finer = len(plan.subspace), plan.basis.shape[2], plan.fine.shape[2]
+    goal = goals.room(plan.goal)
+    sets = len(goal.weights)
+    return Room(
+        np.zeros((joints, functions)),
+        dynamics.aligned(5, 1, joints, samples),
+        dynamics.aligned(5, 1, joints, finer),
+        dynamics.aligned(joints, finer),
+        dynamics.room(joints),
+        dynamics.aligned(size, joints * regressor.SPAN),
+        np.zeros((1, size, size)),
+        goal,
+        np.zeros((sets, 10 * joints)),
+        information.signals_for(plan.extra, samples, sets),
+        dynamics.aligned(3, 1, joints, samples),
+        dynamics.aligned(len(plan.fine), 1, joints, finer),
+        apart.room(len(plan.shapes.frame), joints),
+        np.zeros((joints, functions)),
+        np.zeros(2),
+    )
+
+
+@kernel
+def _move(plan: Plan, x: Array, work: Room) -> None:
+    """Write the coefficients (J, K) [rad/s] of a point (J, K), and the states."""
+    for j in range(len(x)):
+        for k in range(x.shape[1]):
+            work.c[j, k] = product(plan.matrix[j, k], x[j], x.shape[1])
+    roll_out(plan, work)
+
+
+@kernel
+def roll_out(plan: Plan, work: Room) -> None:
+    """Write the states of the coefficients at both grids of samples."""
+    fine, states = work.fine, work.states
+    joints, samples, finer = len(plan.home), states.shape[3], fine.shape[3]
+    every = finer // samples
+    for j in range(joints):
+        for n in range(finer):
+            fine[Q, 0, j, n], fine[DQ, 0, j, n] = plan.home[j], 0.0
+        clear(states[DDQ, 0, j])
+    combine(work.c, plan.fine[0], 0, finer, fine[Q, 0], 0)
+    combine(work.c, plan.fine[1], 0, finer, fine[DQ, 0], 0)
+    combine(work.c, plan.basis[2], 0, samples, states[DDQ, 0], 0)
+    for j in range(joints):
+        for n in range(finer):
+            fine[SIN, 0, j, n] = math.sin(fine[Q, 0, j, n])
+            fine[COS, 0, j, n] = math.cos(fine[Q, 0, j, n])
+        for n in range(samples):
+            at = every * n + every // 2
+            states[SIN, 0, j, n], states[COS, 0, j, n] = fine[SIN, 0, j, at], fine[COS, 0, j, at]
+            states[Q, 0, j, n], states[DQ, 0, j, n] = fine[Q, 0, j, at], fine[DQ, 0, j, at]
+
+
+@kernel
+def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: float, slope: Array) -> float:
+    """What a signal costs that leaves its range; writes its slopes."""
+    total = 0.0
+    for n in range(len(x)):
+        excess = beyond(x[n] - middle, limit, reserve)
+        slope[n] = 2.0 * weight / limit * excess
+        total += excess * excess
+    return weight * total
+
+
+@kernel
+def _bound(plan: Plan, work: Room) -> float:
+    """What positions, velocities and higher derivatives cost; writes their slopes."""
+    bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
+    weight, reserve = bounds.weight, bounds.reserve
+    for j in range(len(bounds.room)):
+        total += _cost_of(fine[Q, 0, j], bounds.middle[j], bounds.room[j], reserve, weight, push[0, 0, j])
+        total += _cost_of(fine[DQ, 0, j], 0.0, bounds.speed[j], reserve, weight, push[1, 0, j])
+    for r in range(len(plan.higher)):
+        for j in range(len(work.line)):
+            clear(work.line[j])
+        combine(work.c, plan.fine[2 + r], 0, work.line.shape[1], work.line, 0)
+        for j in range(len(work.line)):
+            total += _cost_of(work.line[j], 0.0, plan.higher[r, j], reserve, weight, push[2 + r, 0, j])
+    return total
+
+
+@kernel
+def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
+    """Carry the slopes from both grids back to the point."""
+    joints, functions = work.back.shape
+    samples, finer = work.states.shape[3], work.fine.shape[3]
+    for j in range(joints):
+        for k in range(functions):
+            total = 0.0
+            for r in range(3):
+                total += product(work.slope[r, 0, j], plan.basis[r, k], samples)
+            for r in range(len(plan.fine)):
+                total += product(work.push[r, 0, j], plan.fine[r, k], finer)
+            work.back[j, k] = total
+    for j in range(joints):
+        clear(gradient[j])
+        for k in range(functions):
+            add_to(gradient[j], work.back[j, k], plan.matrix[j, k], functions)
+
+
+@part
+def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
+    """Penalty of the states; writes the gradient of it and of the energy of so many directions."""
+    columns, first, samples = plan.columns, plan.columns.first, work.states.shape[3]
+    for k in range(count):
+        work.goal.weights[k] /= samples
+        for i in range(len(plan.home)):
+            for m in range(first[i], first[i + 1]):
+                work.sets[k, 10 * i + columns.kinds[m]] = work.goal.base[k, m]
+        for e in range(len(plan.extra.kinds)):
+            work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
+    directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
+    cost = weighted_slopes(
+        plan.chain, plan.limits, work.states, extra, plan.roots, directions, work.slope, work.lanes
+    )
+    cost += _bound(plan, work)
+    cost += keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
+    _pull_back(plan, gradient, work)
+    return cost
+
+
+@part
+def objective_of(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+    """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
+
+    Where there is no goal it is infinite, and the gradient zero.
+    """
+    _move(plan, x, work)
+    extra = plan.extra, work.signals
+    weighted_grams(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    value, count = goal_of(plan.goal, plan.subspace, work.gram[0], work.goal)
+    for j in range(len(gradient)):
+        clear(gradient[j])
+    if not math.isfinite(value):
+        return np.inf, 0.0
+    return value, _penalised(plan, count, gradient, work)
+
+
+@kernel
+def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+    """``objective_of`` by itself."""
+    return objective_of(plan, x, gradient, work)
+
+
+@kernel
+def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: Room) -> float:
+    """Penalty of a point (J, K); writes the gradient of it and of Σ weight · |Y v|² / T, (J, K).
+
+    The vectors v are (D, p), of rigid bodies alone; their rows count by the joints' weights.
+    """
+    _move(plan, x, work)
+    for k in range(len(weights)):
+        work.goal.weights[k] = weights[k]
+        for m in range(vectors.shape[1]):
+            work.goal.base[k, m] = vectors[k, m]
+    return _penalised(plan, len(weights), gradient, work)
+
+
+@kernel
+def combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
+    """Add sums of basis functions (K, T) with coefficients (J, K), at so many samples from the first on.
+
+    They are added to ``out``, (J, …), from sample ``to`` on. A basis function is read once for all joints.
+    """
+    for k in range(len(basis)):
+        function = basis[k][first : first + count]
+        for j in range(len(c)):
+            factor, line = c[j, k], out[j][to : to + count]
+            for n in range(len(line)):
+                line[n] += factor * function[n]
+
+
+@kernel
+def largest(x: Array, count: int) -> float:
+    """Largest absolute value of the first samples of a signal."""
+    most = 0.0
+    for n in range(count):
+        most = max(most, abs(x[n]))
+    return most
+
+
+@kernel
+def within(x: Array, limit: float) -> float:
+    """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
+    return 1.0 - largest(x, len(x)) / limit if math.isfinite(limit) else 1.0
+
+
+# Numbers of a trajectory.
+FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
+_EPS = float(np.finfo(np.float64).eps)
+
+
+class Measure(NamedTuple):
+    """What the numbers mean."""
+
+    diagonal: bool  # diagonal fitness instead of the eigenvalue fitness
+    weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
+    hopeless: float  # stands for an infinite fitness
+    distance: float  # clearance that counts like a whole limit [m]
+    higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
+    parameters: Array  # inertial parameters, (1, 1, 10 J)
+
+
+@kernel
+def _limits(plan: Plan, measure: Measure, numbers: Array, work: Room) -> None:
+    """Write the violations of positions, velocities, torques and higher derivatives."""
+    middle, most, torque = plan.limits.middle, plan.limits.torque, work.slope[:1]
+    limited = False
+    for j in range(len(most)):
+        limited |= math.isfinite(most[j])
+    if limited:
+        dynamics.torques(plan.chain, work.states, measure.parameters, torque, work.lanes)
+    for j in range(len(most)):
+        q, room = work.fine[Q, 0, j], plan.limits.room[j]
+        for n in range(len(q) if math.isfinite(room) else 0):
+            numbers[POSITION] = max(numbers[POSITION], abs(q[n] - middle[j]) / room - 1.0)
+        numbers[POSITION] = max(numbers[POSITION], -1.0)
+        numbers[VELOCITY] = max(numbers[VELOCITY], -within(work.fine[DQ, 0, j], plan.limits.speed[j]))
+        if limited:
+            numbers[TORQUE] = max(numbers[TORQUE], -within(torque[0, 0, j], most[j]))
+    for j in range(measure.higher.shape[1]):
+        numbers[ACCELERATION] = max(
+            numbers[ACCELERATION], -within(work.states[DDQ, 0, j], measure.higher[0, j])
+        )
+        dynamics.clear(work.line[j])
+    if measure.higher.shape[1] > 0:
+        combine(work.c, plan.fine[len(plan.fine) - 1], 0, work.line.shape[1], work.line, 0)
+    for j in range(measure.higher.shape[1]):
+        numbers[JERK] = max(numbers[JERK], -within(work.line[j], measure.higher[1, j]))
+
+
+@kernel
+def _nearest_pair(shapes: Shapes, count: int, least: float, work: apart.Room) -> float:
+    """The smallest distance [m] of a pair of capsules at some times, or ``least`` where that is smaller."""
+    for p in range(len(shapes.pairs)):
+        i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+        one, two, gap = work.ends[i], work.ends[k], work.gap
+        for n in range(min(count, LANES)):
+            between = less(load(one, apart.MIDDLE, n), load(two, apart.MIDDLE, n))
+            gap[n] = dot(between, between)
+        for n in range(count):
+            far = least + shapes.size[i] + shapes.size[k]
+            if far <= 0 or gap[n] < far * far:
+                a, b = load(one, apart.A, n), load(one, apart.B, n)
+                distance = between_segments(a, b, load(two, apart.A, n), load(two, apart.B, n))
+                least = min(least, distance - (shapes.core[i] + shapes.core[k]))
+    return least
+
+
+@kernel
+def _nearest_region(shapes: Shapes, count: int, least: float, work: apart.Room) -> float:
+    """The same for capsules and keep-out regions."""
+    for g in range(len(shapes.guarded)):
+        r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
+        ends = work.ends[k]
+        for n in range(count):
+            a, b, middle = load(ends, apart.A, n), load(ends, apart.B, n), load(ends, apart.MIDDLE, n)
+            distance = to_region(shapes, r, a, b, middle, least + shapes.size[k])
+            least = min(least, distance - shapes.radius[k])
+    return least
+
+
+@kernel
+def _distances(plan: Plan, distance: float, numbers: Array, work: Room) -> None:
+    """Write the violations of distances."""
+    shapes, samples, near, clear = plan.shapes, work.fine.shape[3], np.inf, np.inf
+    if len(shapes.pairs) + len(shapes.guarded) == 0:
+        return
+    apart.stand(work.near)
+    step = dynamics.step_of(samples)
+    for start in range(0, samples, step):
+        count = min(step, samples - start)
+        apart.place(plan.chain, shapes, work.fine, (start, count), work.near)
+        near = _nearest_pair(shapes, count, near, work.near)
+        clear = _nearest_region(shapes, count, clear, work.near)
+    numbers[COLLISION], numbers[KEEP_OUT] = -near / distance, -clear / distance
+
+
+@kernel
+def _ratio(plan: Plan, measure: Measure, work: Room) -> float:
+    """Largest over smallest eigenvalue or diagonal element of YᵀY; infinite where that is rounding."""
+    extra, size = (plan.extra, work.signals), len(plan.subspace)
+    weighted_grams(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    if measure.diagonal:
+        low, high = np.inf, 0.0
+        for p in range(size):
+            low, high = min(low, work.gram[0, p, p]), max(high, work.gram[0, p, p])
+        return high / low if low > _EPS * high else np.inf
+    inner = work.goal.inner
+    scale = to_orthonormal(plan.subspace, work.gram[0], work.goal.product, inner)
+    if not (math.isfinite(scale) and scale > 0):
+        return np.inf
+    for i in range(size):
+        for j in range(size):
+            inner[i, j] /= scale
+    eigen.ends(inner, measure.weakest, work.ends, work.goal.rows, work.goal.shifts)
+    low, high = work.ends[0], work.ends[1]
+    return high / low if low > size * _EPS * high else np.inf
+
+
+@kernel
+def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Room) -> None:
+    """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
+
+    A violation is the worst relative margin with its sign turned: positive where the constraint is violated.
+    Both grids of the plan have the same samples.
+    """
+    for b in range(len(c)):
+        for n in range(NUMBERS):
+            numbers[b, n] = -np.inf
+        for j in range(c.shape[1]):
+            for k in range(c.shape[2]):
+                work.c[j, k] = c[b, j, k]
+        roll_out(plan, work)
+        _limits(plan, measure, numbers[b], work)
+        _distances(plan, measure.distance, numbers[b], work)
+        ratio = _ratio(plan, measure, work)
+        numbers[b, FITNESS] = math.log(ratio if ratio < measure.hopeless else measure.hopeless)
