@@ -9,7 +9,7 @@ from torch import Tensor
 
 from sidegan.design.problem import HOPELESS
 from sidegan.errors import ShapeError
-from sidegan.kernels import goals, terms
+from sidegan.kernels import goals, information
 from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
 
@@ -120,12 +120,12 @@ def _fitting(name: str, given: Tensor | None, shape: tuple[int, ...]) -> np.ndar
     return array(given.double())
 
 
-def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> terms.JointTerms:
+def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> information.JointTerms:
     """Terms of a model beside rigid bodies, joints in order."""
     first, speeds = np.searchsorted(joints, np.arange(count + 1)), np.ones(count)
     if model is None:
-        return terms.JointTerms(np.zeros(0, np.int64), first, 1.0, speeds)
+        return information.no_terms(count)
     if model.stribeck is not None:
         speeds = array(model.stribeck)
-    named = np.array([terms.KINDS.index(model.terms.kinds[k]) for k in kinds.tolist()], np.int64)
-    return terms.JointTerms(named, first, model.terms.sign_width, speeds)
+    named = np.array([information.KINDS.index(model.terms.kinds[k]) for k in kinds.tolist()], np.int64)
+    return information.JointTerms(named, first, model.terms.sign_width, speeds)

@@ -14,8 +14,8 @@ from torch import Tensor
 from sidegan.design.goal import Compiled, Goal
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.kernels import evaluation, plans
-from sidegan.kernels.limits import Limits
+from sidegan.kernels import objective as kernel
+from sidegan.kernels.dynamics import Limits
 from sidegan.motion.arrays import array
 from sidegan.motion.operations import columns_of_links
 from sidegan.motion.threads import share
@@ -59,7 +59,7 @@ class Objective:
             return array(torch.stack([trajectory.basis(times, k).flatten(1).T for k in range(orders)]))
 
         self.samples, self.finer = problem.samples, refine * problem.samples
-        plan = plans.Plan(
+        plan = kernel.Plan(
             chain=body.chain,
             shapes=constraints.shapes,
             columns=columns_of_links(body.base.columns, joints),
@@ -77,9 +77,9 @@ class Objective:
             goal=compiled.during(trajectory.period),
         )
         self.plan = plan if penalty is None else self.penalised(plan, penalty)
-        self.room = plans.room(self.plan)
+        self.room = kernel.room(self.plan)
 
-    def penalised(self, plan: plans.Plan, penalty: Penalty) -> plans.Plan:
+    def penalised(self, plan: kernel.Plan, penalty: Penalty) -> kernel.Plan:
         """Plan with another penalty."""
         of_torques = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
         limits = plan.limits._replace(
@@ -96,7 +96,7 @@ class Objective:
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
-        return plans.objective(self.plan, x, gradient, self.room)
+        return kernel.objective(self.plan, x, gradient, self.room)
 
 
 class Evaluation:
@@ -110,7 +110,7 @@ class Evaluation:
     def __init__(self, problem: Problem, distance: float) -> None:
         self.problem, self._objective = problem, Objective(problem, Goal())
         constraints = problem.constraints
-        self._measure = evaluation.Measure(
+        self._measure = kernel.Measure(
             problem.diagonal,
             problem.weakest,
             HOPELESS,
@@ -118,7 +118,6 @@ class Evaluation:
             array(constraints.higher_rows),
             array(constraints.arm.inertial_parameters.reshape(1, 1, -1)),
         )
-        self._room = evaluation.room(self._objective.plan)
         self._kept = [0, *(1 + NAMES.index(name) for name in constraints.labels)]
 
     def __call__(self, c: Array) -> Array:
@@ -126,9 +125,9 @@ class Evaluation:
 
         Coefficients [rad/s] are (B, J, H, 2), contiguous; constraints are in the order of their labels.
         """
-        numbers = np.empty((len(c), evaluation.NUMBERS))
+        numbers = np.empty((len(c), kernel.NUMBERS))
         one, x = self._objective, c.reshape(*c.shape[:2], -1)
-        evaluation.evaluate(one.plan, self._measure, x, numbers, one.room, self._room)
+        kernel.evaluate(one.plan, self._measure, x, numbers, one.room)
         return numbers[:, self._kept]
 
 
@@ -167,7 +166,7 @@ def pull_back(
     def work(k: slice) -> None:
         one = Objective(problem, Goal(certainty=certainty), penalty)
         for n in range(len(x))[k]:
-            cost[n] = plans.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.room)
+            cost[n] = kernel.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.room)
 
     share(work, len(x), problem.samples)
     return torch.from_numpy(cost), torch.from_numpy(gradient).reshape(c.shape)

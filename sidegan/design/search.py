@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -85,7 +84,10 @@ class Descent:
     def value(self, c: Tensor) -> float:
         """The goal at coefficients [rad/s], (J, H, 2)."""
         x = array(self.coordinates.points(c[None])[0])
-        return self._objective(x, np.empty_like(x))[0]
+        self._state.x[:] = x.ravel()
+        self._state.numbers[descent.STARTED] = 0.0
+        descent.descend(self._objective.plan, _RULES, self._state, self._objective.room, 1)
+        return float(self._state.numbers[descent.GOAL])
 
 
 def proven(problem: Problem, c: Tensor, smallest: float = 0.5) -> tuple[Tensor, Tensor, Validity]:

@@ -8,9 +8,7 @@ from typing import NamedTuple
 
 from sidegan.kernels.chain import Array, Chain, Shapes
 from sidegan.kernels.distances import from_region, near_region, near_segment
-from sidegan.kernels.formulas import Vector, add, cross, dot, less, product, times, to_parent
-from sidegan.kernels.jit import kernel
-from sidegan.kernels.lanes import (
+from sidegan.kernels.dynamics import (
     COS,
     LANES,
     SIN,
@@ -23,6 +21,8 @@ from sidegan.kernels.lanes import (
     step_of,
     store,
 )
+from sidegan.kernels.formulas import Vector, add, cross, dot, less, product, times, to_parent
+from sidegan.kernels.jit import kernel
 from sidegan.kernels.links import TOUCHING, Joint, joint, placement, row
 
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels import plans
 from sidegan.kernels.chain import Array
+from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.jit import kernel
-from sidegan.kernels.matrices import add_to, product
+from sidegan.kernels.objective import Plan, Room, objective_of
 
 # Numbers of a search.
 GOAL, COST, LENGTH, USED, HEAD, STARTED, NUMBERS = range(7)
@@ -132,14 +132,14 @@ def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: floa
 
 
 @kernel
-def descend(plan: plans.Plan, rules: Rules, state: Search, work: plans.Room, evaluations: int) -> None:
+def descend(plan: Plan, rules: Rules, state: Search, work: Room, evaluations: int) -> None:
     """So many evaluations; the first of a search that has not begun is that of its start."""
     for _ in range(evaluations):
         fresh = state.numbers[STARTED] == 0
         length = 0.0 if fresh else state.numbers[LENGTH]
         for i in range(len(state.x)):
             state.trial[i] = state.x[i] + length * state.direction[i]
-        goal, cost = plans.objective(plan, state.rows[0], state.rows[1], work)
+        goal, cost = objective_of(plan, state.rows[0], state.rows[1], work)
         if fresh:
             _accept(state, goal, cost)
             _begin_anew(rules, state)

@@ -1,8 +1,8 @@
-"""Compiled eigenpairs at both ends of the spectra of many small symmetric matrices.
+"""Compiled algebra of small symmetric matrices: factors, inverses, eigenpairs.
 
-A matrix is made tridiagonal by Householder reflections; Sturm counts at several shifts at a time close in
-on the eigenvalues at the ends; an eigenvector is the solution of the two-sided factorisation that is nearest
-to being singular. Together a fraction of what all eigenpairs cost.
+Eigenpairs at both ends of a spectrum cost a fraction of what all of them do. The matrix is made tridiagonal
+by Householder reflections; Sturm counts at several shifts at a time close in on the eigenvalues at the ends;
+an eigenvector is the solution of the two-sided factorisation that is nearest to being singular.
 
 Sources: Golub, Van Loan 2013, Matrix Computations, 8.3 and 8.4; Dhillon, Parlett 2004, Orthogonal
 eigenvectors and relative gaps, for the two-sided (twisted) factorisation.
@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from sidegan.kernels.chain import Array
-from sidegan.kernels.jit import kernel, kernel_in_any_order
+from sidegan.kernels.jit import inline, inline_in_any_order, kernel
 
 _POINTS = 8  # shifts per eigenvalue and pass: each narrows its bracket to a ninth
 _PASSES = 19  # from twice the matrix's size to 1e-16 of its largest element
@@ -23,17 +23,19 @@ _APART = 1e-9  # larger products of eigenvectors: nearly equal eigenvalues, whic
 _RESIDUE = 1e-13
 
 
-@kernel_in_any_order
-def _dot(x: Array, y: Array) -> float:
+@inline_in_any_order
+def product(x: Array, y: Array, count: int) -> float:
+    """Scalar product of the first numbers of two vectors."""
     total = 0.0
-    for i in range(len(x)):
+    for i in range(count):
         total += x[i] * y[i]
     return total
 
 
-@kernel
-def _add(x: Array, s: float, y: Array) -> None:
-    for i in range(len(x)):
+@inline
+def add_to(x: Array, s: float, y: Array, count: int) -> None:
+    """Add s y to x, of the first numbers."""
+    for i in range(count):
         x[i] += s * y[i]
 
 
@@ -41,7 +43,7 @@ def _add(x: Array, s: float, y: Array) -> None:
 def _reflect(a: Array, k: int, e: Array, tau: Array, w: Array) -> None:
     """Clear row and column k beyond the second diagonal; the reflection I − τ v vᵀ stays in row k."""
     v, p = a[k, k + 1 :], w[k + 1 :]
-    rest = _dot(v[1:], v[1:])
+    rest = product(v[1:], v[1:], len(v) - 1)
     e[k], tau[k] = v[0], 0.0
     if rest == 0:
         return
@@ -53,8 +55,8 @@ def _reflect(a: Array, k: int, e: Array, tau: Array, w: Array) -> None:
         p[i] = 0.0
     v[0] = 1.0
     for j in range(len(v)):
-        _add(p, v[j], a[k + 1 + j, k + 1 :])
-    half = tau[k] * _dot(p, v) / 2
+        add_to(p, v[j], a[k + 1 + j, k + 1 :], len(v))
+    half = tau[k] * product(p, v, len(v)) / 2
     for i in range(len(v)):
         p[i] = tau[k] * (p[i] - half * v[i])
     for j in range(len(v)):
@@ -90,8 +92,9 @@ def _count(d: Array, e: Array, shifts: Array, pivots: Array, below: Array) -> No
 @kernel
 def _close_in(d: Array, e: Array, low: int, first: int, values: Array, work: Array) -> None:
     """Write ``low`` eigenvalues from rank ``first`` on, and the largest ones, as many as there are values."""
-    shifts, pivots, below, left, right = work[0], work[1], work[2], work[3], work[4]
     size, count = len(d), len(values)
+    left, right, most = work[3], work[4], count * _POINTS
+    shifts, pivots, below = work[0, :most], work[1, :most], work[2, :most]
     smallest, largest = d[0], d[0]
     for i in range(size):
         beside = (abs(e[i - 1]) if i > 0 else 0.0) + (abs(e[i]) if i + 1 < size else 0.0)
@@ -139,7 +142,7 @@ def _vector(d: Array, e: Array, value: float, z: Array, down: Array, up: Array) 
         z[i] = -e[i] * z[i + 1] / down[i]
     for i in range(best + 1, size):
         z[i] = -e[i - 1] * z[i - 1] / up[i]
-    length = math.sqrt(_dot(z, z))
+    length = math.sqrt(product(z, z, size))
     for i in range(size):
         z[i] /= length
 
@@ -156,7 +159,7 @@ def _sound(d: Array, e: Array, values: Array, z: Array) -> bool:
             if not abs(rest) < _RESIDUE * size:
                 return False
         for m in range(k):
-            if not abs(_dot(z[k], z[m])) < _APART:
+            if not abs(product(z[k], z[m], size)) < _APART:
                 return False
     return True
 
@@ -171,7 +174,7 @@ def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -
     """Write the eigenvalue of rank ``first``, from the smallest, and the largest one, (2,).
 
     They are those of a symmetric matrix with elements up to one. The matrix (p, p) is
-    overwritten; the rest is ``room`` for two values.
+    overwritten; the rest is ``room`` for two values or more.
     """
     _tridiagonal(matrix, rows[0], rows[1], rows[2], rows[3])
     _close_in(rows[0], rows[1], 1, first, values, shifts)
@@ -199,4 +202,77 @@ def extremes(
             for k in range(size - 2, -1, -1):
                 part, v = vectors[b, m, k + 1 :], matrix[k, k + 1 :]
                 if tau[k] != 0:
-                    _add(part, -tau[k] * _dot(v, part), v)
+                    add_to(part, -tau[k] * product(v, part, len(v)), v, len(v))
+
+
+_SWEEPS = 30
+_ROUNDING = 1e-30  # squared share of the diagonal that is left beside it
+
+
+@kernel
+def factorise(a: Array) -> bool:
+    """Put the Cholesky factor in place of the lower triangle of a matrix; whether it is positive definite."""
+    for i in range(len(a)):
+        for j in range(i):
+            a[i, j] = (a[i, j] - product(a[i], a[j], j)) / a[j, j]
+        rest = a[i, i] - product(a[i], a[i], i)
+        if not rest > 0:
+            return False
+        a[i, i] = math.sqrt(rest)
+    return True
+
+
+@kernel
+def invert_factor(a: Array, x: Array) -> None:
+    """Write the inverse of a lower triangular matrix, lower triangular too."""
+    for i in range(len(a)):
+        row = x[i]
+        for k in range(len(row)):
+            row[k] = 0.0
+        for k in range(i):
+            add_to(row, -a[i, k], x[k], k + 1)
+        scale = 1 / a[i, i]
+        for k in range(i):
+            row[k] *= scale
+        row[i] = scale
+
+
+@kernel
+def all_eigenpairs(a: Array, v: Array) -> None:
+    """Write unit eigenvectors row by row; the eigenvalues are left on the diagonal, in no order.
+
+    Cyclic Jacobi rotations: slow and sure. Source: Golub, Van Loan 2013, Matrix Computations, 8.5.
+    """
+    size = len(a)
+    for i in range(size):
+        for k in range(size):
+            v[i, k] = 1.0 if i == k else 0.0
+    for _ in range(_SWEEPS):
+        beside, total = 0.0, 0.0
+        for i in range(size):
+            total += a[i, i] * a[i, i]
+            for k in range(i):
+                beside += a[i, k] * a[i, k]
+        if not beside > _ROUNDING * total:
+            return
+        for i in range(size):
+            for k in range(i + 1, size):
+                if a[i, k] != 0:
+                    _rotate(a, v, i, k)
+
+
+@kernel
+def _rotate(a: Array, v: Array, i: int, k: int) -> None:
+    """Clear one element by a rotation."""
+    tau = (a[k, k] - a[i, i]) / (2 * a[i, k])
+    t = math.copysign(1.0, tau) / (abs(tau) + math.sqrt(1 + tau * tau))
+    c = 1 / math.sqrt(1 + t * t)
+    s = t * c
+    for n in range(len(a)):
+        x, y = a[n, i], a[n, k]
+        a[n, i], a[n, k] = c * x - s * y, s * x + c * y
+    for n in range(len(a)):
+        x, y = a[i, n], a[k, n]
+        a[i, n], a[k, n] = c * x - s * y, s * x + c * y
+        x, y = v[i, n], v[k, n]
+        v[i, n], v[k, n] = c * x - s * y, s * x + c * y

@@ -11,9 +11,9 @@ import numpy as np
 
 from sidegan.kernels import eigen
 from sidegan.kernels.chain import Array
-from sidegan.kernels.jit import kernel
-from sidegan.kernels.lanes import clear
-from sidegan.kernels.matrices import add_to, all_eigenpairs, factorise, invert_factor, product
+from sidegan.kernels.dynamics import clear
+from sidegan.kernels.eigen import add_to, all_eigenpairs, factorise, invert_factor, product
+from sidegan.kernels.jit import kernel, part
 
 CONDITION, DIAGONAL, VARIANCE, VOLUME, TOOL = range(5)  # kinds of goals
 _TINY = 1e-300
@@ -68,7 +68,7 @@ def room(goal: Goal) -> Room:
     """Room to work on a goal, and on any other with as many parameters and targets."""
     size, targets, smooth = len(goal.prior), len(goal.targets), goal.smooth
     count, most = min(size, smooth.lowest + smooth.highest), max(size, 2 * targets)
-    rows, shifts = eigen.room(size, count)
+    rows, shifts = eigen.room(size, max(count, 2))
     return Room(
         product=np.zeros((size, size)),
         inner=np.zeros((size, size)),
@@ -163,7 +163,7 @@ def _all_ends(smooth: Smooth, work: Room) -> None:
             work.vectors[0, k, m] = vectors[i, m]
 
 
-@kernel
+@part
 def _ends(smooth: Smooth, scale: float, work: Room) -> None:
     """Eigenpairs at both ends of the spectrum of the inner matrix over its scale."""
     size = len(work.inner)
@@ -316,7 +316,7 @@ def _tool(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
     return -_log_det(work.small), 2 * count if goal.runs > 1 else count
 
 
-@kernel
+@part
 def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float, int]:
     """The goal at a Gram matrix of the base columns (p, p), and how many directions it wrote.
 

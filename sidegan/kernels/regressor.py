@@ -3,9 +3,7 @@
 from typing import NamedTuple
 
 from sidegan.kernels.chain import Array, Chain
-from sidegan.kernels.formulas import add, columns_of, cross, times, to_child
-from sidegan.kernels.jit import inline_in_any_order, kernel, kernel_in_any_order
-from sidegan.kernels.lanes import (
+from sidegan.kernels.dynamics import (
     LANES,
     SHIFT,
     Block,
@@ -20,6 +18,8 @@ from sidegan.kernels.lanes import (
     step_of,
     store,
 )
+from sidegan.kernels.formulas import add, columns_of, cross, times, to_child
+from sidegan.kernels.jit import inline_in_any_order, kernel, kernel_in_any_order
 from sidegan.kernels.links import Joint, joint
 
 SPAN = 2 * LANES  # most states whose regressor is kept at a time: it stays near the processor
@@ -133,47 +133,6 @@ def mirror(x: Array, factor: float) -> None:
         for q in range(p, len(x)):
             x[p, q] *= factor
             x[q, p] = x[p, q]
-
-
-@kernel
-def grams(chain: Chain, states: Array, columns: Columns, gram: Array, work: Room, y: Array) -> None:
-    """Write the Gram matrices YᵀY / T of the base regressor of B trajectories, (B, p, p); zeros before.
-
-    There is room in y for the regressor, (p, J · SPAN).
-    """
-    count, size, first = states.shape[3], len(columns.kinds), columns.first
-    rest(chain.gravity, work.links[0])
-    for b in range(states.shape[1]):
-        for start in range(0, count, SPAN):
-            span = rows_of(chain, states, (b, start, min(SPAN, count - start)), columns, work, y)
-            for i in range(states.shape[2]):
-                for p in range(first[i], first[i + 1], 4):
-                    for q in range(p, size, 4):
-                        tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram[b])
-        mirror(gram[b], 1 / count)
-
-
-@kernel_in_any_order
-def _square(x: Array, high: int) -> float:
-    total = 0.0
-    for n in range(high):
-        total += x[n] * x[n]
-    return total
-
-
-@kernel
-def diagonal(chain: Chain, states: Array, columns: Columns, squares: Array, work: Room, y: Array) -> None:
-    """Write the diagonal of YᵀY / T, (p,), of the one trajectory of states (5, 1, J, T); zeros before.
-
-    There is room in y for the regressor, (p, J · SPAN).
-    """
-    count, first = states.shape[3], columns.first
-    rest(chain.gravity, work.links[0])
-    for start in range(0, count, SPAN):
-        span = rows_of(chain, states, (0, start, min(SPAN, count - start)), columns, work, y)
-        for i in range(states.shape[2]):
-            for p in range(first[i], first[i + 1]):
-                squares[p] += _square(y[p], (i + 1) * span) / count
 
 
 @kernel

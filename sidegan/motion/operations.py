@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.kernels import eigen, lanes, regressor
+from sidegan.kernels import dynamics, eigen, information, regressor
 from sidegan.kernels.chain import Chain
 from sidegan.motion.arrays import array
 from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
@@ -33,9 +33,9 @@ def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
     parts = [torch.empty(0)] * threads
 
     def work(k: int) -> None:
-        motion, room = _states(*(x[k][None] for x in cuts)), lanes.room(joints)
+        motion, room = _states(*(x[k][None] for x in cuts)), dynamics.room(joints)
         samples = motion.shape[3]
-        y = np.zeros((len(columns), joints * (samples + lanes.LANES)))
+        y = np.zeros((len(columns), joints * (samples + dynamics.LANES)))
         span = regressor.rows(chain, motion, of_links, room, y)
         parts[k] = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))[:, :, :samples]
 
@@ -50,12 +50,15 @@ def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
     """
     batch, count, joints = states[0].shape
     size, of_links = len(columns), columns_of_links(columns, joints)
-    grams = np.zeros((batch, size, size))
+    grams, rigid = np.empty((batch, size, size)), information.no_terms(joints)
 
     def work(k: slice) -> None:
-        y = lanes.aligned(size, joints * regressor.SPAN)
-        motion = _states(*(x[k] for x in states))
-        regressor.grams(chain, motion, of_links, grams[k], lanes.room(joints), y)
+        y = dynamics.aligned(size, joints * regressor.SPAN)
+        motion, room = _states(*(x[k] for x in states)), dynamics.room(joints)
+        signals = information.signals_for(rigid, count, 0)
+        information.weighted_grams(
+            chain, motion, of_links, (rigid, signals), np.ones(joints), grams[k], room, y
+        )
 
     share(work, batch, count)
     return torch.from_numpy(grams)
@@ -67,7 +70,8 @@ def torques(chain: Chain, states: States, sets: Tensor) -> Tensor:
     torque = np.empty((batch, sets.shape[1], joints, count))
 
     def work(k: slice) -> None:
-        lanes.torques(chain, _states(*(x[k] for x in states)), parameters[k], torque[k], lanes.room(joints))
+        motion, room = _states(*(x[k] for x in states)), dynamics.room(joints)
+        dynamics.torques(chain, motion, parameters[k], torque[k], room)
 
     share(work, batch, count)
     return torch.from_numpy(torque).transpose(2, 3)
@@ -83,9 +87,9 @@ def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tenso
 
     def work(k: int) -> None:
         motion = _states(*(x[k][None] for x in parts[:3]))
-        y = lanes.aligned(size, joints * regressor.SPAN)
+        y = dynamics.aligned(size, joints * regressor.SPAN)
         pulled = array(parts[3][k].T)[None]
-        regressor.sums(chain, motion, pulled, of_links, products[k], lanes.room(joints), y)
+        regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.room(joints), y)
 
     each(work, threads)
     return torch.from_numpy(products.sum(0))

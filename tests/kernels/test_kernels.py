@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sidegan.kernels import lanes
-from sidegan.kernels.limits import Limits
-from sidegan.kernels.terms import JointTerms, room
-from sidegan.kernels.weighted import weighted_slopes
+from sidegan.kernels import dynamics
+from sidegan.kernels.dynamics import Limits
+from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
 from sidegan.motion import threads
 from sidegan.motion.arrays import chain_of
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
@@ -50,14 +49,14 @@ def test_slopes_of_energies_are_pinocchios(chain, count, sets):
     joints, own = body.joints, body.arm.inertial_parameters.flatten()
     factors, weights = normal(sets).numpy(), normal(sets, seed=1).numpy()
     roots = np.linspace(0.5, 2.0, joints)
-    ones, none = np.ones(joints), np.zeros(0, np.int64)
+    ones = np.ones(joints)
     limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own.numpy())
-    extra = JointTerms(none, np.zeros(joints + 1, np.int64), 1.0, ones)
+    extra = no_terms(joints)
     q, dq, ddq = (x[0].T.numpy() for x in states)
     packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])
     slope, directions = np.zeros((3, 1, joints, count)), (np.outer(factors, own.numpy()), weights)
-    terms = extra, room(extra, count, sets)
-    cost = weighted_slopes(body.chain, limits, packed, terms, roots, directions, slope, lanes.room(joints))
+    terms = extra, signals_for(extra, count, sets)
+    cost = weighted_slopes(body.chain, limits, packed, terms, roots, directions, slope, dynamics.room(joints))
     assert cost == 0
     data, expected, scale = model.createData(), np.zeros((3, joints, count)), 2 * (weights @ factors**2)
     for n in range(count):

@@ -1,19 +1,18 @@
-"""The penalised objective of one trajectory and its exact gradient, compiled from end to end."""
+"""The penalised objective of one trajectory, its exact gradient, and its worst margins, compiled."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels import apart, goals, lanes, regressor, terms
+from sidegan.kernels import apart, dynamics, eigen, goals, information, regressor
+from sidegan.kernels.apart import keep_apart
 from sidegan.kernels.chain import Array, Chain, Shapes
-from sidegan.kernels.jit import kernel
-from sidegan.kernels.lanes import COS, DDQ, DQ, SIN, Q, clear
-from sidegan.kernels.limits import Limits
-from sidegan.kernels.matrices import add_to, product
-from sidegan.kernels.signals import combine
-from sidegan.kernels.slopes import beyond
-from sidegan.kernels.weighted import weighted_gram, weighted_slopes
+from sidegan.kernels.dynamics import COS, DDQ, DQ, SIN, Limits, Q, beyond, clear
+from sidegan.kernels.eigen import add_to, product
+from sidegan.kernels.goals import goal_of, to_orthonormal
+from sidegan.kernels.information import weighted_grams, weighted_slopes
+from sidegan.kernels.jit import kernel, part
 
 
 class Plan(NamedTuple):
@@ -25,7 +24,7 @@ class Plan(NamedTuple):
     chain: Chain
     shapes: Shapes
     columns: regressor.Columns  # base columns, ascending
-    extra: terms.JointTerms  # what the model has beside rigid bodies, their parameters after the base's
+    extra: information.JointTerms  # what the model has beside rigid bodies, their parameters after the base's
     # lower triangular C of all P parameters; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (P, P)
     subspace: Array
     home: Array  # position that trajectories start from, (J,) [rad or m]
@@ -48,16 +47,17 @@ class Room(NamedTuple):
     states: Array  # (5, 1, J, T)
     fine: Array  # the same at the finer samples, without accelerations, (5, 1, J, S)
     line: Array  # one derivative at the finer samples, (J, S)
-    lanes: lanes.Room
+    lanes: dynamics.Room
     y: Array  # regressor
-    gram: Array  # (P, P)
+    gram: Array  # (1, P, P)
     goal: goals.Room
     sets: Array  # inertial parameters of the directions, (D, 10 J)
-    signals: terms.Signals
+    signals: information.Signals
     slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
     push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
     near: apart.Room
     back: Array  # slope in the coefficients, (J, K)
+    ends: Array  # smallest and largest eigenvalue, (2,)
 
 
 def room(plan: Plan) -> Room:
@@ -68,19 +68,20 @@ def room(plan: Plan) -> Room:
     sets = len(goal.weights)
     return Room(
         np.zeros((joints, functions)),
-        lanes.aligned(5, 1, joints, samples),
-        lanes.aligned(5, 1, joints, finer),
-        lanes.aligned(joints, finer),
-        lanes.room(joints),
-        lanes.aligned(size, joints * regressor.SPAN),
-        np.zeros((size, size)),
+        dynamics.aligned(5, 1, joints, samples),
+        dynamics.aligned(5, 1, joints, finer),
+        dynamics.aligned(joints, finer),
+        dynamics.room(joints),
+        dynamics.aligned(size, joints * regressor.SPAN),
+        np.zeros((1, size, size)),
         goal,
         np.zeros((sets, 10 * joints)),
-        terms.room(plan.extra, samples, sets),
-        lanes.aligned(3, 1, joints, samples),
-        lanes.aligned(len(plan.fine), 1, joints, finer),
+        information.signals_for(plan.extra, samples, sets),
+        dynamics.aligned(3, 1, joints, samples),
+        dynamics.aligned(len(plan.fine), 1, joints, finer),
         apart.room(len(plan.shapes.frame), joints),
         np.zeros((joints, functions)),
+        np.zeros(2),
     )
 
 
@@ -163,7 +164,7 @@ def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
             add_to(gradient[j], work.back[j, k], plan.matrix[j, k], functions)
 
 
-@kernel
+@part
 def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
     """Penalty of the states; writes the gradient of it and of the energy of so many directions."""
     columns, first, samples = plan.columns, plan.columns.first, work.states.shape[3]
@@ -179,26 +180,32 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
         plan.chain, plan.limits, work.states, extra, plan.roots, directions, work.slope, work.lanes
     )
     cost += _bound(plan, work)
-    cost += apart.keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
+    cost += keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
     _pull_back(plan, gradient, work)
     return cost
 
 
-@kernel
-def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+@part
+def objective_of(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
     """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
 
     Where there is no goal it is infinite, and the gradient zero.
     """
     _move(plan, x, work)
     extra = plan.extra, work.signals
-    weighted_gram(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
-    value, count = goals.goal_of(plan.goal, plan.subspace, work.gram, work.goal)
+    weighted_grams(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    value, count = goal_of(plan.goal, plan.subspace, work.gram[0], work.goal)
     for j in range(len(gradient)):
         clear(gradient[j])
     if not math.isfinite(value):
         return np.inf, 0.0
     return value, _penalised(plan, count, gradient, work)
+
+
+@kernel
+def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+    """``objective_of`` by itself."""
+    return objective_of(plan, x, gradient, work)
 
 
 @kernel
@@ -213,3 +220,133 @@ def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Ar
         for m in range(vectors.shape[1]):
             work.goal.base[k, m] = vectors[k, m]
     return _penalised(plan, len(weights), gradient, work)
+
+
+@kernel
+def combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
+    """Add sums of basis functions (K, T) with coefficients (J, K), at so many samples from the first on.
+
+    They are added to ``out``, (J, …), from sample ``to`` on. A basis function is read once for all joints.
+    """
+    for k in range(len(basis)):
+        function = basis[k][first : first + count]
+        for j in range(len(c)):
+            factor, line = c[j, k], out[j][to : to + count]
+            for n in range(len(line)):
+                line[n] += factor * function[n]
+
+
+@kernel
+def largest(x: Array, count: int) -> float:
+    """Largest absolute value of the first samples of a signal."""
+    most = 0.0
+    for n in range(count):
+        most = max(most, abs(x[n]))
+    return most
+
+
+@kernel
+def within(x: Array, limit: float) -> float:
+    """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
+    return 1.0 - largest(x, len(x)) / limit if math.isfinite(limit) else 1.0
+
+
+# Numbers of a trajectory.
+FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
+_EPS = float(np.finfo(np.float64).eps)
+
+
+class Measure(NamedTuple):
+    """What the numbers mean."""
+
+    diagonal: bool  # diagonal fitness instead of the eigenvalue fitness
+    weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
+    hopeless: float  # stands for an infinite fitness
+    distance: float  # clearance that counts like a whole limit [m]
+    higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
+    parameters: Array  # inertial parameters, (1, 1, 10 J)
+
+
+@kernel
+def _limits(plan: Plan, measure: Measure, numbers: Array, work: Room) -> None:
+    """Write the violations of positions, velocities, torques and higher derivatives."""
+    middle, most, torque = plan.limits.middle, plan.limits.torque, work.slope[:1]
+    limited = False
+    for j in range(len(most)):
+        limited |= math.isfinite(most[j])
+    if limited:
+        dynamics.torques(plan.chain, work.states, measure.parameters, torque, work.lanes)
+    for j in range(len(most)):
+        q, room = work.fine[Q, 0, j], plan.limits.room[j]
+        for n in range(len(q) if math.isfinite(room) else 0):
+            numbers[POSITION] = max(numbers[POSITION], abs(q[n] - middle[j]) / room - 1.0)
+        numbers[POSITION] = max(numbers[POSITION], -1.0)
+        numbers[VELOCITY] = max(numbers[VELOCITY], -within(work.fine[DQ, 0, j], plan.limits.speed[j]))
+        if limited:
+            numbers[TORQUE] = max(numbers[TORQUE], -within(torque[0, 0, j], most[j]))
+    for j in range(measure.higher.shape[1]):
+        numbers[ACCELERATION] = max(
+            numbers[ACCELERATION], -within(work.states[DDQ, 0, j], measure.higher[0, j])
+        )
+        dynamics.clear(work.line[j])
+    if measure.higher.shape[1] > 0:
+        combine(work.c, plan.fine[len(plan.fine) - 1], 0, work.line.shape[1], work.line, 0)
+    for j in range(measure.higher.shape[1]):
+        numbers[JERK] = max(numbers[JERK], -within(work.line[j], measure.higher[1, j]))
+
+
+@kernel
+def _distances(plan: Plan, distance: float, numbers: Array, work: Room) -> None:
+    """Write the violations of distances."""
+    shapes, samples, near, clear = plan.shapes, work.fine.shape[3], np.inf, np.inf
+    if len(shapes.pairs) + len(shapes.guarded) == 0:
+        return
+    step = dynamics.step_of(samples)
+    for start in range(0, samples, step):
+        span, push = (start, min(step, samples - start)), work.push[0, 0]
+        apart.place(plan.chain, shapes, work.fine, span, work.near)
+        near = apart.pairs(plan.chain, shapes, span, (near, 0.0), push, work.near)[1]
+        clear = apart.regions(plan.chain, shapes, span, (clear, 0.0), push, work.near)[1]
+    numbers[COLLISION], numbers[KEEP_OUT] = -near / distance, -clear / distance
+
+
+@kernel
+def _ratio(plan: Plan, measure: Measure, work: Room) -> float:
+    """Largest over smallest eigenvalue or diagonal element of YᵀY; infinite where that is rounding."""
+    extra, size = (plan.extra, work.signals), len(plan.subspace)
+    weighted_grams(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    if measure.diagonal:
+        low, high = np.inf, 0.0
+        for p in range(size):
+            low, high = min(low, work.gram[0, p, p]), max(high, work.gram[0, p, p])
+        return high / low if low > _EPS * high else np.inf
+    inner = work.goal.inner
+    scale = to_orthonormal(plan.subspace, work.gram[0], work.goal.product, inner)
+    if not (math.isfinite(scale) and scale > 0):
+        return np.inf
+    for i in range(size):
+        for j in range(size):
+            inner[i, j] /= scale
+    eigen.ends(inner, measure.weakest, work.ends, work.goal.rows, work.goal.shifts)
+    low, high = work.ends[0], work.ends[1]
+    return high / low if low > size * _EPS * high else np.inf
+
+
+@kernel
+def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Room) -> None:
+    """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
+
+    A violation is the worst relative margin with its sign turned: positive where the constraint is violated.
+    Both grids of the plan have the same samples.
+    """
+    for b in range(len(c)):
+        for n in range(NUMBERS):
+            numbers[b, n] = -np.inf
+        for j in range(c.shape[1]):
+            for k in range(c.shape[2]):
+                work.c[j, k] = c[b, j, k]
+        roll_out(plan, work)
+        _limits(plan, measure, numbers[b], work)
+        _distances(plan, measure.distance, numbers[b], work)
+        ratio = _ratio(plan, measure, work)
+        numbers[b, FITNESS] = math.log(ratio if ratio < measure.hopeless else measure.hopeless)

@@ -1,0 +1,240 @@
+"""Compiled information of trajectories whose joints count by weights, and the slopes of functions of it.
+
+Beside rigid bodies single joints' torques have terms: rotor inertia, friction, offset. They are columns of
+the regressor that only the rows of their own joint have; ``Terms`` of an identified model says what each is.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sidegan.kernels.chain import Array, Chain
+from sidegan.kernels.dynamics import (
+    DDQ,
+    DQ,
+    LANES,
+    Block,
+    Limits,
+    clear,
+    enter,
+    forces,
+    keep,
+    pull,
+    push,
+    rest,
+    step_of,
+)
+from sidegan.kernels.dynamics import Room as Lanes
+from sidegan.kernels.jit import inline, kernel
+from sidegan.kernels.regressor import SPAN, Columns, mirror, rows_of, tile
+
+KINDS = ("rotor_inertia", "viscous", "coulomb", "offset", "stribeck")
+_ROTOR, _VISCOUS, _COULOMB, _OFFSET = range(len(KINDS) - 1)
+
+
+class JointTerms(NamedTuple):
+    """E terms, joints in order."""
+
+    kinds: Array  # which of ``KINDS`` each is, (E,)
+    first: Array  # first term of each joint, and E at the end, (J + 1,)
+    width: float  # velocity of the smooth sign tanh(dq / width) [rad/s or m/s]
+    speeds: Array  # of the Stribeck terms [rad/s or m/s], (J,)
+
+
+class Signals(NamedTuple):
+    """What parameters of the terms are multiplied with; room for the kernels at work."""
+
+    values: Array  # (E, T)
+    rates: Array  # slopes in the velocity, of a rotor's in the acceleration, (E, T)
+    pushes: Array  # slopes of an energy in the values, (E, T)
+    shares: Array  # parameters of the terms in each set, (K, E)
+
+
+def no_terms(joints: int) -> JointTerms:
+    """Rigid bodies alone."""
+    return JointTerms(np.zeros(0, np.int64), np.zeros(joints + 1, np.int64), 1.0, np.ones(joints))
+
+
+def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
+    """Room for T samples and K parameter sets."""
+    count = len(terms.kinds)
+    values, rates, pushes = (np.zeros((count, samples)) for _ in range(3))
+    return Signals(values, rates, pushes, np.zeros((sets, count)))
+
+
+@inline
+def _signal(terms: JointTerms, kind: int, j: int, dq: float, ddq: float) -> tuple[float, float]:
+    """What a parameter is multiplied with, and its slope."""
+    if kind == _ROTOR:
+        return ddq, 1.0
+    if kind == _VISCOUS:
+        return dq, 1.0
+    if kind == _OFFSET:
+        return 1.0, 0.0
+    sign = math.tanh(dq / terms.width)
+    steep = (1.0 - sign * sign) / terms.width
+    if kind == _COULOMB:
+        return sign, steep
+    speed = dq / terms.speeds[j]
+    near = math.exp(-speed * speed)
+    return sign * near, (steep - sign * 2.0 * speed / terms.speeds[j]) * near
+
+
+@kernel
+def write_signals(terms: JointTerms, states: Array, b: int, signals: Signals) -> None:
+    """Write values and their slopes along trajectory b of states (5, B, J, T)."""
+    for j in range(len(terms.first) - 1):
+        for e in range(terms.first[j], terms.first[j + 1]):
+            for n in range(states.shape[3]):
+                found = _signal(terms, terms.kinds[e], j, states[DQ, b, j, n], states[DDQ, b, j, n])
+                signals.values[e, n], signals.rates[e, n] = found
+
+
+@kernel
+def add_terms(
+    terms: JointTerms, columns: Columns, roots: Array, signals: Signals, block: Block, span: int,
+    y: Array, gram: Array,
+) -> None:  # fmt: skip
+    """Add the terms' products with one another and with the weighted rigid columns of a block.
+
+    The rigid columns are the first rows of y, as ``rows_of`` leaves them; the terms' rows follow. Products
+    are added above the diagonal.
+    """
+    _, start, count = block
+    size = len(columns.kinds)
+    for j in range(len(terms.first) - 1):
+        low, high = j * span, (j + 1) * span
+        begin, end = size + terms.first[j], size + terms.first[j + 1]
+        for e in range(terms.first[j], terms.first[j + 1]):
+            row = y[size + e]
+            clear(row[low:high])
+            for n in range(count):
+                row[low + n] = roots[j] * signals.values[e, start + n]
+        for q in range(begin, end, 4):
+            for p in range(columns.first[j], size, 4):
+                tile(y, (p, size), (q, end), low, high, gram)
+        for p in range(begin, end, 4):
+            for q in range(p, end, 4):
+                tile(y, (p, end), (q, end), low, high, gram)
+
+
+@kernel
+def add_torques(terms: JointTerms, signals: Signals, k: int, block: Block, torque: Array) -> None:
+    """Add the torques of the terms in set k to those of rigid bodies in lanes (J, LANES)."""
+    _, start, count = block
+    for j in range(len(torque)):
+        for e in range(terms.first[j], terms.first[j + 1]):
+            share, values = signals.shares[k, e], signals.values[e]
+            for n in range(min(count, LANES)):
+                torque[j, n] += share * values[start + n]
+
+
+@kernel
+def push_terms(terms: JointTerms, signals: Signals, k: int, block: Block, torque: Array) -> None:
+    """Add the slopes in the terms' values of what has cotangents in place of the torques (J, LANES)."""
+    _, start, count = block
+    for j in range(len(torque)):
+        for e in range(terms.first[j], terms.first[j + 1]):
+            share, pushes = signals.shares[k, e], signals.pushes[e]
+            for n in range(min(count, LANES)):
+                pushes[start + n] += share * torque[j, n]
+
+
+@kernel
+def pull_terms(terms: JointTerms, signals: Signals, slope: Array) -> None:
+    """Add the slopes in dq and ddq, of (3, 1, J, T), that follow from those in the values."""
+    for j in range(len(terms.first) - 1):
+        for e in range(terms.first[j], terms.first[j + 1]):
+            to, rates, pushes = (
+                slope[2 if terms.kinds[e] == _ROTOR else 1, 0, j],
+                signals.rates[e],
+                signals.pushes[e],
+            )
+            for n in range(len(to)):
+                to[n] += rates[n] * pushes[n]
+
+
+@kernel
+def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
+    """Multiply the rows of a regressor's joints, as ``rows_of`` leaves them, by roots of their weights."""
+    for i in range(len(roots)):
+        for k in range(columns.first[i], columns.first[i + 1]):
+            row = y[k]
+            for j in range(i + 1):
+                factor = roots[j]
+                for n in range(j * span, (j + 1) * span if factor != 1 else 0):
+                    row[n] *= factor
+
+
+@kernel
+def weighted_grams(
+    chain: Chain, states: Array, columns: Columns, terms: tuple[JointTerms, Signals], roots: Array,
+    grams: Array, work: Lanes, y: Array,
+) -> None:  # fmt: skip
+    """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
+
+    The base columns come first, then the terms, whose signals are left as those of the last trajectory. The
+    weights W are of joints; given are their roots, (J,). There is room in y for the regressor, (P, J · SPAN).
+    """
+    count, size, first = states.shape[3], len(columns.kinds), columns.first
+    rest(chain.gravity, work.links[0])
+    for b in range(len(grams)):
+        gram = grams[b]
+        write_signals(terms[0], states, b, terms[1])
+        for p in range(len(gram)):
+            clear(gram[p])
+        for start in range(0, count, SPAN):
+            block = b, start, min(SPAN, count - start)
+            span = rows_of(chain, states, block, columns, work, y)
+            _weigh(columns, roots, span, y)
+            for i in range(len(roots)):
+                for p in range(first[i], first[i + 1], 4):
+                    for q in range(p, size, 4):
+                        tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram)
+            add_terms(terms[0], columns, roots, terms[1], block, span, y, gram)
+        mirror(gram, 1 / count)
+
+
+@kernel
+def weighted_slopes(
+    chain: Chain,
+    limits: Limits,
+    states: Array,
+    terms: tuple[JointTerms, Signals],
+    roots: Array,
+    directions: tuple[Array, Array],
+    slope: Array,
+    work: Lanes,
+) -> float:
+    """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what torques cost; the latter.
+
+    The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), with the terms' shares in each, joints and
+    time, with the weights (K,) of the sets and w of the joints. The terms' signals are those of the states.
+    """
+    (sets, weights), count, cost = directions, states.shape[3], 0.0
+    for e in range(len(terms[1].pushes)):
+        clear(terms[1].pushes[e])
+    rest(chain.gravity, work.links[0])
+    step = step_of(count)
+    for start in range(0, count, step):
+        block = 0, start, min(step, count - start)
+        enter(chain, states, block, step, work)
+        for k in range(len(weights)):
+            if weights[k] == 0:
+                continue
+            forces(chain, sets[k], work, step)
+            add_torques(terms[0], terms[1], k, block, work.torque)
+            for j in range(len(roots)):
+                torque, factor = work.torque[j], 2.0 * weights[k] * roots[j] * roots[j]
+                for n in range(min(step, LANES)):
+                    torque[n] *= factor
+            push(chain, sets[k], work, step)
+            push_terms(terms[0], terms[1], k, block, work.torque)
+        if limits.torque_weight > 0:
+            forces(chain, limits.parameters, work, step)
+            cost += keep(limits, work, block[2])
+            push(chain, limits.parameters, work, step)
+        pull(chain, work, slope, block, step)
+    pull_terms(terms[0], terms[1], slope)
+    return cost
