@@ -108,8 +108,8 @@ def pairs(
         for n in range(count):
             far = (reach if weight > 0 else least) + shapes.size[i] + shapes.size[k]
             if gap[n] < far * far:
-                axes = (load(one, A, n), load(one, B, n)), (load(two, A, n), load(two, B, n))
-                distance, a, b = near_segment(axes[0][0], axes[0][1], axes[1][0], axes[1][1])
+                a, b = load(one, A, n), load(one, B, n)
+                distance, a, b = near_segment(a, b, load(two, A, n), load(two, B, n))
                 short = reach - distance + shapes.core[i] + shapes.core[k]
                 least = min(least, distance - (shapes.core[i] + shapes.core[k]))
                 if weight > 0 and short > 0:

@@ -77,11 +77,8 @@ class Work(NamedTuple):
     motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
     most: Array  # the largest such bounds of a trajectory, (4, J)
     at: Place  # where the arm is
-    force: Array  # on a link, (J, 3)
-    moment: Array  # on a link, (J, 3)
-    growth: Array  # rates of both, (2, J, 3)
-    torque: Array  # (J,)
-    rate: Array  # of the torques, (J,)
+    wrench: Array  # force and moment on a link, and their rates, (4, J, 3)
+    torque: Array  # and its rate, (2, J)
     sums: Array  # bounds of a link's force and moment, of their rates and second derivatives, (6, J)
     bent: Array  # bounds of the torques' rates and second derivatives in a cell, (2, J)
     cap: Array  # the same for all cells of a trajectory, (2, J)
@@ -93,34 +90,24 @@ class Work(NamedTuple):
 def work_space(model: Model) -> Work:
     """Arrays that one thread needs for a model."""
     j, shapes = len(model.home), model.bodies.shapes
-    sizes = {"sums": (6, j), "growth": (2, j, 3), "twist": (2, j + 1, 3), "middles": (j + 1, 3)}
-    sizes |= dict.fromkeys(("state", "motion", "most"), (4, j)) | dict.fromkeys(("force", "moment"), (j, 3))
-    sizes |= dict.fromkeys(("torque", "rate"), (j,)) | dict.fromkeys(("bent", "cap"), (2, j))
-    sizes |= {"axes": (len(shapes.pairs), 3)}
+    sizes = {"wrench": (4, j, 3), "sums": (6, j), "twist": (2, j + 1, 3), "middles": (j + 1, 3)}
+    sizes |= dict.fromkeys(("state", "motion", "most"), (4, j)) | {"axes": (len(shapes.pairs), 3)}
+    sizes |= dict.fromkeys(("torque", "bent", "cap"), (2, j))
     return Work(at=place_for(shapes, j), **{name: np.zeros(size) for name, size in sizes.items()})
 
 
 @inline_in_any_order
 def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
-    """Position, velocity and acceleration of trajectory n at a row of the basis, in a state (4, J)."""
+    """Position, velocity, acceleration and jerk of trajectory n at a row of the basis, in a state (4, J)."""
     c, basis = motions.c, motions.basis
     for j in range(c.shape[1]):
-        q, dq, ddq = home[j], 0.0, 0.0
+        q, dq, ddq, jerk = home[j], 0.0, 0.0, 0.0
         for k in range(c.shape[2]):
             q += basis[at, 0, k] * c[n, j, k]
             dq += basis[at, 1, k] * c[n, j, k]
             ddq += basis[at, 2, k] * c[n, j, k]
-        state[0, j], state[1, j], state[2, j] = q, dq, ddq
-
-
-@inline_in_any_order
-def roll_out_jerk(motions: Motions, n: int, at: int, state: Array) -> None:
-    """The jerk, in the same state."""
-    c, basis = motions.c, motions.basis
-    for j in range(c.shape[1]):
-        state[3, j] = 0.0
-        for k in range(c.shape[2]):
-            state[3, j] += basis[at, 3, k] * c[n, j, k]
+            jerk += basis[at, 3, k] * c[n, j, k]
+        state[0, j], state[1, j], state[2, j], state[3, j] = q, dq, ddq, jerk
 
 
 @inline
@@ -150,12 +137,12 @@ def torques(model: Model, work: Work) -> None:
         j, rates = joint(chain, i), (work.state[1, i], work.state[2, i])
         motion = moved(j.axis, j.slides, r, shift, rates, motion)
         force, moment = wrench_of(ten(model.parameters, 10 * i), motion)
-        set_row(work.force, i, force)
-        set_row(work.moment, i, moment)
+        set_row(work.wrench[0], i, force)
+        set_row(work.wrench[1], i, moment)
     f, n = still, still
     for i in range(joints - 1, -1, -1):
-        f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
-        work.torque[i] = dot(row(chain.axis, i), f if chain.prismatic[i] else n)
+        f, n = add(f, row(work.wrench[0], i)), add(n, row(work.wrench[1], i))
+        work.torque[0, i] = dot(row(chain.axis, i), f if chain.prismatic[i] else n)
         f, n = carried(matrix(at.own, i), row(at.shift, i), (f, n))
 
 
@@ -171,14 +158,14 @@ def torque_rates(model: Model, work: Work) -> None:
         rates = work.state[1, i], work.state[2, i], work.state[3, i]
         moving = moved_rate((j.axis, j.slides), r, shifts, rates, moving)
         rate = wrench_rate(ten(model.parameters, 10 * i), moving)
-        set_row(work.growth[0], i, rate[0])
-        set_row(work.growth[1], i, rate[1])
+        set_row(work.wrench[2], i, rate[0])
+        set_row(work.wrench[3], i, rate[1])
     f = n = df = dn = still
     for i in range(joints - 1, -1, -1):
         j, r = joint(chain, i), matrix(at.own, i)
-        f, n = add(f, row(work.force, i)), add(n, row(work.moment, i))
-        df, dn = add(df, row(work.growth[0], i)), add(dn, row(work.growth[1], i))
-        work.rate[i] = dot(j.axis, df if chain.prismatic[i] else dn)
+        f, n = add(f, row(work.wrench[0], i)), add(n, row(work.wrench[1], i))
+        df, dn = add(df, row(work.wrench[2], i)), add(dn, row(work.wrench[3], i))
+        work.torque[1, i] = dot(j.axis, df if chain.prismatic[i] else dn)
         shifts = row(at.shift, i), times(work.state[1, i], j.slide)
         spin = times((1.0 - j.slides) * work.state[1, i], j.axis)
         df, dn = carried_rate(spin, r, shifts, (f, n), (df, dn))

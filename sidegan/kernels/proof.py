@@ -19,7 +19,6 @@ from sidegan.kernels.cells import (
     cap_torques,
     place_balls,
     roll_out,
-    roll_out_jerk,
     torque_rates,
     torques,
 )
@@ -103,7 +102,6 @@ def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> b
 def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
     """The same for accelerations and jerks, where some are limited."""
     n, c, basis, undecided = here.n, motions.c, motions.basis, False
-    roll_out_jerk(motions, n, here.at, work.state)
     for j in range(model.higher.shape[1]):
         jerk, snap = work.state[3, j], 0.0
         for k in range(c.shape[2]):
@@ -121,7 +119,7 @@ def _torques_near(model: Model, work: Work, best: float, half: float, rates: Arr
     """Whether a torque's margin is the smallest so far, or may vanish in the cell at such rates."""
     near = False
     for j in range(len(model.home)):
-        margin = model.torque[j] - abs(work.torque[j])
+        margin = model.torque[j] - abs(work.torque[0, j])
         near |= not (margin >= best and margin >= half * rates[j])
     return near
 
@@ -140,11 +138,10 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
     bend_torques(model, work.motion, motions, here.n, work.sums, bent)
     if not _torques_near(model, work, best, half, bent[0]):
         return False
-    roll_out_jerk(motions, here.n, here.at, work.state)
     torque_rates(model, work)
     for j in range(len(model.home)):
-        slack = min(half * bent[0, j], drift(work.rate[j], bent[1, j], half))
-        undecided |= _settle(model.torque[j] - abs(work.torque[j]), slack, here, (TORQUE, j), smallest)
+        slack = min(half * bent[0, j], drift(work.torque[1, j], bent[1, j], half))
+        undecided |= _settle(model.torque[j] - abs(work.torque[0, j]), slack, here, (TORQUE, j), smallest)
     return undecided
 
 
