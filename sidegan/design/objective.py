@@ -115,7 +115,6 @@ class Evaluation:
             problem.weakest,
             HOPELESS,
             distance,
-            array(constraints.higher_rows),
             array(constraints.arm.inertial_parameters.reshape(1, 1, -1)),
         )
         self._kept = [0, *(1 + NAMES.index(name) for name in constraints.labels)]

@@ -20,6 +20,7 @@ from sidegan.design.problem import Problem
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
+from sidegan.kernels.objective import Plan
 from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
@@ -76,18 +77,20 @@ class Descent:
         first = round(_ROUGH_SHARE * evaluations)
         self._state.x[:] = array(x).ravel()
         for plan, count in ((self._objective.plan, first), (self._strict, evaluations - first)):
-            self._state.numbers[descent.STARTED] = 0.0
-            descent.descend(plan, _RULES, self._state, self._objective.room, count)
+            self._descend(plan, count)
         c = self.coordinates.coefficients(torch.from_numpy(self._state.x.copy()).view(1, *x.shape))
         return (c / (self.problem.limit_use(c) / _FULL).clamp_min(1.0)[:, :, None, None])[0]
 
     def value(self, c: Tensor) -> float:
         """The goal at coefficients [rad/s], (J, H, 2)."""
-        x = array(self.coordinates.points(c[None])[0])
-        self._state.x[:] = x.ravel()
-        self._state.numbers[descent.STARTED] = 0.0
-        descent.descend(self._objective.plan, _RULES, self._state, self._objective.room, 1)
+        self._state.x[:] = array(self.coordinates.points(c[None])[0]).ravel()
+        self._descend(self._objective.plan, 1)
         return float(self._state.numbers[descent.GOAL])
+
+    def _descend(self, plan: Plan, evaluations: int) -> None:
+        """So many evaluations from where the search stands; the first is that of its start."""
+        self._state.numbers[descent.STARTED] = 0.0
+        descent.descend(plan, _RULES, self._state, self._objective.room, evaluations)
 
 
 def proven(problem: Problem, c: Tensor, smallest: float = 0.5) -> tuple[Tensor, Tensor, Validity]:

@@ -191,7 +191,7 @@ def _condition(goal: Goal, subspace: Array, work: Room) -> float:
     value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
     for k in range(len(work.values[0])):
         work.weights[k] = goal.amount * work.slopes[k] / scale
-        _onto(subspace, work.vectors[0, k], work.base[k])
+        _times(subspace, work.vectors[0, k], work.base[k])
     return value
 
 
@@ -211,22 +211,15 @@ def _diagonal(goal: Goal, gram: Array, work: Room) -> float:
 
 
 @kernel
-def _onto(subspace: Array, x: Array, base: Array) -> None:
-    """Write a vector of the orthonormal basis over the base columns."""
-    for i in range(len(subspace)):
-        base[i] = product(subspace[i], x, i + 1)
-
-
-@kernel
-def _half(inverse: Array, x: Array, half: Array) -> None:
-    """Write L⁻¹ x."""
-    for i in range(len(inverse)):
-        half[i] = product(inverse[i], x, i + 1)
+def _times(lower: Array, x: Array, out: Array) -> None:
+    """Write L x for a lower triangular L: from the orthonormal basis to the base columns, for instance."""
+    for i in range(len(lower)):
+        out[i] = product(lower[i], x, i + 1)
 
 
 @kernel
 def _whole(inverse: Array, half: Array, x: Array) -> None:
-    """Write L⁻ᵀ times a half one."""
+    """Write L⁻ᵀ times L⁻¹ x, which comes as half."""
     clear(x)
     for i in range(len(inverse)):
         add_to(x, half[i], inverse[i], i + 1)
@@ -238,10 +231,10 @@ def _variance(goal: Goal, subspace: Array, work: Room) -> float:
     size, inverse, total = len(subspace), work.product, 0.0
     half, whole = work.rows[0], work.rows[1]  # L⁻¹ a and M⁻¹ a for a target a
     for m in range(len(goal.targets)):
-        _half(inverse, goal.targets[m], half)
+        _times(inverse, goal.targets[m], half)
         total += product(half, half, size)
         _whole(inverse, half, whole)
-        _onto(subspace, whole, work.base[m])
+        _times(subspace, whole, work.base[m])
     for m in range(len(goal.targets)):
         work.weights[m] = -goal.amount / total
     return math.log(total)
@@ -271,7 +264,7 @@ def _volume(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
     """Log det of the targets' covariance, and how many directions it wrote."""
     size, count, inverse, halves = len(subspace), len(goal.targets), work.product, work.halves
     for m in range(count):
-        _half(inverse, goal.targets[m], halves[m])
+        _times(inverse, goal.targets[m], halves[m])
         for k in range(m + 1):
             work.small[m, k] = product(halves[m], halves[k], size)
     if not factorise(work.small):
@@ -280,7 +273,7 @@ def _volume(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
     for m in range(count):
         work.weights[m] = -goal.amount
         _whole(inverse, halves[m], work.rows[1])
-        _onto(subspace, work.rows[1], work.base[m])
+        _times(subspace, work.rows[1], work.base[m])
     return _log_det(work.small), count
 
 
@@ -296,7 +289,7 @@ def _tool(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
     for m in range(count):
         for i in range(size):
             pulled[m, i] = goal.amount * product(work.inner[i], goal.targets[m], size)
-        _half(inverse, pulled[m], halves[m])
+        _times(inverse, pulled[m], halves[m])
         _whole(inverse, halves[m], solved[m])
         for k in range(m + 1):
             told = product(goal.targets[k], pulled[m], size) - product(halves[k], halves[m], size)
@@ -312,7 +305,7 @@ def _tool(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
         work.weights[m] = -goal.amount * (1.0 if m < count else goal.runs - 1.0)
         for i in range(size):
             work.rows[1][i] = work.base[m, i]
-        _onto(subspace, work.rows[1], work.base[m])
+        _times(subspace, work.rows[1], work.base[m])
     return -_log_det(work.small), 2 * count if goal.runs > 1 else count
 
 

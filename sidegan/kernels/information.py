@@ -146,11 +146,8 @@ def pull_terms(terms: JointTerms, signals: Signals, slope: Array) -> None:
     """Add the slopes in dq and ddq, of (3, 1, J, T), that follow from those in the values."""
     for j in range(len(terms.first) - 1):
         for e in range(terms.first[j], terms.first[j + 1]):
-            to, rates, pushes = (
-                slope[2 if terms.kinds[e] == _ROTOR else 1, 0, j],
-                signals.rates[e],
-                signals.pushes[e],
-            )
+            to = slope[2 if terms.kinds[e] == _ROTOR else 1, 0, j]
+            rates, pushes = signals.rates[e], signals.pushes[e]
             for n in range(len(to)):
                 to[n] += rates[n] * pushes[n]
 

@@ -181,7 +181,7 @@ def share(module: ModuleType) -> None:
 event.register("numba:compile", _Notice())
 
 kernel = _kernel()
-part = numba.njit(inline="always", **_OPTIONS)  # of larger kernels alone: never compiled by itself
+part = numba.njit(inline="always", **_OPTIONS)  # compiled where it is called, never by itself
 inline = _kernel(forceinline=True)  # a call would cost more than the work
 kernel_in_any_order = _kernel(fastmath=_ANY_ORDER)  # its sums over lanes are sums of vectors
 inline_in_any_order = _kernel(forceinline=True, fastmath=_ANY_ORDER)

@@ -86,6 +86,19 @@ def room(plan: Plan) -> Room:
 
 
 @kernel
+def _combine(c: Array, basis: Array, out: Array) -> None:
+    """Add sums of basis functions (K, T) with coefficients (J, K) to signals (J, T).
+
+    A basis function is read once for all joints.
+    """
+    for k in range(len(basis)):
+        for j in range(len(c)):
+            factor, line, function = c[j, k], out[j], basis[k]
+            for n in range(len(line)):
+                line[n] += factor * function[n]
+
+
+@kernel
 def _move(plan: Plan, x: Array, work: Room) -> None:
     """Write the coefficients (J, K) [rad/s] of a point (J, K), and the states."""
     for j in range(len(x)):
@@ -104,9 +117,9 @@ def roll_out(plan: Plan, work: Room) -> None:
         for n in range(finer):
             fine[Q, 0, j, n], fine[DQ, 0, j, n] = plan.home[j], 0.0
         clear(states[DDQ, 0, j])
-    combine(work.c, plan.fine[0], 0, finer, fine[Q, 0], 0)
-    combine(work.c, plan.fine[1], 0, finer, fine[DQ, 0], 0)
-    combine(work.c, plan.basis[2], 0, samples, states[DDQ, 0], 0)
+    _combine(work.c, plan.fine[0], fine[Q, 0])
+    _combine(work.c, plan.fine[1], fine[DQ, 0])
+    _combine(work.c, plan.basis[2], states[DDQ, 0])
     for j in range(joints):
         for n in range(finer):
             fine[SIN, 0, j, n] = math.sin(fine[Q, 0, j, n])
@@ -139,7 +152,7 @@ def _bound(plan: Plan, work: Room) -> float:
     for r in range(len(plan.higher)):
         for j in range(len(work.line)):
             clear(work.line[j])
-        combine(work.c, plan.fine[2 + r], 0, work.line.shape[1], work.line, 0)
+        _combine(work.c, plan.fine[2 + r], work.line)
         for j in range(len(work.line)):
             total += _cost_of(work.line[j], 0.0, plan.higher[r, j], reserve, weight, push[2 + r, 0, j])
     return total
@@ -222,35 +235,6 @@ def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Ar
     return _penalised(plan, len(weights), gradient, work)
 
 
-@kernel
-def combine(c: Array, basis: Array, first: int, count: int, out: Array, to: int) -> None:
-    """Add sums of basis functions (K, T) with coefficients (J, K), at so many samples from the first on.
-
-    They are added to ``out``, (J, …), from sample ``to`` on. A basis function is read once for all joints.
-    """
-    for k in range(len(basis)):
-        function = basis[k][first : first + count]
-        for j in range(len(c)):
-            factor, line = c[j, k], out[j][to : to + count]
-            for n in range(len(line)):
-                line[n] += factor * function[n]
-
-
-@kernel
-def largest(x: Array, count: int) -> float:
-    """Largest absolute value of the first samples of a signal."""
-    most = 0.0
-    for n in range(count):
-        most = max(most, abs(x[n]))
-    return most
-
-
-@kernel
-def within(x: Array, limit: float) -> float:
-    """Smallest margin of |x| to a limit as a share of it; 1 where nothing limits."""
-    return 1.0 - largest(x, len(x)) / limit if math.isfinite(limit) else 1.0
-
-
 # Numbers of a trajectory.
 FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
 _EPS = float(np.finfo(np.float64).eps)
@@ -263,36 +247,41 @@ class Measure(NamedTuple):
     weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
     hopeless: float  # stands for an infinite fitness
     distance: float  # clearance that counts like a whole limit [m]
-    higher: Array  # limits of acceleration and jerk, (2, J); (2, 0) where there are none
     parameters: Array  # inertial parameters, (1, 1, 10 J)
+
+
+@kernel
+def _beyond_most(x: Array, middle: float, limit: float) -> float:
+    """How far a signal exceeds its limit at most, as a share of it; less than zero where it never does."""
+    most = 0.0
+    for n in range(len(x) if math.isfinite(limit) else 0):
+        most = max(most, abs(x[n] - middle))
+    return most / limit - 1.0
 
 
 @kernel
 def _limits(plan: Plan, measure: Measure, numbers: Array, work: Room) -> None:
     """Write the violations of positions, velocities, torques and higher derivatives."""
-    middle, most, torque = plan.limits.middle, plan.limits.torque, work.slope[:1]
+    limits, torque = plan.limits, work.slope[0, 0]
     limited = False
-    for j in range(len(most)):
-        limited |= math.isfinite(most[j])
+    for j in range(len(plan.home)):
+        limited |= math.isfinite(limits.torque[j])
     if limited:
-        dynamics.torques(plan.chain, work.states, measure.parameters, torque, work.lanes)
-    for j in range(len(most)):
-        q, room = work.fine[Q, 0, j], plan.limits.room[j]
-        for n in range(len(q) if math.isfinite(room) else 0):
-            numbers[POSITION] = max(numbers[POSITION], abs(q[n] - middle[j]) / room - 1.0)
-        numbers[POSITION] = max(numbers[POSITION], -1.0)
-        numbers[VELOCITY] = max(numbers[VELOCITY], -within(work.fine[DQ, 0, j], plan.limits.speed[j]))
+        dynamics.torques(plan.chain, work.states, measure.parameters, work.slope[:1], work.lanes)
+    if len(plan.higher) > 0:
+        for j in range(len(plan.home)):
+            clear(work.line[j])
+        _combine(work.c, plan.fine[3], work.line)
+    for j in range(len(plan.home)):
+        position = _beyond_most(work.fine[Q, 0, j], limits.middle[j], limits.room[j])
+        numbers[POSITION] = max(numbers[POSITION], position)
+        numbers[VELOCITY] = max(numbers[VELOCITY], _beyond_most(work.fine[DQ, 0, j], 0.0, limits.speed[j]))
         if limited:
-            numbers[TORQUE] = max(numbers[TORQUE], -within(torque[0, 0, j], most[j]))
-    for j in range(measure.higher.shape[1]):
-        numbers[ACCELERATION] = max(
-            numbers[ACCELERATION], -within(work.states[DDQ, 0, j], measure.higher[0, j])
-        )
-        dynamics.clear(work.line[j])
-    if measure.higher.shape[1] > 0:
-        combine(work.c, plan.fine[len(plan.fine) - 1], 0, work.line.shape[1], work.line, 0)
-    for j in range(measure.higher.shape[1]):
-        numbers[JERK] = max(numbers[JERK], -within(work.line[j], measure.higher[1, j]))
+            numbers[TORQUE] = max(numbers[TORQUE], _beyond_most(torque[j], 0.0, limits.torque[j]))
+        if len(plan.higher) > 0:
+            acceleration = _beyond_most(work.states[DDQ, 0, j], 0.0, plan.higher[0, j])
+            numbers[ACCELERATION] = max(numbers[ACCELERATION], acceleration)
+            numbers[JERK] = max(numbers[JERK], _beyond_most(work.line[j], 0.0, plan.higher[1, j]))
 
 
 @kernel
