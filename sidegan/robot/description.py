@@ -2,9 +2,10 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from sidegan.robot.chain import Chain, choose
 from sidegan.robot.limits import JointLimits, limits_of
@@ -16,6 +17,8 @@ from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
 from sidegan.robot.tree import read_tree
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -61,10 +64,7 @@ def read_description(
     chain = choose(tree, setup)
     for joint in chain.moving:
         unit_axis(joint, tree.at(joint))
-    read = {
-        link.get("name", ""): read_mass(link, f"{where}: link {link.get('name')!r}")
-        for link in root.findall("link")
-    }
+    read = _of_links(root, where, read_mass)
     told = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
     for joint, value in ((tree.joints[name], value) for name, value in chain.locked.items()):
         lock(joint, value, tree.at(joint))
@@ -73,10 +73,7 @@ def read_description(
     may_touch = own + touching_of(setup, tree, semantics)
     if not planning:
         strip_meshes(root)
-    absent = {
-        link.get("name", ""): prepare_shapes(link, path, f"{where}: link {link.get('name')!r}")
-        for link in root.findall("link")
-    }
+    absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at))
     missing = {name: files for name, files in absent.items() if files}
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
@@ -98,6 +95,12 @@ def read_description(
         mount=mount,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
+
+
+def _of_links(root: ET.Element, where: str, read: Callable[[ET.Element, str], T]) -> dict[str, T]:
+    """Result of a function of each link, and of where it stands for messages, by its name."""
+    names = {link.get("name", ""): link for link in root.findall("link")}
+    return {name: read(link, f"{where}: link {name!r}") for name, link in names.items()}
 
 
 def _centre(
