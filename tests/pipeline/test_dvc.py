@@ -2,9 +2,11 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+from string import Template
 
 import pytest
 import yaml
@@ -34,6 +36,17 @@ def test_the_paper_is_run_by_stages_whose_files_and_versions_are_there():
         assert {name for some in used for name in some.split(",")} == set(
             tiny(experiment="reproduction").stages
         )
+
+
+def test_the_commands_of_the_paper_are_read_by_the_command():
+    """Hydra takes overrides in one row: those after ``-m`` are refused where others stand before it."""
+    pipeline = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
+    words = {key: str(value) for one in pipeline["vars"] for key, value in one.items()}
+    for stage in ("random", "report"):
+        command = Template(pipeline["stages"][stage]["cmd"]).substitute(words)
+        line = [sys.executable, *shlex.split(command)[1:], "--info", "searchpath"]
+        done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture
