@@ -42,8 +42,7 @@ class SweepCallback(Callback):
         hidden = ("+experiment=", "outputs=")
         swept = " ".join(name for name in config.hydra.overrides.task if not name.startswith(hidden))
         name = f"{config.experiment} sweep {swept}".strip()[:200]
-        uri, enabled = config.tracking.uri, config.tracking.enabled
-        _parent = Tracker(Path(config.outputs), config.experiment, name, uri, enabled)
+        _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
         if _parent.run_id:
             os.environ[PARENT] = _parent.run_id
 

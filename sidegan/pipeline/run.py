@@ -55,9 +55,9 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     task = Task(config, Store(Path(config.outputs), run_folder), tuple(overrides))
     for one in stages.values():
         refuse(one, task)
-    tracking, parallel = config.tracking, config.parallel
+    parallel = config.parallel
     tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
-    tracker = Tracker(task.store.root, config.experiment, name, tracking.uri, tracking.enabled, tags)
+    tracker = Tracker(task.store.root, config.experiment, name, config.tracking, tags)
     with tracker, engine(parallel.backend, parallel.scheduler, parallel.workers):
         tracker.log_params(config.plain())
         if config.has("robot"):

@@ -3,7 +3,6 @@
 import re
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
-from urllib.parse import urlsplit
 
 from pydantic import Field
 
@@ -15,7 +14,6 @@ from sidegan.plant.recorded import Sensors
 from sidegan.plant.varied import VariedSettings
 from sidegan.robot import Setup
 
-_STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
 Workers = Annotated[int, Field(ge=1, le=4096)]
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 
@@ -99,21 +97,6 @@ class Discussion:
     sizes: list[Count]  # of the seed set
     bandwidths: list[Positive]  # of the kernel, in units of Scott's rule
     draws: Count  # samples of the estimate whose validity is checked
-
-
-@dataclass(frozen=True)
-class Tracking:
-    """Where MLflow records."""
-
-    enabled: bool
-    uri: str | None  # null: sqlite in the outputs
-
-    def __post_init__(self) -> None:
-        scheme = urlsplit(self.uri or "sqlite:").scheme.partition("+")[0]
-        if scheme not in _STORES and self.uri != "databricks":
-            raise ConfigError(
-                f"uri is {self.uri!r}, expected null or a URI that starts with {', '.join(sorted(_STORES))}"
-            )
 
 
 @dataclass(frozen=True)

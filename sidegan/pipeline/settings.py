@@ -37,7 +37,6 @@ from sidegan.pipeline.schema import (
     Plants,
     Robot,
     Scale,
-    Tracking,
     TrajectoryFamily,
 )
 from sidegan.pipeline.workspace import Workspace
@@ -47,6 +46,7 @@ from sidegan.seeds.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _PARTS = ("subset", "conditions")  # of a comparison
+_STORE = re.compile(r"(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -85,7 +85,7 @@ class Config:
     effort: Part | None  # of robots that say nothing else
     publish: str | None  # folder of a page and its tables; null: the run's own
     device: str
-    tracking: Tracking
+    tracking: str  # local, off, or the URI of an MLflow server or database
     parallel: Parallel
     robot: Robot = _group("robot")
     scale: Scale = _group("scale")
@@ -152,6 +152,8 @@ class Config:
                 torch.zeros(1, device=self.device)
             except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
                 yield f"device is {self.device!r}, which is not there: {str(error).splitlines()[0]}"
+        if self.tracking not in ("local", "off", "databricks") and not _STORE.match(self.tracking):
+            yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each stage once"
         trainings = self.trainings if self.has("trainings") else [0]

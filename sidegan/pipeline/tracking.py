@@ -52,8 +52,8 @@ class Tracker:
         root: folder of all results; holds ``mlflow.db`` and its files by default.
         experiment: MLflow experiment.
         name: of the run, for people.
-        uri: tracking server or database; None is sqlite in ``root``.
-        enabled: False: nothing is recorded and MLflow, which is slow to import, is not imported.
+        where: ``local`` is sqlite in ``root``; or the URI of a server or database. ``off``: nothing is recorded
+            and MLflow, which is slow to import, is not imported.
         tags: of the run.
 
     Attributes:
@@ -66,17 +66,16 @@ class Tracker:
         root: Path,
         experiment: str,
         name: str,
-        uri: str | None = None,
-        enabled: bool = True,
+        where: str = "local",
         tags: Mapping[str, str] | None = None,
     ) -> None:
-        self.enabled, self.run_id, self.recorded = enabled, "", set[str]()
+        self.enabled, self.run_id, self.recorded = where != "off", "", set[str]()
         self._note = ""
         self._pending: list[RunOperations | None] = []
-        self._start(root.resolve(), experiment, name, uri, tags)
+        self._start(root.resolve(), experiment, name, where, tags)
 
     @_guarded
-    def _start(self, root: Path, experiment: str, name: str, uri: str | None, tags: Any) -> None:
+    def _start(self, root: Path, experiment: str, name: str, where: str, tags: Any) -> None:
         for key, value in _ENVIRONMENT.items():
             os.environ.setdefault(key, value)
         root.mkdir(parents=True, exist_ok=True)
@@ -85,9 +84,9 @@ class Tracker:
         logging.getLogger("alembic").setLevel(logging.ERROR)
         for noisy in ("mlflow", "urllib3"):  # what goes wrong is raised as well
             logging.getLogger(noisy).setLevel(logging.CRITICAL)
-        self._client = client = MlflowClient(uri or f"sqlite:///{root / 'mlflow.db'}")
+        self._client = client = MlflowClient(f"sqlite:///{root / 'mlflow.db'}" if where == "local" else where)
         # A server knows where its files go; a database would put them into the current folder.
-        remote = uri is not None and uri.startswith(("http", "databricks"))
+        remote = where.startswith(("http", "databricks"))
         files = None if remote else (root / "mlartifacts" / experiment).as_uri()
         with FileLock(root / ".mlflow.lock"):  # runs that start together must not both create it
             found = client.get_experiment_by_name(experiment)

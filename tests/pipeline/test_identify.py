@@ -172,8 +172,7 @@ def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its
     outputs, uri = first.parents[1], f"sqlite:///{root / 'mlflow.db'}"
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
     made = {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/params.json")}
-    tracked = "tracking=local", f"tracking.uri={uri}"
-    _, again = identified(outputs, *given(*files), *tracked, run="again")
+    _, again = identified(outputs, *given(*files), f"tracking={uri}", run="again")
     assert {path: path.stat().st_mtime_ns for path in outputs.glob("identify/*/params.json")} == made
     assert (again / "report.html").read_bytes() == (first / "report.html").read_bytes()
     client = client_of(root)

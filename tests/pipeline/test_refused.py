@@ -21,7 +21,7 @@ SETTINGS = [
     ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
     ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
     ("reproduction", "seeds=paper seeds.method=gradient", "choose seeds=gradient"),
-    ("reproduction", "tracking.uri=htp://host", "tracking: uri is 'htp://host'"),
+    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected local, off"),
     ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
     ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not there"),
     ("reproduction", "stages=[seeds,gan,seeds]", "expected each stage once"),

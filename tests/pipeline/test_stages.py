@@ -22,7 +22,7 @@ from sidegan.pipeline.stages.training import generator
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.validity import check
-from tests.tiny import TINY, tiny
+from tests.tiny import OTHERS, TINY, tiny
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,7 @@ def test_a_module_of_tables_that_is_not_there_is_refused(outputs):
 
 
 def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
-    words = "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
+    words = OTHERS, "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
     for name in ("ours", "ours_second"):
         one = composed(*words, f"condition={name}")
         run_stages(one, tmp_path / name, name)

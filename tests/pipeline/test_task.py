@@ -16,7 +16,7 @@ from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from tests.pipeline.conftest import SRDF
-from tests.tiny import tiny
+from tests.tiny import OTHERS, tiny
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_readings_share_what_they_measure_alike(task):
 
 def test_the_same_under_another_condition(task):
     """What is made under a condition is what a command of that condition makes."""
-    words = ("+experiment=exp1", "robot=planar2", "workspace=free", "scale=tiny")
+    words = (OTHERS, "+experiment=exp1", "robot=planar2", "workspace=free", "scale=tiny")
     made = Task(task("workspace=free").cfg, task().store, words)
     second = made.under("ours_second")
     assert second.cfg.condition.name == "ours_second" and second.cfg.seed == 1

@@ -71,7 +71,7 @@ def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path
 
 
 def test_a_server_that_is_away_is_one_warning(root, tmp_path, caplog):
-    with Tracker(root, "exp1", "away", uri=NOWHERE) as tracker:
+    with Tracker(root, "exp1", "away", NOWHERE) as tracker:
         record(tracker, tmp_path)
     (warning,) = warnings(caplog)
     assert "MLflow records no more" in warning and "refused" in warning and "\n" not in warning
@@ -81,7 +81,7 @@ OFF = """
 import sys
 from pathlib import Path
 from sidegan.pipeline.tracking import Tracker
-with Tracker(Path.cwd(), "exp1", "off", enabled=False) as tracker:
+with Tracker(Path.cwd(), "exp1", "off", "off") as tracker:
     tracker.log_metrics({"nmse": 1})
 assert "mlflow" not in sys.modules and list(Path.cwd().iterdir()) == []
 """
@@ -167,8 +167,8 @@ def test_a_study_is_a_sweep_with_one_table_over_all_jobs(command, root, outputs)
     """Experiment 2 in two readings; seeds, generators and libraries are made once for both."""
     small = [word for word in TINY if not word.startswith(("tracking", "long", "selection"))]
     words = "+experiment=exp2", "replication.reading=all,seeds", "gan=eigen"
-    uri = f"tracking.uri=sqlite:///{root}/mlflow.db"
-    assert command("-m", *words, *small, f"outputs={outputs}", uri, tracking="local") == 0
+    where = f"sqlite:///{root}/mlflow.db"
+    assert command("-m", *words, *small, f"outputs={outputs}", tracking=where) == 0
     (sweep,) = outputs.glob("runs/exp2/sweep_*")
     table = pd.read_csv(sweep / "sweep.csv")
     sets = "seeds ×1", "seeds ×4", "seeds ×10", "eigen"

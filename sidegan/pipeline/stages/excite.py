@@ -44,9 +44,8 @@ def _show(task: Task, tracker: Tracker) -> None:
     aim = _aim(task)
     c = design_set(task.problem, aim, cfg.goal.count, cfg.search, task.number("excite"))
     chosen = measured(task.constraints, task.trajectory, c, "excite")
-    times = task.trajectory.times(cfg.identification.rate)
-    if cfg.controllers.gentle:
-        chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
+    times = task.trajectory.times(cfg.controllers.rate)
+    chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
     family, run = _as_run(task, chosen)
     chosen.save(folder / LIBRARY)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
@@ -178,7 +177,7 @@ def _energy(task: Task, motion: Motion) -> Tensor:
 
 def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     """Table of what each trajectory asks of the arm, as its files have it."""
-    arm, times = task.whole_arm, family.times(task.cfg.identification.rate)
+    arm, times = task.whole_arm, family.times(task.cfg.controllers.rate)
     motion = family.roll_out(run.coefficients, times)
     torque = task.body.torque(*motion[1:])
     nearest, known = _nearest(task, family, run), bool(arm.inertial_parameters.any())
@@ -207,7 +206,7 @@ def _nearest(task: Task, family: Trajectory, run: Library) -> Tensor:
 
 def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, list[str]]:
     """Largest accelerations and jerks of a joint: as shares of their limits where there are any."""
-    times = family.times(task.cfg.identification.rate)
+    times = family.times(task.cfg.controllers.rate)
     peaks, limits = {}, task.arm.higher_limits
     for name, order in HIGHER.items():
         x = family.derivative(run.coefficients, times, order).abs()
