@@ -52,7 +52,7 @@ class Tracker:
         root: folder of all results; holds ``mlflow.db`` and its files by default.
         experiment: MLflow experiment.
         name: of the run, for people.
-        where: ``local`` is sqlite in ``root``; or the URI of a server or database. ``off``: nothing is recorded
+        where: ``local`` is sqlite in ``root``; or the URI of a server or database; ``off``: nothing is recorded,
             and MLflow, which is slow to import, is not imported.
         tags: of the run.
 

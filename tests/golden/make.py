@@ -130,7 +130,8 @@ def identified(name: str) -> dict[str, Any]:
         training, held_out = split(training, 0.3)
     else:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
-    one = identify_arm(arm, [training], [held_out], terms, settings(EstimationSettings, "experiment/identify:identify"))
+    options = settings(EstimationSettings, "experiment/identify:identify")
+    one = identify_arm(arm, [training], [held_out], terms, options)
     vars(one)["forward"] = {}  # simulated motions: a second of them makes a per mille of rounding
     return _flat(verdict(one))
 
