@@ -19,7 +19,6 @@ TINY = (
     "seeds.count=40",
     "tracking=off",
     "parallel.workers=1",
-    "parallel.threads=1",
     "trajectory.harmonics=3",
     "trajectory.period=8",
     "seeds.samples=20",

@@ -58,11 +58,7 @@ _KINDS = {
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
-    """A dataclass of type ``kind`` from nested plain values.
-
-    Raises:
-        ConfigError: with one line for every unknown or missing key, wrong type and value out of bounds.
-    """
+    """A dataclass from nested plain values; a ConfigError has one line for every wrong or missing setting."""
     text = json.dumps(values)
     try:
         return TypeAdapter(kind).validate_json(text, strict=True, extra="forbid")

@@ -106,7 +106,6 @@ class Parallel:
     workers: Workers | None  # null: one per core; a Dask cluster elsewhere has as many as it has
     backend: Literal["loky", "dask"]
     scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
-    threads: Workers | None  # of the main process; null: one per core
 
     def __post_init__(self) -> None:
         if self.scheduler is None:

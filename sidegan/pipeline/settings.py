@@ -46,7 +46,7 @@ from sidegan.seeds.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _PARTS = ("subset", "conditions")  # of a comparison
-_STORE = re.compile(r"(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
+_TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -126,8 +126,8 @@ class Config:
 
     @property
     def held_out(self) -> list[Recorded]:
-        """Recordings to validate on."""
-        return self.validation if isinstance(self.validation, list) else []
+        """Recordings to validate on; none where there are no such settings, or a share is held out."""
+        return self.validation if self.has("validation") and isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
         """All settings that are composed, as plain values, without parts of comparisons that are not made."""
@@ -141,10 +141,12 @@ class Config:
 
     def _names(self) -> Iterator[str]:
         """Names that are none, and lists that name something twice."""
-        variants = list(self.gan) if self.has("gan") else []
-        for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants)]:
+        variants = list(self.gan) if self.has("gan") else None
+        for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants or ())]:
             if not _NAME.fullmatch(name):
                 yield f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'"
+        if variants == []:
+            yield "gan is empty, expected one variant or more"
         if not _DEVICE.fullmatch(self.device):
             yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
         elif self.device != "cpu":
@@ -152,15 +154,12 @@ class Config:
                 torch.zeros(1, device=self.device)
             except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
                 yield f"device is {self.device!r}, which is not there: {str(error).splitlines()[0]}"
-        if self.tracking not in ("local", "off", "databricks") and not _STORE.match(self.tracking):
+        if not _TRACKING.match(self.tracking):
             yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each stage once"
-        trainings = self.trainings if self.has("trainings") else [0]
-        if not trainings or len(set(trainings)) < len(trainings):
-            yield f"trainings is {trainings}, expected one number or more, each once"
-        if self.has("gan") and not self.gan:
-            yield "gan is empty, expected one variant or more"
+        if self.has("trainings") and (not self.trainings or len(set(self.trainings)) < len(self.trainings)):
+            yield f"trainings is {self.trainings}, expected one number or more, each once"
 
     def _files(self) -> Iterator[str]:
         """A recording that is named twice, or that a model would be validated on after training."""
@@ -208,11 +207,7 @@ class Config:
 
 
 def validate(cfg: DictConfig) -> Config:
-    """The configuration as typed plain values.
-
-    Raises:
-        ConfigError: unknown or missing keys, wrong types, values out of bounds, impossible combinations.
-    """
+    """The configuration as typed plain values; a ConfigError names whatever is wrong with it."""
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from filelock import FileLock
 
-from sidegan.pipeline.graph import flatten
+from sidegan.pipeline.artifact import flatten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,13 +52,9 @@ class Tracker:
         root: folder of all results; holds ``mlflow.db`` and its files by default.
         experiment: MLflow experiment.
         name: of the run, for people.
-        where: ``local`` is sqlite in ``root``; or the URI of a server or database; ``off``: nothing is recorded,
-            and MLflow, which is slow to import, is not imported.
+        where: ``local``, which is sqlite in ``root``; the URI of a server or database; or ``off``: nothing is
+            recorded, and MLflow, which is slow to import, is not imported.
         tags: of the run.
-
-    Attributes:
-        run_id: of MLflow; empty where nothing is recorded.
-        recorded: digests of the artifacts whose numbers are recorded.
     """
 
     def __init__(
@@ -69,7 +65,9 @@ class Tracker:
         where: str = "local",
         tags: Mapping[str, str] | None = None,
     ) -> None:
-        self.enabled, self.run_id, self.recorded = where != "off", "", set[str]()
+        self.enabled = where != "off"
+        self.run_id = ""  # of MLflow; empty where nothing is recorded
+        self.recorded = set[str]()  # digests of the artifacts whose numbers are recorded
         self._note = ""
         self._pending: list[RunOperations | None] = []
         self._start(root.resolve(), experiment, name, where, tags)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sidegan.pipeline.graph import VERSIONS, versions
+from sidegan.pipeline.artifact import VERSIONS, versions
 from tests.tiny import tiny
 
 ROOT = Path(__file__).parents[2]

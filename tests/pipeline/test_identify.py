@@ -255,15 +255,6 @@ def test_torques_in_another_unit_make_no_good_model(odd):
     assert any("another unit, another gain, or wrong masses?" in reason for reason in odd[0]["reasons"])
 
 
-def test_the_ur10e_predicts_a_recording_it_has_not_seen(tmp_path):
-    train, test = (real(f"ur10e/recorded_{name}.csv") for name in ("20s8h", "20s10h"))
-    urdf = f"robot.name={real('ur10e/reference.urdf')}"
-    verdict, _ = identified(tmp_path, "robot=ur10e", urdf, *given(train, test))
-    most = {"unweighted": 0.018, "consistent": 0.0028, "weighted": 0.0031}
-    assert all(verdict["validation"][method]["nmse_mean"] <= x for method, x in most.items())
-    assert verdict["use"] == "consistent" and verdict["verdict"] == "good"
-
-
 def test_the_lwr_recording_is_told_apart_from_a_good_one(tmp_path):
     path = real("kuka_lwr4/recorded_hw1_50hz.csv")
     verdict, folder = identified(tmp_path, "robot=kuka_lwr4", f"recordings=[{path}]")

@@ -12,8 +12,8 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline import run
+from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.callbacks import job_codes
-from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.run import run_name
 
@@ -156,11 +156,11 @@ def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, c
     assert "there is no table in job 0" in capsys.readouterr().err
 
 
-def test_stages_run_on_the_configured_threads(command, monkeypatch):
+def test_stages_run_on_one_thread(command, monkeypatch):
     for library in ("OMP", "OPENBLAS", "MKL"):
         monkeypatch.setenv(f"{library}_NUM_THREADS", "7")
     monkeypatch.setitem(STAGES, "threads", lambda *_: None)
-    assert command("stages=[threads]", "parallel.threads=1") == 0
+    assert command("stages=[threads]") == 0
     assert os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 

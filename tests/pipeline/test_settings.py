@@ -6,8 +6,8 @@ import shlex
 import pytest
 
 from sidegan.errors import ConfigError
+from sidegan.pipeline.artifact import VERSIONS, flatten
 from sidegan.pipeline.compose import CONF
-from sidegan.pipeline.graph import VERSIONS, flatten
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, words
 from tests import tiny

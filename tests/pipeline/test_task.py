@@ -4,14 +4,12 @@ from functools import cache
 
 import pytest
 
+from sidegan.pipeline.stages.baselines import long_family, long_trajectory, random_set
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
-from sidegan.pipeline.stages.long import long_family, long_trajectory
-from sidegan.pipeline.stages.pools import pools
-from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.replication import replication, sums, whole_sets
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import excitation_sets, selection
+from sidegan.pipeline.stages.selection import excitation_sets, pools, selection
 from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
@@ -85,7 +83,7 @@ def test_a_setting_changes_what_depends_on_it_and_nothing_else(stamps, override,
     assert changed == (expected(before.keys()) if callable(expected) else expected)
 
 
-IRRELEVANT = ["parallel.workers=2", "parallel.threads=2", "tracking=local", "outputs=elsewhere"]
+IRRELEVANT = ["parallel.workers=2", "tracking=local", "outputs=elsewhere"]
 IRRELEVANT += ["robot.gains=[1,1]", "workspace.clearance=0", "condition.name=other"]
 
 
@@ -168,7 +166,7 @@ def test_as_much_as_home_has_room_for_is_kept_where_nobody_says_how_much(task, c
     made = task(*rest)
     assert (made.constraints.clearance, made.constraints.apart) == (kept, apart)
     with caplog.at_level("INFO"):
-        made.tell_checks()
+        made.tell()
     assert f"kept clear: {kept:g} m" in caplog.text
     assert made.cfg.workspace.stamped(made.arm)["clearance"] is None
     assert task(*rest, "workspace.clearance=0.0").constraints.clearance == 0

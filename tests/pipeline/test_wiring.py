@@ -15,15 +15,12 @@ from sidegan.identification import study
 from sidegan.library import Library
 from sidegan.library.measure import measured
 from sidegan.pipeline.stages import density as densities
-from sidegan.pipeline.stages import plant as plants
-from sidegan.pipeline.stages import timing
+from sidegan.pipeline.stages import identification as plants
+from sidegan.pipeline.stages.baselines import random_set, random_valid
 from sidegan.pipeline.stages.density import density
-from sidegan.pipeline.stages.identification import identification
-from sidegan.pipeline.stages.plant import plant
-from sidegan.pipeline.stages.pools import ExcitationSet, Pool
-from sidegan.pipeline.stages.random import random_set, random_valid
+from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import selection
+from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
 from sidegan.pipeline.task import LIBRARY, RESULTS, Task
 from sidegan.validity import check
 
@@ -52,7 +49,7 @@ def planted(task):
     strong, places = drawn(made, 6), [17, 23, 31, 40, 48, 59]
     c = 0.02 * drawn(made, 60, seed=6)
     c[places] = strong
-    pool = Planted("planted", None, "planted", (), measured(made.constraints, made.trajectory, c, "planted"))
+    pool = Planted("planted", None, (), measured(made.constraints, made.trajectory, c, "planted"))
     return made, pool, places
 
 
@@ -100,7 +97,7 @@ def executed(task, monkeypatch):
     c = random_valid(made, 6, "learned").coefficients
     library = measured(made.constraints, made.trajectory, c, "planted")
     monkeypatch.setattr(Task, "load", lambda self, artifact: library)
-    return made, ExcitationSet("planted", None, "planted", made.trajectory, random_set(made)), c
+    return made, ExcitationSet("planted", None, made.trajectory, random_set(made)), c
 
 
 def refuse_tests(made, learned, tests):
@@ -144,17 +141,6 @@ def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, bu
     for (*_, torque), data in zip(recorded, (estimated[0], scored[0])):
         taken = torch.stack([part.torque for part in data])
         torch.testing.assert_close(taken, torch.as_tensor(torque), rtol=0, atol=0)
-
-
-def test_a_rate_is_that_of_all_but_the_first(monkeypatch):
-    clock = SimpleNamespace(now=0.0)
-
-    def work():
-        clock.now += 0.125 if clock.now else 60.0  # the first one compiles
-        return 7
-
-    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    assert timing._rate(work) == pytest.approx(7 / 0.125)
 
 
 def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(task, build, monkeypatch):

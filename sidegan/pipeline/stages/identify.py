@@ -1,4 +1,4 @@
-"""Stage identify: recordings of a real arm to a validated, physically consistent model of it."""
+"""Stages identify and check: recordings of a real arm to a consistent model of it; what they are worth."""
 
 import hashlib
 import logging
@@ -12,7 +12,7 @@ from sidegan.base.storage import read_json, replacing
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.lacking import BIASED
 from sidegan.identification.workflow import identify_arm
-from sidegan.pipeline.graph import Artifact, Build, Metrics
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.store import PARAMS, file_digest
@@ -24,7 +24,7 @@ from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.sent import sent_files
 from sidegan.recording.settings import Files, Recorded
 from sidegan.recording.standing import standing
-from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
+from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_checks, write_results
 from sidegan.robot import Arm, load_robot, tell_doubtful, words
 
 log = logging.getLogger(__name__)
@@ -71,8 +71,7 @@ def recorded_arm(task: Task) -> Arm:
     if not cfg.recording.without:
         return arm
     loaded = cfg.loaded if cfg.has("loaded") else []
-    held_out = cfg.held_out if cfg.has("validation") else []
-    places = standing(arm, [*cfg.recordings, *held_out, *loaded], cfg.recording)
+    places = standing(arm, [*cfg.recordings, *cfg.held_out, *loaded], cfg.recording)
     locked = {**(arm.setup.locked or {}), **places}
     return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=task.planning)
 
@@ -155,9 +154,21 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _check(task: Task) -> None:
+def _show_check(task: Task, tracker: Tracker) -> None:
+    """Read and check the configured recordings, and leave what the check says in the run's folder."""
+    if not task.cfg.recordings:
+        raise ConfigError("recordings is empty, expected files to check: 'recordings=[a.csv,b.csv]'")
+    training, validation = checked(task.cfg, recorded_arm(task))
+    path = write_checks([*training, *validation], task.store.run_folder)
+    tracker.log_artifact(path, "identify")
+
+
+def _tell_doubtful(task: Task) -> None:
     if doubtful := tell_doubtful(recorded_arm(task)):
         log.warning("%s; identification starts from the nearest that can be", doubtful)
 
 
-STAGE = Stage(lambda task: [model(task)], _show, _check)
+STAGES = {
+    "check": Stage(show=_show_check, check=recorded_arm),
+    "identify": Stage(lambda task: [model(task)], _show, _tell_doubtful),
+}

@@ -1,12 +1,14 @@
-"""Stage payload: what an arm carries, from recordings without and with it."""
+"""Stages payload and gains: what an arm carries, and torque per motor current, without and with a load."""
 
 import logging
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
+from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.payload import VALUES, Payload, identify_payload
@@ -22,7 +24,7 @@ from sidegan.recording.settings import Recorded
 from sidegan.report.export import publish
 from sidegan.robot import Arm
 
-RESULT = "payload.json"
+PAYLOAD, GAINS = "payload.json", "gains.json"
 _UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]
 log = logging.getLogger(__name__)
 
@@ -45,12 +47,12 @@ def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measure
     return measurements_of(found[:count]), measurements_of(found[count:])
 
 
-def _show(task: Task, tracker: Tracker) -> None:
+def _payload(task: Task, tracker: Tracker) -> None:
     """Identify the load, and leave it in the run's folder."""
     cfg, arm = task.cfg, recorded_arm(task)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
     found = identify_payload(model_of(arm, cfg.model, unloaded), unloaded, loaded)
-    write_json(task.store.run_folder / RESULT, as_json(found))
+    write_json(task.store.run_folder / PAYLOAD, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
     caption = (
         f"What {arm.name} carries, in the frame of {found.link}, inertia about the centre of mass; mean nMSE "
@@ -83,4 +85,30 @@ def _table(found: Payload) -> pd.DataFrame:
     return pd.DataFrame({**shown, "unit": _UNITS}, index=pd.Index(VALUES, name="load"))
 
 
-STAGE = Stage(show=_show, check=lambda task: recorded_arm(task))
+def _gains(task: Task, tracker: Tracker) -> None:
+    """Find the gains, and leave them in the run's folder; as a setting too, if all are certain."""
+    cfg, arm, folder = task.cfg, recorded_arm(task), task.store.run_folder
+    currents = replace(cfg, recording=replace(cfg.recording, torque=None))
+    unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
+    found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
+    gains, deviation = found.gains.tolist(), found.deviation.tolist()
+    joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
+    write_json(folder / GAINS, {**joints, "gain": gains, "deviation": deviation})
+    shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
+    table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
+    publish(table, folder / "gains", f"Drive gains of {arm.name}, by a load of {cfg.load.mass:g} kg", tracker)
+    for doubt in (doubts := found.doubts(arm)):
+        log.warning("no setting robot.gains: %s", doubt)
+    if not doubts:
+        log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
+
+
+def _check_gains(task: Task) -> None:
+    recorded_arm(task)
+    _ = task.cfg.load.parameters
+
+
+STAGES = {
+    "payload": Stage(show=_payload, check=recorded_arm),
+    "gains": Stage(show=_gains, check=_check_gains),
+}
