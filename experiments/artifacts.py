@@ -128,7 +128,7 @@ class Artifacts:
         Rank and nearest distance depend on how many there are.
         """
         seeds = self.task.load(seed_set(self.task))
-        return summary(seeds.take(torch.arange(min(len(seeds), self.cfg.scale.evaluation))))
+        return summary(seeds.take(torch.arange(min(len(seeds), self.cfg.evaluation))))
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""

@@ -36,7 +36,6 @@ from sidegan.pipeline.schema import (
     Parallel,
     Plants,
     Robot,
-    Scale,
     TrajectoryFamily,
 )
 from sidegan.pipeline.workspace import Workspace
@@ -45,7 +44,6 @@ from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
 from sidegan.seeds.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_PARTS = ("subset", "conditions")  # of a comparison
 _TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
@@ -88,7 +86,7 @@ class Config:
     tracking: str  # local, off, or the URI of an MLflow server or database
     parallel: Parallel
     robot: Robot = _group("robot")
-    scale: Scale = _group("scale")
+    scale: dict[str, Any] = _group("scale")  # how large it all is: other groups refer to these numbers
     workspace: Workspace = _group("workspace")
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
@@ -96,6 +94,7 @@ class Config:
     surrogates: SurrogateSettings = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
+    evaluation: Count = _group("evaluation")  # trajectories per epoch whose true physics is measured
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
     controllers: Delivery = _group("controllers")
@@ -130,9 +129,8 @@ class Config:
         return self.validation if self.has("validation") and isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
-        """All settings that are composed, as plain values, without parts of comparisons that are not made."""
-        values = {name: value for name, value in asdict(self).items() if self.has(name)}
-        return {name: value for name, value in values.items() if value is not None or name not in _PARTS}
+        """All settings that are composed, as plain values."""
+        return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
         checks = self._names(), self._files(), self._counts(), self._rates()

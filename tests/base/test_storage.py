@@ -3,7 +3,6 @@
 import errno
 import os
 import resource
-import stat
 from contextlib import contextmanager
 
 import pyarrow as pa
@@ -71,12 +70,6 @@ def test_a_write_replaces_the_file_or_leaves_the_old_one_and_nothing_else(path, 
     with pytest.raises(StorageError, match="folder"):
         WRITERS[kind](path.parent / "new" / "folder")
     assert sorted(x.name for x in path.parent.iterdir()) == ["file", "new"]
-
-
-def test_a_file_has_the_permissions_of_any_other_new_file(path):
-    write_bytes(path.parent / "written", b"x")
-    modes = {stat.S_IMODE(one.stat().st_mode) for one in (path, path.parent / "written")}
-    assert len(modes) == 1
 
 
 def full(*_):

@@ -59,23 +59,6 @@ def once(tmp_path_factory, files):
     return identified(tmp_path_factory.mktemp("outputs"), *given(*files))
 
 
-def test_a_known_arm_is_found_again(once, planar):
-    verdict, folder = once
-    validation = verdict["validation"]
-    assert validation["kind"] == "held out"
-    assert all(
-        one["nmse_mean"] < 2e-3 for one in (validation, validation["unweighted"], validation["consistent"])
-    )
-    table = pd.read_csv(folder / "parameters.csv").set_index("name")
-    for name, true in (("fv", VISCOUS), ("fc", COULOMB)):
-        for j in range(2):
-            row = table.loc[f"{name}{j + 1}"]
-            assert row.value == pytest.approx(float(true[j]), abs=max(0.05, 4 * row["std"]))
-    rigid = table[table.urdf.notna()]
-    assert len(rigid) == len(RigidBody(planar).base.values)
-    assert (np.abs(rigid.value - rigid.urdf) < 4 * rigid["std"] + 0.02 * np.abs(rigid.urdf) + 1e-3).all()
-
-
 def test_everything_is_left_in_the_runs_folder(once):
     verdict, folder = once
     left = {path.name for path in folder.iterdir()}

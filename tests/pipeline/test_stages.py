@@ -90,7 +90,7 @@ def test_the_generators_are_those_of_their_task(made):
     path = made.store.require(generator(made, "eigen", 0))
     loaded = TrajectoryGenerator.load(path / "generator.pt", made.arm)
     assert loaded.trajectory == made.trajectory and loaded.variant == "eigen"
-    assert len(json.loads((path / "history.json").read_text())) == made.cfg.scale.gan_epochs
+    assert len(json.loads((path / "history.json").read_text())) == made.cfg.scale["gan_epochs"]
 
 
 def test_the_sets_last_equally_long_in_the_facts(made):

@@ -128,12 +128,6 @@ def test_random_numbers_differ_by_purpose_and_seed(task):
 PART = "robot.limits.position={shoulder: [0.5, 1.5]}"
 
 
-def test_what_is_said_beside_the_description_makes_another_arm(task):
-    made = task("robot.locked={elbow: 0.5}", "robot.limits.velocity={shoulder: 0.7}", PART)
-    assert made.arm.joint_names == ("shoulder",) and made.arm.velocity_limit.tolist() == [0.7]
-    assert made.arm.digest != task().arm.digest
-
-
 def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(task, tmp_path):
     given = task("trajectory.home=[0.1, 0.2]")
     assert given.trajectory.shape == (2, 3, 2) and given.trajectory.home == (0.1, 0.2)

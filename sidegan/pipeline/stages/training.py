@@ -44,7 +44,7 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
         partial(_train, name=name, training=training, variant=variant),
         (taught(task) if variant.seeded else {})
         | asdict(variant)
-        | {"evaluation": task.cfg.scale.evaluation}
+        | {"evaluation": task.cfg.evaluation}
         | ({"samples": samples} if samples else {}),
         inputs,
         training=training,
@@ -89,7 +89,7 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     from sidegan.gan.side_gan import Data
     from sidegan.gan.training import Run, random_trajectories, train
 
-    seed, evaluation = task.number(f"gan {name}", training), task.cfg.scale.evaluation
+    seed, evaluation = task.number(f"gan {name}", training), task.cfg.evaluation
     if variant.seeded:
         seeds = training_seeds(task).coefficients
     else:
@@ -157,7 +157,7 @@ def on_subset(task: Task, size: int) -> Task:
     if size >= task.cfg.seeds.count:
         return task
     variants = {name: one for name, one in task.cfg.gan.items() if one.features} or task.cfg.gan
-    return task.with_settings(subset=size, gan=variants, trainings=task.cfg.scale.side_trainings)
+    return task.with_settings(subset=size, gan=variants, trainings=task.cfg.discussion.trainings)
 
 
 def _subsets(task: Task) -> Iterator[Artifact]:
