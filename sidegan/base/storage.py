@@ -21,9 +21,6 @@ def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
 
     The content is on the disk before the name changes. After any failure, an interrupt included, the
     neighbour is gone and ``path`` is what it was. ``folder``: whether to make its folder where there is none.
-
-    Raises:
-        StorageError: when the folder cannot be made or written, or is full.
     """
     neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:

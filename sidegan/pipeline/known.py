@@ -58,5 +58,6 @@ def known_model(folder: Path, arm: Arm) -> Known:
 
 def _alike(one: str, other: str) -> bool:
     """Whether two formulas are the same but for the last digits of their numbers."""
-    numbers = [[float(x) for x in _NUMBER.findall(text)] for text in (one, other)]
-    return _NUMBER.sub("#", one) == _NUMBER.sub("#", other) and np.allclose(*numbers, rtol=_ROUNDED, atol=0)
+    ours, theirs = ([float(x) for x in _NUMBER.findall(text)] for text in (one, other))
+    alike = _NUMBER.sub("#", one) == _NUMBER.sub("#", other)
+    return alike and bool(np.allclose(ours, theirs, rtol=_ROUNDED, atol=0))

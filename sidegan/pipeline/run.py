@@ -32,16 +32,10 @@ _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, 
 
 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
-    """Run the configured stages in order, tracked as one run, whose logs and tables go into its folder.
+    """Run the configured stages in order, tracked as one run of this name.
 
-    Args:
-        config: the settings of the run.
-        run_folder: its folder.
-        name: its name for people.
-        overrides: of the command, from which other conditions are composed.
-
-    Raises:
-        SideganError: whatever a stage refuses; ConfigError before any work.
+    Its logs and tables go into its folder; other conditions are composed from the command's overrides. What
+    cannot work is refused by a ConfigError before any work.
     """
     from sidegan.pipeline.stage import run_stage
     from sidegan.pipeline.stages import stage

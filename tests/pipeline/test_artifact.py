@@ -56,8 +56,8 @@ values = (
 
 def test_a_difference_names_the_key_and_both_values():
     other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
-    told = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
-    assert difference(EIGEN.params, other.params) == told
+    expected = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
+    assert difference(EIGEN.params, other.params) == expected
 
 
 @given(st.text(), st.text(max_size=400))

@@ -99,8 +99,8 @@ def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
     main = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
     wait_until(lambda: len(list(tmp_path.iterdir())) == 2 or main.poll() is not None)
     os.killpg(main.pid, signal.SIGINT)  # as a terminal does
-    _, told = main.communicate(timeout=150)
-    assert (main.returncode, told) == (130, "")
+    _, error = main.communicate(timeout=150)
+    assert (main.returncode, error) == (130, "")
 
 
 @pytest.fixture

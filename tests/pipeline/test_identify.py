@@ -17,7 +17,6 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
 from tests.pipeline.conftest import client_of
-from tests.recording.conftest import real
 from tests.recording.files import frame
 from tests.recording.made import moved
 from tests.settings import settings
@@ -200,16 +199,6 @@ def test_the_python_class_is_the_weighted_model_where_that_predicts_better(plana
     mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
 
 
-def test_a_check_fits_nothing(files, tmp_path, capsys):
-    words = f"outputs={tmp_path}", f"recordings=[{files[0]}]", "stages=[check]"
-    run_stages(tiny(*words, experiment="identify"), tmp_path / "check", "check")
-    (checked,) = json.loads((tmp_path / "check" / "check.json").read_text())
-    assert checked["samples"] == 3000 and checked["condition"] > 1
-    assert {path.name for path in (tmp_path / "check").iterdir()} == {"check.json"}
-    shown = capsys.readouterr().out
-    assert all(word in shown for word in ("a.csv", "noise floor", "saturated", "elbow", "base parameter"))
-
-
 @pytest.fixture(scope="module")
 def odd(files, tmp_path_factory, planar):
     """A run of seldom settings: a split recording, wrong units, a hostile name; and its folder."""
@@ -231,23 +220,3 @@ def test_a_robots_name_leads_nowhere_else(odd):
     _, run, folder = odd
     assert not [path for path in folder.rglob("*evil*") if run.parents[1] not in path.parents]
     assert (run / "evil.urdf").is_file()
-
-
-def test_torques_in_another_unit_make_no_good_model(odd):
-    assert odd[0]["verdict"] == "usable"
-    assert any("another unit, another gain, or wrong masses?" in reason for reason in odd[0]["reasons"])
-
-
-def test_the_lwr_recording_is_told_apart_from_a_good_one(tmp_path):
-    path = real("kuka_lwr4/recorded_hw1_50hz.csv")
-    verdict, folder = identified(tmp_path, "robot=kuka_lwr4", f"recordings=[{path}]")
-    validation, reasons = verdict["validation"], verdict["reasons"]
-    assert max(validation["nmse"][:4] + validation["unweighted"]["nmse"][:4]) <= 0.02
-    for words in ("poorly excited", "not identifiable", "friction drives no joint"):
-        assert any(words in reason for reason in reasons)
-    assert verdict["use"] == "weighted"  # no bodies that can exist explain the wrist's torques
-    assert len(verdict["weak_parameters"]) > 10
-    joints = [one.partition(" (")[0] for one in reasons if one.startswith("joint ")]
-    assert len(set(joints)) == len(joints)
-    report = (folder / "report.html").read_text()
-    assert "poorly excited" in report and verdict["weak_parameters"][0] in report

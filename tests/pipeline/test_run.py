@@ -94,9 +94,9 @@ def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_p
 def test_what_a_stage_refuses_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_path, stage):
     error, code, words = FAILURES[stage]
     assert command(f"stages=[{stage}]") == code
-    told = capsys.readouterr().err
-    (line,) = [line for line in told.splitlines() if "error:" in line]
-    assert words in line and ("Traceback" in told) == (stage == "bug")
+    shown = capsys.readouterr().err
+    (line,) = [line for line in shown.splitlines() if "error:" in line]
+    assert words in line and ("Traceback" in shown) == (stage == "bug")
     assert statuses(tmp_path) == [{"code": code, "error": f"{type(error).__name__}: {error}"}]
 
 

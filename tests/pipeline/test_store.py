@@ -185,12 +185,12 @@ def beside(store):
 def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(store, beside, monkeypatch):
     said = []
 
-    def told(text, *values):
+    def note(text, *values):
         said.append(text)
         if "waiting for it" in text:
             beside[1].set()
 
-    monkeypatch.setattr(stores.log, "info", told)
+    monkeypatch.setattr(stores.log, "info", note)
     folder = store.produce(numbers(make=refuse))
     assert (folder / "numbers.txt").read_text() == "1 2 3" and "another run is making" in said[0]
 

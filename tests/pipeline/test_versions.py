@@ -70,8 +70,8 @@ def test_no_number_moves_without_its_makers_version(fixed, makers):
     found, recorded = WATCHED[makers](fixed), RECORDED[makers]
     assert list(found) == list(recorded)
     for key, x in found.items():
-        told = f"{key} of {makers} is {x!r}: raise its version in params.yaml, and record it here anew"
-        assert x == pytest.approx(recorded[key], rel=1e-6), told
+        remedy = f"{key} of {makers} is {x!r}: raise its version in params.yaml, and record it here anew"
+        assert x == pytest.approx(recorded[key], rel=1e-6), remedy
 
 
 def test_every_maker_has_a_version_and_every_version_a_maker(task, tmp_path):

@@ -19,7 +19,6 @@ from sidegan.pipeline.stages import identification as plants
 from sidegan.pipeline.stages.baselines import random_set, random_valid
 from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification, plant
-from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
 from sidegan.pipeline.task import LIBRARY, RESULTS, Task
 from sidegan.validity import check
@@ -73,21 +72,6 @@ def test_random_trajectories_are_checked_and_those_that_fail_are_missing(task, b
     random_set(made).make(build)
     library = Library.load(build.folder / LIBRARY, made.arm)
     assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
-
-
-def test_torque_limits_bind_what_is_optimised(task, build):
-    strong, weak = task("trajectory.period=1"), task("trajectory.period=1")
-    limits = torch.tensor([20.0, 6.0], dtype=torch.float64)
-    weak.__dict__["arm"] = replace(strong.arm, torque_limit=limits)
-    assert "torque" in weak.constraints.labels
-    assert "torque" not in task("workspace.torque=false").constraints.labels
-
-    def peak(c):
-        return weak.body.torque(*weak.trajectory.roll_out(c, weak.trajectory.grid(200))[1:]).abs().amax(1)
-
-    assert (peak(drawn(strong, 40)) > limits).any(1).double().mean() > 0.5
-    seed_set(weak).make(build)
-    assert (peak(Library.load(build.folder / LIBRARY, weak.arm).coefficients) <= limits).all()
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-from sidegan.base.storage import read_json, replacing
+from sidegan.base.storage import read_json, reading, replacing
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.lacking import BIASED
 from sidegan.identification.workflow import identify_arm
@@ -58,12 +58,7 @@ def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:
 
 
 def recorded_arm(task: Task) -> Arm:
-    """The arm of the recordings; joints whose torque they do not have are locked.
-
-    Raises:
-        ConfigError: when none is named.
-        RecordingError: when such a joint moves.
-    """
+    """The arm of the recordings; joints whose torque they do not have are locked, where they do not move."""
     cfg = task.cfg
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
@@ -77,11 +72,7 @@ def recorded_arm(task: Task) -> Arm:
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
-    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed.
-
-    Raises:
-        RecordingError: when one cannot be used, or two have a stretch of samples in common.
-    """
+    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed."""
     files: list[tuple[Recorded, Role]] = [(one, "training") for one in cfg.recordings]
     files += [(one, "validation") for one in cfg.held_out]
     recordings = read_and_check(files, arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
@@ -141,16 +132,10 @@ def _show(task: Task, tracker: Tracker) -> None:
 def _digest(path: Path) -> str:
     """Hexadecimal SHA-256 of a file, or of all files of a folder, a bag or a dataset."""
     digest = hashlib.sha256()
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            raise RecordingError(f"{path} is neither a file nor a folder")
+    with reading(path, "recording", RecordingError):
         for one in files_of(path):
             digest.update(one.name.encode())
             digest.update(bytes.fromhex(file_digest(one)))
-    except (FileNotFoundError, ValueError) as error:  # ValueError: a NUL in its name
-        raise RecordingError(f"there is no file {path}") from error
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     return digest.hexdigest()
 
 

@@ -30,16 +30,10 @@ log = logging.getLogger(__name__)
 
 
 def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
-    """Measurements without and with the load, checked and preprocessed.
-
-    Raises:
-        ConfigError: when there are no recordings of one kind.
-        RecordingError: when one cannot be used, or two have a stretch of samples in common.
-    """
-    for name, files in (("recordings", cfg.recordings), ("loaded", cfg.loaded)):
+    """Measurements without and with the load, checked and preprocessed; ConfigError where there are none."""
+    for name, files, which in (("recordings", cfg.recordings, "without"), ("loaded", cfg.loaded, "with")):
         if not files:
-            which = "with the load" if name == "loaded" else "without the load"
-            raise ConfigError(f"{name} is empty, expected files {which}: '{name}=[a.csv]'")
+            raise ConfigError(f"{name} is empty, expected files {which} the load: '{name}=[a.csv]'")
     together: list[tuple[Recorded, Role]] = [(one, "training") for one in (*cfg.recordings, *cfg.loaded)]
     found = read_and_check(together, arm, cfg.recording, gains, cfg.model.sign_width)
     refuse_shared([(one.name, one.statistics.rows) for one in found])
